@@ -1,0 +1,1890 @@
+#ifndef ISM_HPP
+#define ISM_HPP
+
+
+// ==== [1] VERSION AND CONFIGURATION ==============================================================
+
+#define ISM_VERSION_MAJOR 0
+#define ISM_VERSION_MINOR 1
+#define ISM_VERSION_PATCH 0
+
+#if defined(__FAST_MATH__)
+#error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math"
+#endif
+
+#include <Eigen/Core>
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <numeric>
+#include <queue>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#ifndef ISM_NO_THREADS
+#include <atomic>
+#include <thread>
+#endif
+
+// ==== [2] PUBLIC API =============================================================================
+
+namespace ism {
+
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Points2 = Eigen::Matrix<double, Eigen::Dynamic, 2>;   // one planar point per row
+using Points3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;   // one point in space per row
+using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3>;    // three 0-based vertex ids per row
+
+/// A triangle mesh as plain arrays. Triangles are counter-clockwise seen from outside.
+struct TriangleMesh {
+  Points3 vertices;     // #V×3, any unit
+  Triangles triangles;  // #F×3, ids in [0, #V)
+};
+
+/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of.
+enum class Status {
+  kConverged,         // the stopping rule of Options::tolerance was met
+  kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
+  kStalled,           // no step along any direction lowers the energy; the result is still valid
+  kCancelled,         // the progress callback said stop; the result is the last injective iterate
+  kInvalidMesh,       // an input mesh is not a clean triangulated disk, see validate()
+  kInvalidLandmarks,  // a landmark id is out of range or used twice
+  kInvalidOptions,    // an option is outside its documented range
+  kInvalidPositions,  // given planar positions are not an injective embedding
+  kNoOverlap,         // f(A) and g(B) do not overlap at the start
+  kNumericalFailure   // a factorisation or an embedding failed; please report the mesh
+};
+
+/// True for the statuses under which the positions are a valid injective map.
+inline bool is_usable(Status s) {
+  return s == Status::kConverged || s == Status::kIterationLimit || s == Status::kStalled ||
+         s == Status::kCancelled;
+}
+
+/// The name of a status in words ("converged", "iteration limit", ...).
+inline const char* to_string(Status s);
+
+/// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
+struct Problem {
+  enum class Kind {
+    kEmpty,
+    kIndexOutOfRange,
+    kNonFiniteCoordinate,
+    kDegenerateTriangle,
+    kRepeatedTriangle,
+    kNonManifoldEdge,
+    kInconsistentOrientation,
+    kNonManifoldVertex,
+    kUnreferencedVertex,
+    kSeveralComponents,
+    kClosed,
+    kSeveralBoundaries,
+    kWrongEulerCharacteristic
+  };
+  Kind kind;
+  std::string message;   // for example "edge 3-7 has 3 triangles: 0, 5, 9"
+  std::vector<int> ids;  // vertices, or triangles, as the message says
+};
+
+/// Lists everything that keeps a mesh from being a clean triangulated disk; empty means valid.
+/// Checks: indices, finite coordinates, degenerate and repeated triangles, edge and vertex
+/// manifoldness, orientation, unreferenced vertices, one component, one boundary loop, χ = 1.
+/// Cost O(#F log #F). Reports at most 20 problems of each kind. Thread-safe.
+inline std::vector<Problem> validate(const TriangleMesh& mesh);
+
+/// A correspondence wanted at the start: vertex a of A should map near vertex b of B.
+struct Landmark {
+  int a;
+  int b;
+};
+
+/// The variants of the optimiser that the paper compares (§6.1, Fig. 9).
+enum class Variant {
+  kProjectedNewton,          // PN: per-polygon projected Newton (§5.1, §5.2)
+  kSmoothedProjectedNewton,  // SPN: PN with a history of gradients and Hessians (§5.3)
+  kFull                      // SPN with the squared Laplacian preconditioner (§5.4)
+};
+
+/// What the optimiser did in one iteration. Energies are those after the step; areas and energies
+/// are in units of the scaled meshes (each mesh has area 1 unless Options::keep_scale).
+struct IterationLog {
+  int iteration = 0;
+  double energy = 0;           // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
+  double map_energy = 0;       // E_Φ, Eq. 4
+  double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
+  double energy_g = 0;         // E_g, the same of B
+  double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 is an isometry
+  double coverage_a = 0;       // area A' / area A, in [0, 1]
+  double coverage_b = 0;       // area B' / area B
+  double omega = 0;            // ω_L of the step taken (§5.4)
+  double step = 0;             // s of the step taken
+  double max_step = 0;         // s_max at which a triangle would degenerate
+  int polygons = 0;            // polygons of the meta mesh
+  bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
+  double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
+};
+
+/// What the progress callback receives: a phase, and during optimisation the iteration's log.
+struct Progress {
+  enum class Phase { kEmbedding, kOptimization };
+  Phase phase = Phase::kEmbedding;
+  std::string what;                         // a few words, for a progress line
+  const IterationLog* iteration = nullptr;  // set in kOptimization
+};
+
+/// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
+using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
+
+/// Options of the embedding and the optimisation. All lengths are relative to the meshes.
+struct Options {
+  /// κ ≥ 0: reward for covered area (DESIGN: E_ρ gains -κ(1/f + 1/g) a). 0 is the paper's objective,
+  /// whose global minimum is the empty overlap; 2 makes an isometry neither gain nor lose by
+  /// shrinking; above 2 coverage is preferred to low distortion.
+  double coverage_weight = 2.0;
+  double barrier_weight = 1e-8;  // ω_R > 0 of §5
+  double spd_epsilon = 1e-3;     // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
+  Variant variant = Variant::kFull;
+  int history_length = 6;      // ≥ 1, §5.3
+  double history_decay = 0.5;  // in (0, 1], §5.3
+  double omega_start = 1e4;    // > 0, first ω_L of §5.4
+  double omega_factor = 2.0;   // α > 1 of §5.4
+  double max_displacement = 0.2;    // no vertex moves further in a step, in radii of the domain
+  double max_coverage_loss = 0.05;  // largest loss of covered area a step may cost, of either mesh
+  int max_iterations = 400;
+  /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
+  /// of E + κ (area A + area B) per iteration.
+  double tolerance = 1e-4;
+  int window = 5;
+  bool keep_scale = false;  // false: both meshes are scaled to area 1 first
+  int threads = 0;          // 0: as many as the machine has; results do not depend on it
+  ParallelFor parallel_for;  // replaces std::thread by the caller's job system
+  std::function<bool(const Progress&)> progress;  // called often; return false to cancel
+  /// Known planar positions, #V_A×2 and #V_B×2; when set, no initial embedding is computed.
+  Points2 initial_f, initial_g;
+
+  /// The paper's constants: κ = 0, ω_L from 1e9, α = 1.25, at most 550 iterations (Fig. 9). The
+  /// step bounds stay: without them the empty overlap is reached in the first iterations.
+  static Options paper() {
+    Options options;
+    options.coverage_weight = 0;
+    options.omega_start = 1e9;
+    options.omega_factor = 1.25;
+    options.max_iterations = 550;
+    return options;
+  }
+};
+
+/// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
+struct Embedding {
+  Status status = Status::kConverged;
+  std::string message;
+  std::vector<int> ids;  // ids the message speaks of
+  Points2 f;             // #V_A×2, planar positions of the vertices of A
+  Points2 g;             // #V_B×2, of B
+  /// Largest distance in the plane between the two images of a landmark, in domain radii.
+  double landmark_distance = 0;
+  double seconds = 0;
+};
+
+/// The outcome of compute_map(). Positions are valid whenever is_usable(status).
+struct Result {
+  Status status = Status::kConverged;
+  std::string message;   // a sentence for the user
+  std::vector<int> ids;  // ids the message speaks of
+  Points2 f, g;          // final planar positions
+  Embedding start;       // what the optimisation started from
+  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  std::vector<IterationLog> log;  // one entry per iteration
+  double seconds = 0;             // optimisation alone
+  /// The last state, for a summary: log.back(), or the start when there was no iteration.
+  const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
+};
+
+/// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
+/// Works on every valid disk; without landmarks the planes are aligned by the shape of the
+/// domains. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kCancelled,
+/// kNumericalFailure. Thread-safe.
+inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+                                   const std::vector<Landmark>& landmarks = {},
+                                   const Options& options = {});
+
+/// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
+/// Every iterate is injective, decided exactly. Any status. Thread-safe.
+inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+                          const std::vector<Landmark>& landmarks = {}, const Options& options = {});
+
+/// A point of a surface: a triangle and barycentric coordinates that add up to 1.
+struct SurfacePoint {
+  int face = -1;
+  Vec3 barycentric = Vec3::Zero();
+};
+
+/// An image under the map: no image when the point lies outside the overlap.
+struct MappedPoint {
+  bool covered = false;
+  SurfacePoint point;
+};
+
+/// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
+/// two geometries. Corners are identified by what they are, so neighbouring polygons share them.
+struct MetaMesh {
+  Points3 on_a, on_b;  // #M×3, the vertices on either surface
+  std::vector<std::vector<int>> polygons;
+  std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
+};
+
+}  // namespace ism
+// ==== [4] SMALL HELPERS ==========================================================================
+
+namespace ism {
+namespace detail {
+
+/// std::vector indexed by int, the type of every id in this file (and in Eigen and mesh files).
+template <class T>
+class Array {
+ public:
+  Array() = default;
+  explicit Array(int n, const T& value = T()) : items_(static_cast<std::size_t>(n), value) {}
+  int size() const { return static_cast<int>(items_.size()); }
+  bool empty() const { return items_.empty(); }
+  T& operator[](int i) { return items_[static_cast<std::size_t>(i)]; }
+  const T& operator[](int i) const { return items_[static_cast<std::size_t>(i)]; }
+  void assign(int n, const T& value) { items_.assign(static_cast<std::size_t>(n), value); }
+  void resize(int n) { items_.resize(static_cast<std::size_t>(n)); }
+  void reserve(int n) { items_.reserve(static_cast<std::size_t>(n)); }
+  void clear() { items_.clear(); }
+  void push_back(const T& value) { items_.push_back(value); }
+  void pop_back() { items_.pop_back(); }
+  T& back() { return items_.back(); }
+  const T& back() const { return items_.back(); }
+  T* data() { return items_.data(); }
+  const T* data() const { return items_.data(); }
+  auto begin() { return items_.begin(); }
+  auto end() { return items_.end(); }
+  auto begin() const { return items_.begin(); }
+  auto end() const { return items_.end(); }
+
+ private:
+  std::vector<T> items_;
+};
+
+/// 2D cross product: twice the signed area of the triangle (0, a, b).
+inline double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+/// d turned by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
+inline Vec2 perp(const Vec2& d) { return Vec2(d.y(), -d.x()); }
+
+inline Vec2 row2(const Points2& p, int i) { return p.row(i).transpose(); }
+
+inline double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+class Timer {
+ public:
+  double lap() {  // seconds since construction or the last lap
+    const double s = seconds_since(start_);
+    start_ = std::chrono::steady_clock::now();
+    return s;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Runs independent tasks. Tasks are cut by the callers without regard to the number of threads
+/// and write to places of their own, so results are the same bits for any number of threads.
+class Executor {
+ public:
+  explicit Executor(const Options& options) : threads_(options.threads), hook_(options.parallel_for) {
+#ifndef ISM_NO_THREADS
+    if (threads_ <= 0) threads_ = static_cast<int>(std::thread::hardware_concurrency());
+#endif
+    threads_ = (std::max)(threads_, 1);
+  }
+
+  void run(int n, const std::function<void(int)>& task) const {
+    if (hook_) return hook_(n, task);
+#ifndef ISM_NO_THREADS
+    if (threads_ > 1 && n > 1) return run_threads(n, task);
+#endif
+    for (int i = 0; i < n; ++i) task(i);
+  }
+
+  /// task(begin, end) over [0, n) in blocks of a fixed size.
+  void run_blocks(int n, int block, const std::function<void(int, int)>& task) const {
+    run((n + block - 1) / block,
+        [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
+  }
+
+ private:
+#ifndef ISM_NO_THREADS
+  void run_threads(int n, const std::function<void(int)>& task) const {
+    std::atomic<int> next{0};
+    const auto work = [&] {
+      for (int i = next++; i < n; i = next++) task(i);
+    };
+    std::vector<std::thread> helpers;
+    for (int t = 1; t < (std::min)(threads_, n); ++t) helpers.emplace_back(work);
+    work();
+    for (std::thread& helper : helpers) helper.join();
+  }
+#endif
+
+  int threads_;
+  ParallelFor hook_;
+};
+
+}  // namespace detail
+}  // namespace ism
+// ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ===============
+//
+// Purpose:    the sign of the area of a planar triangle, never wrong; and the same with ties
+//             broken by a symbolic perturbation, never zero.
+// Invariants: orient2d is exact for coordinates that are 0 or in [2^-400, 2^400] by magnitude
+//             (flush_tiny() sees to the lower end); oriented() is the sign under one fixed
+//             infinitesimal displacement of all vertices, so any set of its answers is consistent.
+// Fails:      never. Non-finite coordinates must be excluded by the caller.
+
+namespace ism {
+namespace detail {
+
+constexpr double kTiniest = 3.872591914849318e-121;  // 2^-400: products of two differences of
+                                                     // such numbers and their tails do not underflow
+constexpr double kLargest = 2.582249878086909e+120;  // 2^400
+
+inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
+
+/// A sum of doubles of which no two overlap, smallest first (Shewchuk's expansion).
+struct Expansion {
+  std::array<double, 12> term{};
+  int size = 0;
+
+  /// Adds b exactly (grow-expansion with two-sum).
+  void add(double b) {
+    int kept = 0;
+    for (int i = 0; i < size; ++i) {
+      const double a = term[static_cast<std::size_t>(i)];
+      const double sum = a + b;
+      const double virtual_b = sum - a;
+      const double tail = (a - (sum - virtual_b)) + (b - virtual_b);
+      if (tail != 0) term[static_cast<std::size_t>(kept++)] = tail;
+      b = sum;
+    }
+    if (b != 0) term[static_cast<std::size_t>(kept++)] = b;
+    size = kept;
+  }
+
+  /// Adds a·b exactly. volatile keeps the compiler from fusing the rounded product into the
+  /// additions, which would break the error-free transformation.
+  void add_product(double a, double b) {
+    const volatile double product = a * b;
+    const double tail = std::fma(a, b, -product);
+    add(tail);
+    add(product);
+  }
+
+  double sign() const { return size == 0 ? 0.0 : term[static_cast<std::size_t>(size - 1)]; }
+};
+
+inline double orient2d_exact(const Vec2& a, const Vec2& b, const Vec2& c) {
+  Expansion sum;
+  sum.add_product(a.x(), b.y());
+  sum.add_product(-a.y(), b.x());
+  sum.add_product(b.x(), c.y());
+  sum.add_product(-b.y(), c.x());
+  sum.add_product(c.x(), a.y());
+  sum.add_product(-c.y(), a.x());
+  return sum.sign();
+}
+
+/// Positive if a, b, c turn left, negative if they turn right, 0 if they are collinear: exact.
+inline double orient2d(const Vec2& a, const Vec2& b, const Vec2& c) {
+  constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
+  const double left = (a.x() - c.x()) * (b.y() - c.y());
+  const double right = (a.y() - c.y()) * (b.x() - c.x());
+  const double det = left - right;
+  if (std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right))) return det;
+  return orient2d_exact(a, b, c);
+}
+
+/// A point with its place in the order of perturbation; smaller ids are displaced more.
+struct LabelledPoint {
+  Vec2 p;
+  int id;
+};
+
+/// Sign of the collinear triple a, b, c (ids ascending) after the displacement
+/// p_i += (ε^(4^i), ε^(2·4^i)): the first non-vanishing coefficient of the determinant in ε.
+inline bool perturbed_sign(const Vec2& a, const Vec2& b, const Vec2& c) {
+  if (b.y() != c.y()) return b.y() > c.y();
+  if (b.x() != c.x()) return c.x() > b.x();
+  if (c.y() != a.y()) return c.y() > a.y();
+  return false;
+}
+
+/// True if a, b, c turn left under the symbolic perturbation. Ids must differ.
+inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const LabelledPoint& c) {
+  const double det = orient2d(a.p, b.p, c.p);
+  if (det != 0) return det > 0;
+  const LabelledPoint* q[3] = {&a, &b, &c};
+  bool even = true;
+  const auto order = [&](int i, int j) {
+    if (q[i]->id > q[j]->id) {
+      std::swap(q[i], q[j]);
+      even = !even;
+    }
+  };
+  order(0, 1), order(1, 2), order(0, 1);
+  return perturbed_sign(q[0]->p, q[1]->p, q[2]->p) == even;
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [6] HALF-EDGE MESH =========================================================================
+//
+// Purpose:    connectivity of a triangulated disk, its validation, and the isometric rest frame of
+//             every triangle (the orthonormal coordinate systems of §3.2).
+// Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
+//             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
+//             counter-clockwise from it visits every face of v.
+// Fails:      validate() says why a mesh is no disk; build_surface() wants a validated one.
+
+namespace ism {
+namespace detail {
+
+inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
+inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
+
+struct HalfEdgeMesh {
+  int n_vertices = 0;
+  int n_faces = 0;
+  Array<int> tail;      // #F·3, the vertex a half-edge starts at
+  Array<int> twin;      // #F·3, the opposite half-edge, or -1 on the boundary
+  Array<int> out;       // #V
+  Array<int> boundary;  // boundary half-edges in order, counter-clockwise around the disk
+
+  int tip(int h) const { return tail[next(h)]; }
+  int corner(int f, int k) const { return tail[3 * f + k]; }
+  bool on_boundary(int v) const { return twin[out[v]] < 0; }
+  /// The next outgoing half-edge of the same vertex counter-clockwise, or -1 past the boundary.
+  int turn(int h) const { return twin[prev(h)]; }
+};
+
+/// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
+struct EdgeUse {
+  int lo, hi, half_edge;
+  bool operator<(const EdgeUse& o) const {
+    return lo != o.lo ? lo < o.lo : hi != o.hi ? hi < o.hi : half_edge < o.half_edge;
+  }
+  bool same_edge(const EdgeUse& o) const { return lo == o.lo && hi == o.hi; }
+};
+
+inline Array<EdgeUse> sorted_edges(const Triangles& F) {
+  Array<EdgeUse> uses;
+  uses.reserve(static_cast<int>(F.rows()) * 3);
+  for (int f = 0; f < F.rows(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const int u = F(f, k), v = F(f, (k + 1) % 3);
+      uses.push_back({(std::min)(u, v), (std::max)(u, v), 3 * f + k});
+    }
+  std::sort(uses.begin(), uses.end());
+  return uses;
+}
+
+/// Calls visit(begin, end) for every run of equal edges in a sorted list.
+template <class Visit>
+void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
+  for (int begin = 0, end = 0; begin < uses.size(); begin = end) {
+    while (end < uses.size() && uses[end].same_edge(uses[begin])) ++end;
+    visit(begin, end);
+  }
+}
+
+inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
+  HalfEdgeMesh m;
+  m.n_vertices = n_vertices;
+  m.n_faces = static_cast<int>(F.rows());
+  m.tail.resize(3 * m.n_faces);
+  for (int h = 0; h < 3 * m.n_faces; ++h) m.tail[h] = F(h / 3, h % 3);
+  m.twin.assign(3 * m.n_faces, -1);
+  const Array<EdgeUse> uses = sorted_edges(F);
+  for_each_edge(uses, [&](int begin, int end) {
+    if (end - begin != 2) return;
+    m.twin[uses[begin].half_edge] = uses[begin + 1].half_edge;
+    m.twin[uses[begin + 1].half_edge] = uses[begin].half_edge;
+  });
+  m.out.assign(n_vertices, -1);
+  for (int h = 3 * m.n_faces - 1; h >= 0; --h)
+    if (m.out[m.tail[h]] < 0 || m.twin[h] < 0) m.out[m.tail[h]] = h;
+  int first = 0;
+  while (first < 3 * m.n_faces && m.twin[first] >= 0) ++first;
+  if (first == 3 * m.n_faces) return m;  // closed
+  for (int h = first, n = 0; n < 3 * m.n_faces; ++n) {
+    m.boundary.push_back(h);
+    h = m.out[m.tip(h)];
+    if (h == first) break;
+  }
+  return m;
+}
+
+/// A half-edge mesh with the intrinsic geometry the energies need.
+struct Surface {
+  HalfEdgeMesh mesh;
+  Points3 vertices;                      // scaled to total area 1 unless asked otherwise
+  double scale = 1;                      // scaled = scale · given
+  double total_area = 0;
+  Array<double> area;                    // #F
+  Array<Eigen::Matrix2d> rest_inverse;   // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
+};
+
+/// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
+inline Eigen::Matrix2d rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 u = b - a, v = c - a;
+  const double length = u.norm();
+  Eigen::Matrix2d R;
+  R << length, u.dot(v) / length, 0, u.cross(v).norm() / length;
+  return R;
+}
+
+inline void compute_rest_frames(Surface& s) {
+  const int n = s.mesh.n_faces;
+  s.area.resize(n);
+  s.rest_inverse.resize(n);
+  s.total_area = 0;
+  for (int f = 0; f < n; ++f) {
+    const Eigen::Matrix2d R =
+        rest_frame(s.vertices.row(s.mesh.corner(f, 0)), s.vertices.row(s.mesh.corner(f, 1)),
+                   s.vertices.row(s.mesh.corner(f, 2)));
+    s.area[f] = 0.5 * R.determinant();
+    s.rest_inverse[f] = R.inverse();
+    s.total_area += s.area[f];
+  }
+}
+
+inline double surface_area(const TriangleMesh& mesh) {
+  double area = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    const Vec3 a = mesh.vertices.row(mesh.triangles(f, 0));
+    const Vec3 b = mesh.vertices.row(mesh.triangles(f, 1));
+    const Vec3 c = mesh.vertices.row(mesh.triangles(f, 2));
+    area += 0.5 * (b - a).cross(c - a).norm();
+  }
+  return area;
+}
+
+inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
+  Surface s;
+  s.mesh = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
+  s.scale = keep_scale ? 1 : 1 / std::sqrt(surface_area(mesh));
+  s.vertices = s.scale * mesh.vertices;
+  compute_rest_frames(s);
+  return s;
+}
+
+// ---- validation ----
+
+/// Collects problems, at most kMostOfAKind of each kind.
+class ProblemList {
+ public:
+  static constexpr int kMostOfAKind = 20;
+  void add(Problem::Kind kind, std::string message, std::vector<int> ids) {
+    if (++count_[static_cast<std::size_t>(kind)] <= kMostOfAKind)
+      problems.push_back({kind, std::move(message), std::move(ids)});
+  }
+  std::vector<Problem> problems;
+
+ private:
+  std::array<int, 16> count_{};
+};
+
+inline std::string join(const std::vector<int>& ids) {
+  std::string text;
+  for (int id : ids) text += (text.empty() ? "" : ", ") + std::to_string(id);
+  return text;
+}
+
+inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
+  for (int v = 0; v < mesh.vertices.rows(); ++v)
+    if (!mesh.vertices.row(v).allFinite())
+      list.add(Problem::Kind::kNonFiniteCoordinate,
+               "vertex " + std::to_string(v) + " has a coordinate that is not finite", {v});
+}
+
+inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
+  const int n = static_cast<int>(mesh.vertices.rows());
+  for (int f = 0; f < mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const int v = mesh.triangles(f, k);
+      if (v < 0 || v >= n)
+        list.add(Problem::Kind::kIndexOutOfRange,
+                 "triangle " + std::to_string(f) + " refers to vertex " + std::to_string(v) +
+                     ", but there are " + std::to_string(n) + " vertices",
+                 {f});
+    }
+}
+
+/// A triangle is degenerate if a vertex repeats or its height is below 1e-12 of its longest edge.
+inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
+  constexpr double kThinnest = 1e-12;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    const int i = mesh.triangles(f, 0), j = mesh.triangles(f, 1), k = mesh.triangles(f, 2);
+    const Vec3 a = mesh.vertices.row(i), b = mesh.vertices.row(j), c = mesh.vertices.row(k);
+    const double longest = (std::max)({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+    const double twice_area = (b - a).cross(c - a).norm();
+    if (i == j || j == k || k == i)
+      list.add(Problem::Kind::kDegenerateTriangle,
+               "triangle " + std::to_string(f) + " uses a vertex twice", {f});
+    else if (!(twice_area > kThinnest * longest * longest))
+      list.add(Problem::Kind::kDegenerateTriangle,
+               "triangle " + std::to_string(f) + " has no area", {f});
+  }
+}
+
+inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
+  std::vector<std::array<int, 4>> keys;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    std::array<int, 3> v = {mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2)};
+    std::sort(v.begin(), v.end());
+    keys.push_back({v[0], v[1], v[2], f});
+  }
+  std::sort(keys.begin(), keys.end());
+  for (std::size_t i = 1; i < keys.size(); ++i)
+    if (std::equal(keys[i].begin(), keys[i].begin() + 3, keys[i - 1].begin()))
+      list.add(Problem::Kind::kRepeatedTriangle,
+               "triangles " + std::to_string(keys[i - 1][3]) + " and " +
+                   std::to_string(keys[i][3]) + " have the same vertices",
+               {keys[i - 1][3], keys[i][3]});
+}
+
+inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
+  for_each_edge(uses, [&](int begin, int end) {
+    std::vector<int> faces;
+    for (int i = begin; i < end; ++i) faces.push_back(uses[i].half_edge / 3);
+    const std::string edge =
+        "edge " + std::to_string(uses[begin].lo) + "-" + std::to_string(uses[begin].hi);
+    if (faces.size() > 2)
+      list.add(Problem::Kind::kNonManifoldEdge,
+               edge + " has " + std::to_string(faces.size()) + " triangles: " + join(faces), faces);
+    if (faces.size() != 2) return;
+    const int h0 = uses[begin].half_edge, h1 = uses[begin + 1].half_edge;
+    if (mesh.triangles(h0 / 3, h0 % 3) == mesh.triangles(h1 / 3, h1 % 3))
+      list.add(Problem::Kind::kInconsistentOrientation,
+               "triangles " + join(faces) + " run through " + edge + " in the same direction",
+               faces);
+  });
+}
+
+/// Vertices no triangle uses, and vertices whose triangles form more than one fan.
+inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
+  Array<int> incident(m.n_vertices, 0);
+  for (int h = 0; h < m.tail.size(); ++h) ++incident[m.tail[h]];
+  for (int v = 0; v < m.n_vertices; ++v) {
+    if (incident[v] == 0) {
+      list.add(Problem::Kind::kUnreferencedVertex,
+               "vertex " + std::to_string(v) + " is used by no triangle", {v});
+      continue;
+    }
+    int fan = 0;
+    for (int h = m.out[v]; h >= 0 && fan < incident[v]; h = m.turn(h)) {
+      ++fan;
+      if (m.turn(h) == m.out[v]) break;
+    }
+    if (fan != incident[v])
+      list.add(Problem::Kind::kNonManifoldVertex,
+               "vertex " + std::to_string(v) + " joins " + std::to_string(incident[v]) +
+                   " triangles that form more than one fan",
+               {v});
+  }
+}
+
+inline int count_components(const HalfEdgeMesh& m) {
+  Array<char> seen(m.n_faces, 0);
+  int components = 0;
+  for (int seed = 0; seed < m.n_faces; ++seed) {
+    if (seen[seed]) continue;
+    ++components;
+    seen[seed] = 1;
+    std::vector<int> stack = {seed};
+    while (!stack.empty()) {
+      const int f = stack.back();
+      stack.pop_back();
+      for (int k = 0; k < 3; ++k) {
+        const int t = m.twin[3 * f + k];
+        if (t < 0 || seen[t / 3]) continue;
+        seen[t / 3] = 1;
+        stack.push_back(t / 3);
+      }
+    }
+  }
+  return components;
+}
+
+/// The boundary loops, each as one of its vertices.
+inline std::vector<int> boundary_loops(const HalfEdgeMesh& m) {
+  Array<char> seen(m.tail.size(), 0);
+  std::vector<int> loops;
+  for (int start = 0; start < m.tail.size(); ++start) {
+    if (m.twin[start] >= 0 || seen[start]) continue;
+    loops.push_back(m.tail[start]);
+    for (int h = start; !seen[h]; h = m.out[m.tip(h)]) seen[h] = 1;
+  }
+  return loops;
+}
+
+inline void check_topology(const HalfEdgeMesh& m, int n_edges, ProblemList& list) {
+  const int components = count_components(m);
+  if (components > 1)
+    list.add(Problem::Kind::kSeveralComponents,
+             "the mesh has " + std::to_string(components) + " components, 1 is needed", {});
+  const std::vector<int> loops = boundary_loops(m);
+  if (loops.empty())
+    list.add(Problem::Kind::kClosed, "the mesh is closed; cut a hole so that it is a disk", {});
+  if (loops.size() > 1)
+    list.add(Problem::Kind::kSeveralBoundaries,
+             "the mesh has " + std::to_string(loops.size()) +
+                 " boundary loops, 1 is needed; they pass through vertices " + join(loops),
+             loops);
+  const int chi = m.n_vertices - n_edges + m.n_faces;
+  if (chi != 1 && components == 1 && loops.size() == 1)
+    list.add(Problem::Kind::kWrongEulerCharacteristic,
+             "the Euler characteristic is " + std::to_string(chi) +
+                 ", a disk has 1; the mesh has handles",
+             {});
+}
+
+}  // namespace detail
+
+inline std::vector<Problem> validate(const TriangleMesh& mesh) {
+  detail::ProblemList list;
+  if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
+    list.add(Problem::Kind::kEmpty, "the mesh has no vertices or no triangles", {});
+    return list.problems;
+  }
+  detail::check_vertices(mesh, list);
+  detail::check_indices(mesh, list);
+  if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
+  detail::check_triangles(mesh, list);
+  detail::check_repeated(mesh, list);
+  const detail::Array<detail::EdgeUse> uses = detail::sorted_edges(mesh.triangles);
+  detail::check_edges(mesh, uses, list);
+  const detail::HalfEdgeMesh m =
+      detail::build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
+  detail::check_fans(m, list);
+  if (!list.problems.empty()) return list.problems;  // the next checks walk the mesh
+  int n_edges = 0;
+  detail::for_each_edge(uses, [&](int, int) { ++n_edges; });
+  detail::check_topology(m, n_edges, list);
+  return list.problems;
+}
+
+}  // namespace ism
+// ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
+//
+// Purpose:    the meta mesh of two planar embeddings as polygons ρ = f(t_A) ∩ g(t_B), and the exact
+//             decision whether an embedding is injective.
+// Invariants: every decision is the sign of orient2d of three input vertices, mixed triples under
+//             the symbolic perturbation; so neighbouring polygons agree on their common corners and
+//             no polygon has fewer than 3 or more than 6 corners.
+// Fails:      never on injective embeddings; cost is linear in the number of polygons, plus
+//             O((a + b + crossings) log(a b)) for boundaries of a and b edges.
+
+namespace ism {
+namespace detail {
+
+/// One polygon of the meta mesh. Its boundary is a cycle of pieces, each on an edge of t_A
+/// (0, 1, 2) or of t_B (3, 4, 5), three bits per piece, counter-clockwise. Corner i is where
+/// piece i starts: the first vertex of its edge if piece i-1 lies on the same triangle, else the
+/// crossing of the two edges. So the code alone holds the combinatorics.
+struct OverlayPolygon {
+  int ta = 0;
+  int tb = 0;
+  int count = 0;
+  std::uint32_t code = 0;
+
+  int piece(int i) const { return static_cast<int>((code >> (3 * i)) & 7u); }
+  void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
+};
+
+/// Axis-parallel boxes of runs of 2^k consecutive segments of a closed polyline, as a binary tree.
+class BoundaryTree {
+ public:
+  BoundaryTree(const HalfEdgeMesh& m, const Points2& x) : n_(m.boundary.size()) {
+    while (leaves_ < n_) leaves_ *= 2;
+    lo_.assign(2 * leaves_, Vec2::Constant(std::numeric_limits<double>::infinity()));
+    hi_.assign(2 * leaves_, Vec2::Constant(-std::numeric_limits<double>::infinity()));
+    for (int i = 0; i < n_; ++i) {
+      const Vec2 p = row2(x, m.tail[m.boundary[i]]), q = row2(x, m.tip(m.boundary[i]));
+      lo_[leaves_ + i] = p.cwiseMin(q);
+      hi_[leaves_ + i] = p.cwiseMax(q);
+    }
+    for (int i = leaves_ - 1; i >= 1; --i) {
+      lo_[i] = lo_[2 * i].cwiseMin(lo_[2 * i + 1]);
+      hi_[i] = hi_[2 * i].cwiseMax(hi_[2 * i + 1]);
+    }
+  }
+
+  /// Calls visit(i, j) for all segments i of this and j of the other tree whose boxes meet.
+  template <class Visit>
+  void for_each_pair(const BoundaryTree& other, Visit visit) const {
+    descend(1, other, 1, visit);
+  }
+
+ private:
+  template <class Visit>
+  void descend(int i, const BoundaryTree& other, int j, Visit& visit) const {
+    if ((lo_[i].array() > other.hi_[j].array()).any()) return;
+    if ((other.lo_[j].array() > hi_[i].array()).any()) return;
+    const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
+    if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
+    if (leaf_j || (!leaf_i && i <= j)) {
+      descend(2 * i, other, j, visit);
+      descend(2 * i + 1, other, j, visit);
+    } else {
+      descend(i, other, 2 * j, visit);
+      descend(i, other, 2 * j + 1, visit);
+    }
+  }
+
+  int n_;
+  int leaves_ = 1;
+  Array<Vec2> lo_, hi_;
+};
+
+// ---- injectivity of one embedding (§4.4) ----
+
+/// True if closed segments pq and rs have a point in common, exactly.
+inline bool segments_touch(const Vec2& p, const Vec2& q, const Vec2& r, const Vec2& s) {
+  const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
+  const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
+  if (r_side == 0 && s_side == 0)  // collinear: they touch if their boxes do
+    return (p.cwiseMin(q).array() <= r.cwiseMax(s).array()).all() &&
+           (r.cwiseMin(s).array() <= p.cwiseMax(q).array()).all();
+  const auto straddles = [](double u, double v) { return !(u > 0 && v > 0) && !(u < 0 && v < 0); };
+  return straddles(r_side, s_side) && straddles(p_side, q_side);
+}
+
+/// True if consecutive segments pq and qr have no point but q in common.
+inline bool turns_back(const Vec2& p, const Vec2& q, const Vec2& r) {
+  return orient2d(p, q, r) == 0 && (p - q).dot(r - q) > 0;
+}
+
+inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
+  for (int f = 0; f < m.n_faces; ++f)
+    if (!(orient2d(row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2))) > 0))
+      return false;
+  return true;
+}
+
+/// True if the angles around every interior vertex add up to 2π, given positive triangles. A fan
+/// of positive triangles turns by less than π per step, so it turns once around exactly if it
+/// passes once from the lower into the upper half-plane; comparisons decide that exactly.
+inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
+  for (int v = 0; v < m.n_vertices; ++v) {
+    if (m.on_boundary(v)) continue;
+    const auto upper = [&](int h) {
+      const int w = m.tip(h);
+      return x(w, 1) > x(v, 1) || (x(w, 1) == x(v, 1) && x(w, 0) > x(v, 0));
+    };
+    int turns = 0;
+    int h = m.out[v];
+    do {
+      const int g = m.turn(h);
+      if (!upper(h) && upper(g)) ++turns;
+      h = g;
+    } while (h != m.out[v]);
+    if (turns != 1) return false;
+  }
+  return true;
+}
+
+inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
+  const int n = m.boundary.size();
+  const auto p = [&](int i) { return row2(x, m.tail[m.boundary[i % n]]); };
+  bool simple = true;
+  const BoundaryTree tree(m, x);
+  tree.for_each_pair(tree, [&](int i, int j) {
+    if (i >= j || !simple) return;
+    if (j == i + 1) simple = !turns_back(p(i), p(j), p(j + 1));
+    else if (i == 0 && j == n - 1) simple = !turns_back(p(j), p(0), p(1));
+    else simple = !segments_touch(p(i), p(i + 1), p(j), p(j + 1));
+  });
+  return simple;
+}
+
+inline bool coordinates_are_usable(const Points2& x) {
+  for (int i = 0; i < x.rows(); ++i)
+    for (int c = 0; c < 2; ++c) {
+      const double magnitude = std::abs(x(i, c));
+      if (!(magnitude <= kLargest) || (magnitude != 0 && magnitude < kTiniest)) return false;
+    }
+  return true;
+}
+
+/// The promise of the library (§4.4): every triangle positive, angle sums 2π, boundary simple.
+/// A positively oriented piecewise affine map of a disk with a simple boundary is injective
+/// [Lipman 2014].
+inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
+  return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
+         boundary_is_simple(m, x);
+}
+
+// ---- intersection of two triangles ----
+
+/// A triangle with the labels of its corners: A's vertices come first in the perturbation.
+using LabelledTriangle = std::array<LabelledPoint, 3>;
+
+inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f, int first_id) {
+  const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
+  return {{{row2(x, i), first_id + i}, {row2(x, j), first_id + j}, {row2(x, k), first_id + k}}};
+}
+
+/// side[i][k]: does corner i of the one triangle lie left of edge k of the other?
+using Sides = std::array<std::array<bool, 3>, 3>;
+
+inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edges) {
+  Sides side{};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      side[i][k] = oriented(edges[k], edges[(k + 1) % 3], corners[i]);
+  return side;
+}
+
+inline bool inside(const std::array<bool, 3>& left) { return left[0] && left[1] && left[2]; }
+
+/// The part of one edge of a triangle inside the other triangle: whether there is one, and the
+/// edge of the other triangle through which it leaves, or -1 if it ends at its vertex.
+struct EdgePiece {
+  bool exists = false;
+  int leaves_through = -1;
+};
+
+/// Edge i of the triangle whose corners have sides `own` (with respect to the other triangle's
+/// edges); `other` are the sides of the other triangle's corners with respect to this one's edges.
+inline EdgePiece edge_piece(std::size_t i, const Sides& own, const Sides& other) {
+  const std::size_t j = (i + 1) % 3;
+  EdgePiece piece;
+  bool starts = inside(own[i]);
+  bool ends = inside(own[j]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const bool crossed = own[i][k] != own[j][k] && other[k][i] != other[(k + 1) % 3][i];
+    if (!crossed) continue;
+    if (own[j][k]) starts = true;
+    else ends = true, piece.leaves_through = static_cast<int>(k);
+  }
+  piece.exists = starts && ends;
+  return piece;
+}
+
+/// The intersection of two triangles; count 0 if they do not overlap.
+inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangle& b) {
+  const Sides a_side = sides(a, b), b_side = sides(b, a);
+  std::array<EdgePiece, 6> piece;
+  for (std::size_t i = 0; i < 3; ++i) {
+    piece[i] = edge_piece(i, a_side, b_side);
+    piece[i + 3] = edge_piece(i, b_side, a_side);
+  }
+  OverlayPolygon polygon;
+  int first = 0;
+  while (first < 6 && !piece[static_cast<std::size_t>(first)].exists) ++first;
+  if (first == 6) return polygon;
+  int e = first;
+  do {
+    polygon.push(e);
+    const int through = piece[static_cast<std::size_t>(e)].leaves_through;
+    const int base = e < 3 ? 0 : 3;
+    e = through < 0 ? base + (e - base + 1) % 3 : (3 - base) + through;
+  } while (e != first && polygon.count < 6);
+  return polygon;
+}
+
+// ---- the overlay of two embeddings ----
+
+/// An open-addressing set of 64-bit keys; clearing it costs what was inserted.
+class KeySet {
+ public:
+  void clear() {
+    for (int slot : used_) slots_[slot] = kEmpty;
+    used_.clear();
+  }
+  bool insert(std::uint64_t key) {  // false if it was there
+    if (2 * (used_.size() + 1) > slots_.size()) grow();
+    return place(key);
+  }
+
+ private:
+  static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+  bool place(std::uint64_t key) {
+    const std::uint64_t mask = static_cast<std::uint64_t>(slots_.size()) - 1;
+    std::uint64_t i = (key * 0x9E3779B97F4A7C15ull) >> 20;
+    for (;; ++i) {
+      std::uint64_t& slot = slots_[static_cast<int>(i & mask)];
+      if (slot == key) return false;
+      if (slot != kEmpty) continue;
+      slot = key;
+      used_.push_back(static_cast<int>(i & mask));
+      return true;
+    }
+  }
+  void grow() {
+    Array<std::uint64_t> old;
+    for (int slot : used_) old.push_back(slots_[slot]);
+    slots_.assign((std::max)(1024, 2 * slots_.size()), kEmpty);
+    used_.clear();
+    for (std::uint64_t key : old) place(key);
+  }
+  Array<std::uint64_t> slots_;
+  Array<int> used_;
+};
+
+/// The polygons of an overlay, and the memory to compute the next one without allocating.
+struct Overlay {
+  Array<OverlayPolygon> polygons;
+  KeySet visited;
+};
+
+class OverlayBuilder {
+ public:
+  OverlayBuilder(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b, const Points2& g,
+                 Overlay& overlay)
+      : a_(a), b_(b), f_(f), g_(g), overlay_(overlay) {}
+
+  void build() {
+    overlay_.polygons.clear();
+    overlay_.visited.clear();
+    seed_boundary_crossings();
+    if (overlay_.polygons.empty()) seed_containment();
+    for (int i = 0; i < overlay_.polygons.size(); ++i) visit_neighbours(i);  // breadth first
+  }
+
+ private:
+  void add(int ta, int tb) {
+    const std::uint64_t key = static_cast<std::uint64_t>(ta) * static_cast<std::uint64_t>(b_.n_faces) +
+                              static_cast<std::uint64_t>(tb);
+    if (!overlay_.visited.insert(key)) return;
+    OverlayPolygon p = intersect(labelled(a_, f_, ta, 0), labelled(b_, g_, tb, a_.n_vertices));
+    if (p.count == 0) return;
+    p.ta = ta;
+    p.tb = tb;
+    overlay_.polygons.push_back(p);
+  }
+
+  /// The polygon across piece e lies in the triangle on the other side of e's edge.
+  void visit_neighbours(int i) {
+    const OverlayPolygon p = overlay_.polygons[i];
+    for (int k = 0; k < p.count; ++k) {
+      const int e = p.piece(k);
+      const int twin = e < 3 ? a_.twin[3 * p.ta + e] : b_.twin[3 * p.tb + e - 3];
+      if (twin < 0) continue;
+      if (e < 3) add(twin / 3, p.tb);
+      else add(p.ta, twin / 3);
+    }
+  }
+
+  /// Every component of the overlap whose boundary belongs to both embeddings has a crossing of
+  /// a boundary edge of A with one of B; the triangles at these edges overlap there.
+  void seed_boundary_crossings() {
+    const BoundaryTree tree_a(a_, f_), tree_b(b_, g_);
+    tree_a.for_each_pair(tree_b, [&](int i, int j) {
+      const int ha = a_.boundary[i], hb = b_.boundary[j];
+      const LabelledPoint p = label_a(a_.tail[ha]), q = label_a(a_.tip(ha));
+      const LabelledPoint r = label_b(b_.tail[hb]), s = label_b(b_.tip(hb));
+      if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
+      add(ha / 3, hb / 3);
+    });
+  }
+
+  /// Without crossings one embedding lies inside the other, or they are apart.
+  void seed_containment() {
+    const int ha = a_.boundary[0], hb = b_.boundary[0];
+    for (int tb = 0; tb < b_.n_faces && overlay_.polygons.empty(); ++tb)
+      if (contains(labelled(b_, g_, tb, a_.n_vertices), label_a(a_.tail[ha]))) add(ha / 3, tb);
+    for (int ta = 0; ta < a_.n_faces && overlay_.polygons.empty(); ++ta)
+      if (contains(labelled(a_, f_, ta, 0), label_b(b_.tail[hb]))) add(ta, hb / 3);
+  }
+
+  static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
+    return oriented(t[0], t[1], p) && oriented(t[1], t[2], p) && oriented(t[2], t[0], p);
+  }
+
+  LabelledPoint label_a(int v) const { return {row2(f_, v), v}; }
+  LabelledPoint label_b(int v) const { return {row2(g_, v), a_.n_vertices + v}; }
+
+  const HalfEdgeMesh& a_;
+  const HalfEdgeMesh& b_;
+  const Points2& f_;
+  const Points2& g_;
+  Overlay& overlay_;
+};
+
+/// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, line 3).
+inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
+                            const Points2& g, Overlay& overlay) {
+  OverlayBuilder(a, f, b, g, overlay).build();
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [8] ENERGIES (paper §4.1, §4.2, §4.4, §5.1) ================================================
+//
+// Purpose:    value, gradient and Hessian of the distortion of one meta mesh polygon and of one
+//             parametrised triangle in closed form, and the projection of Hessians to s.p.d. ones.
+// Invariants: six planar points, two rest frames and a corner code are the whole input; values are
+//             finite whenever both triangles are positive, also for polygons without area.
+// Fails:      never; non-positive triangles have energy +infinity.
+
+namespace ism {
+namespace detail {
+
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
+using Vec8 = Eigen::Matrix<double, 8, 1>;
+using Mat8 = Eigen::Matrix<double, 8, 8>;
+using Vec12 = Eigen::Matrix<double, 12, 1>;
+using Mat12 = Eigen::Matrix<double, 12, 12>;
+using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// ---- geometry of a polygon ----
+
+/// One piece of a polygon's boundary: edge `e` (0-5 as in OverlayPolygon), from its parameter s to
+/// t, 0 ≤ s ≤ t ≤ 1.
+struct Piece {
+  int e = 0;
+  double s = 0;
+  double t = 1;
+};
+
+struct PolygonShape {
+  std::array<Piece, 6> piece;
+  int count = 0;
+  Vec2 origin = Vec2::Zero();  // a corner; areas are computed relative to it
+  const Piece& operator[](int i) const { return piece[static_cast<std::size_t>(i)]; }
+  Piece& operator[](int i) { return piece[static_cast<std::size_t>(i)]; }
+};
+
+inline int edge_start(int e) { return e; }
+inline int edge_end(int e) { return e < 3 ? (e + 1) % 3 : 3 + (e - 2) % 3; }
+inline bool same_triangle(int e, int other) { return (e < 3) == (other < 3); }
+
+inline double clamp01(double x) { return (std::min)((std::max)(x, 0.0), 1.0); }
+
+/// Parameters (t, μ) of the crossing u + t d = c + μ w of Eq. 6. For edges that are parallel to
+/// rounding, the middle of the common part stands for the crossing, which then has no influence on
+/// the area.
+inline std::pair<double, double> crossing(const Vec2& u, const Vec2& d, const Vec2& c,
+                                          const Vec2& w) {
+  const double D = cross(d, w);
+  const double dd = d.squaredNorm();
+  if (std::abs(D) > 1e-14 * std::sqrt(dd * w.squaredNorm()))
+    return {clamp01(cross(c - u, w) / D), clamp01(cross(c - u, d) / D)};
+  const double c_at = (c - u).dot(d) / dd, e_at = (c + w - u).dot(d) / dd;
+  const double lo = (std::max)((std::min)(c_at, e_at), 0.0);
+  const double hi = (std::min)((std::max)(c_at, e_at), 1.0);
+  const double t = clamp01(0.5 * (lo + hi));
+  return {t, clamp01((u + t * d - c).dot(w) / w.squaredNorm())};
+}
+
+inline PolygonShape polygon_shape(const OverlayPolygon& p, const SixPoints& x) {
+  PolygonShape shape;
+  shape.count = p.count;
+  int before = p.count - 1;
+  for (int i = 0; i < p.count; ++i) shape[i].e = p.piece(i);
+  for (int i = 0; i < p.count; before = i++) {
+    const int e = shape[before].e, g = shape[i].e;
+    if (same_triangle(e, g)) continue;  // the corner is a vertex: t = 1, s = 0
+    const Vec2 u = x.col(edge_start(e)), c = x.col(edge_start(g));
+    std::tie(shape[before].t, shape[i].s) =
+        crossing(u, x.col(edge_end(e)) - u, c, x.col(edge_end(g)) - c);
+  }
+  const Piece& first = shape[0];
+  shape.origin = (1 - first.s) * x.col(edge_start(first.e)) + first.s * x.col(edge_end(first.e));
+  return shape;
+}
+
+/// a = ½ Σ (t - s) (u × v) over the pieces, on edges u → v.
+inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
+  double twice = 0;
+  for (int i = 0; i < shape.count; ++i) {
+    const Piece& q = shape[i];
+    const Vec2 u = x.col(edge_start(q.e)) - shape.origin, v = x.col(edge_end(q.e)) - shape.origin;
+    twice += (q.t - q.s) * cross(u, v);
+  }
+  return 0.5 * twice;
+}
+
+/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d), β = (t² - s²)/2, α = (t - s) - β: a boundary piece
+/// moves outward by the interpolated motion of its edge, its ends move along the boundary.
+inline Vec12 polygon_area_gradient(const PolygonShape& shape, const SixPoints& x) {
+  Vec12 gradient = Vec12::Zero();
+  for (int i = 0; i < shape.count; ++i) {
+    const Piece& q = shape[i];
+    const int u = edge_start(q.e), v = edge_end(q.e);
+    const double beta = 0.5 * (q.t * q.t - q.s * q.s), alpha = (q.t - q.s) - beta;
+    const Vec2 normal = perp(x.col(v) - x.col(u));
+    gradient.segment<2>(2 * u) += alpha * normal;
+    gradient.segment<2>(2 * v) += beta * normal;
+  }
+  return gradient;
+}
+
+/// Adds scale · (p qᵀ + q pᵀ)/2 where p and q each live on two of the six points: p has entries
+/// p0, p1 at points i0, i1 and q has q0, q1 at j0, j1.
+struct TwoPointRow {
+  int i0, i1;
+  Vec2 v0, v1;
+};
+inline void add_symmetric_product(const TwoPointRow& p, const TwoPointRow& q, double scale,
+                                  Mat12& H) {
+  const int i[2] = {p.i0, p.i1}, j[2] = {q.i0, q.i1};
+  const Vec2* pv[2] = {&p.v0, &p.v1};
+  const Vec2* qv[2] = {&q.v0, &q.v1};
+  for (int r = 0; r < 2; ++r)
+    for (int c = 0; c < 2; ++c) {
+      const Eigen::Matrix2d block = 0.5 * scale * *pv[r] * qv[c]->transpose();
+      H.block<2, 2>(2 * i[r], 2 * j[c]) += block;
+      H.block<2, 2>(2 * j[c], 2 * i[r]) += block.transpose();
+    }
+}
+
+/// The part of δ²a that comes from the corner where piece `first` hands over to piece `second` of
+/// the other triangle: with D = d × w, m_d = perp(d), m_w = perp(w) and the motions Z_1, Z_2 of the
+/// crossing point as a point of either edge,
+///   -(1/D) [(m_d·Z_1)(m_w·Z_1) - 2 (m_d·Z_1)(m_w·Z_2) + (m_w·Z_2)(m_d·Z_2)].
+/// |D| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
+inline void add_corner_hessian(const Piece& first, const Piece& second, const SixPoints& x,
+                               Mat12& H) {
+  constexpr double kMostParallel = 1e-8;
+  const int u = edge_start(first.e), v = edge_end(first.e);
+  const int c = edge_start(second.e), e = edge_end(second.e);
+  const Vec2 d = x.col(v) - x.col(u), w = x.col(e) - x.col(c);
+  const double D = cross(d, w);
+  if (D == 0) return;
+  const double least = kMostParallel * std::sqrt(d.squaredNorm() * w.squaredNorm());
+  const double inverse = std::copysign(1 / (std::max)(std::abs(D), least), D);
+  const Vec2 md = perp(d), mw = perp(w);
+  const double t = first.t, mu = second.s;
+  const TwoPointRow md_z1 = {u, v, (1 - t) * md, t * md}, mw_z1 = {u, v, (1 - t) * mw, t * mw};
+  const TwoPointRow md_z2 = {c, e, (1 - mu) * md, mu * md}, mw_z2 = {c, e, (1 - mu) * mw, mu * mw};
+  add_symmetric_product(md_z1, mw_z1, -inverse, H);
+  add_symmetric_product(md_z1, mw_z2, 2 * inverse, H);
+  add_symmetric_product(mw_z2, md_z2, -inverse, H);
+}
+
+/// ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners between triangles.
+inline Mat12 polygon_area_hessian(const PolygonShape& shape, const SixPoints& x) {
+  Mat12 H = Mat12::Zero();
+  int before = shape.count - 1;
+  for (int i = 0; i < shape.count; before = i++) {
+    const Piece& q = shape[i];
+    const int u = 2 * edge_start(q.e), v = 2 * edge_end(q.e);
+    const double half = 0.5 * (q.t - q.s);
+    H(u, v + 1) += half, H(v + 1, u) += half;
+    H(u + 1, v) -= half, H(v, u + 1) -= half;
+    if (!same_triangle(shape[before].e, q.e)) add_corner_hessian(shape[before], q, x, H);
+  }
+  return H;
+}
+
+// ---- distortion density w(F, G) ----
+
+/// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2) of the triangle in columns first .. first + 2 of x.
+inline Eigen::Matrix2d jacobian(const SixPoints& x, int first, const Eigen::Matrix2d& rest_inverse) {
+  Eigen::Matrix2d edges;
+  edges.col(0) = x.col(first + 1) - x.col(first);
+  edges.col(1) = x.col(first + 2) - x.col(first);
+  return edges * rest_inverse;
+}
+
+inline Eigen::Matrix2d adjugate(const Eigen::Matrix2d& m) {
+  Eigen::Matrix2d adj;
+  adj << m(1, 1), -m(0, 1), -m(1, 0), m(0, 0);
+  return adj;
+}
+
+/// The gradient of det m with respect to (m11, m21, m12, m22).
+inline Eigen::Vector4d det_gradient(const Eigen::Matrix2d& m) {
+  return Eigen::Vector4d(m(1, 1), -m(0, 1), -m(1, 0), m(0, 0));
+}
+
+/// w = N (f⁻³ + g⁻³) - κ (1/f + 1/g) with N = ‖adj(G) F‖², f = det F, g = det G: the density of
+/// E_Φ (Eq. 4) and of the covered areas per planar area.
+inline double density(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, double kappa) {
+  const double f = F.determinant(), g = G.determinant();
+  if (!(f > 0) || !(g > 0)) return kInfinity;
+  const double N = (adjugate(G) * F).squaredNorm();
+  return N * (1 / (f * f * f) + 1 / (g * g * g)) - kappa * (1 / f + 1 / g);
+}
+
+struct DensityDerivatives {
+  double value = 0;
+  Vec8 gradient = Vec8::Zero();  // with respect to (F11 F21 F12 F22 G11 G21 G12 G22)
+  Mat8 hessian = Mat8::Zero();
+};
+
+/// ∇N and ∇²N. N is a sum over columns of F of |adj(G) F_c|², and, because adj(F) G is the
+/// adjugate of adj(G) F and has the same norm, also over columns of G of |adj(F) G_c|².
+inline void norm_derivatives(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, Vec8& gradient,
+                             Mat8& hessian) {
+  const Eigen::Matrix2d aF = adjugate(F), aG = adjugate(G);
+  const Eigen::Matrix2d K = aG * F, L = aF * G;
+  const Eigen::Matrix2d dF = 2 * aG.transpose() * K, dG = 2 * aF.transpose() * L;
+  gradient << dF(0, 0), dF(1, 0), dF(0, 1), dF(1, 1), dG(0, 0), dG(1, 0), dG(0, 1), dG(1, 1);
+  hessian.setZero();
+  for (int c = 0; c < 2; ++c) {
+    hessian.block<2, 2>(2 * c, 2 * c) = 2 * aG.transpose() * aG;
+    hessian.block<2, 2>(4 + 2 * c, 4 + 2 * c) = 2 * aF.transpose() * aF;
+  }
+  // Mixed part: ∂/∂G of 2 aGᵀ (aG F_c), column by column of F; adj(E) is linear in E.
+  for (int k = 0; k < 4; ++k) {
+    Eigen::Matrix2d E = Eigen::Matrix2d::Zero();
+    E(k % 2, k / 2) = 1;
+    const Eigen::Matrix2d aE = adjugate(E);
+    const Eigen::Matrix2d mixed = 2 * (aE.transpose() * K + aG.transpose() * (aE * F));
+    for (int r = 0; r < 4; ++r) hessian(r, 4 + k) = hessian(4 + k, r) = mixed(r % 2, r / 2);
+  }
+}
+
+/// Adds scale · ∇²det for the four entries starting at `first`.
+inline void add_det_hessian(double scale, int first, Mat8& H) {
+  H(first, first + 3) += scale, H(first + 3, first) += scale;
+  H(first + 1, first + 2) -= scale, H(first + 2, first + 1) -= scale;
+}
+
+inline DensityDerivatives density_derivatives(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G,
+                                              double kappa) {
+  DensityDerivatives w;
+  Vec8 dN, df = Vec8::Zero(), dg = Vec8::Zero();
+  norm_derivatives(F, G, dN, w.hessian);
+  df.head<4>() = det_gradient(F);
+  dg.tail<4>() = det_gradient(G);
+  const double N = (adjugate(G) * F).squaredNorm();
+  const double i = 1 / F.determinant(), j = 1 / G.determinant();  // 1/f and 1/g
+  const double i2 = i * i, j2 = j * j, i4 = i2 * i2, j4 = j2 * j2;
+  const double q = i * i2 + j * j2;
+  const double w_f = -3 * N * i4 + kappa * i2, w_g = -3 * N * j4 + kappa * j2;
+  const double w_ff = 12 * N * i4 * i - 2 * kappa * i * i2;
+  const double w_gg = 12 * N * j4 * j - 2 * kappa * j * j2;
+  w.value = N * q - kappa * (i + j);
+  w.gradient = q * dN + w_f * df + w_g * dg;
+  w.hessian *= q;
+  add_det_hessian(w_f, 0, w.hessian);
+  add_det_hessian(w_g, 4, w.hessian);
+  const Vec8 steep = 3 * (i4 * df + j4 * dg);  // -∇(f⁻³ + g⁻³)
+  w.hessian += w_ff * df * df.transpose() + w_gg * dg * dg.transpose() -
+               (dN * steep.transpose() + steep * dN.transpose());
+  return w;
+}
+
+/// The 2×6 map from three points to the columns of J: J_c = Σ_i B(i, c) p_i.
+inline Eigen::Matrix<double, 3, 2> corner_weights(const Eigen::Matrix2d& rest_inverse) {
+  Eigen::Matrix<double, 3, 2> B;
+  B.bottomRows<2>() = rest_inverse;
+  B.row(0) = -rest_inverse.colwise().sum();
+  return B;
+}
+
+/// C of size 8×12 with (F, G) = C x.
+inline Eigen::Matrix<double, 8, 12> jacobian_matrix(const Eigen::Matrix2d& rest_inverse_a,
+                                                    const Eigen::Matrix2d& rest_inverse_b) {
+  Eigen::Matrix<double, 8, 12> C = Eigen::Matrix<double, 8, 12>::Zero();
+  const Eigen::Matrix<double, 3, 2> B[2] = {corner_weights(rest_inverse_a),
+                                            corner_weights(rest_inverse_b)};
+  for (int m = 0; m < 2; ++m)
+    for (int i = 0; i < 3; ++i)
+      for (int c = 0; c < 2; ++c)
+        for (int r = 0; r < 2; ++r) C(4 * m + 2 * c + r, 6 * m + 2 * i + r) = B[m](i, c);
+  return C;
+}
+
+// ---- one polygon ----
+
+struct PolygonDerivatives {
+  double value = 0;
+  Vec12 gradient = Vec12::Zero();
+  Mat12 hessian = Mat12::Zero();
+};
+
+/// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
+inline PolygonDerivatives polygon_derivatives(const OverlayPolygon& p, const SixPoints& x,
+                                              const Eigen::Matrix2d& rest_inverse_a,
+                                              const Eigen::Matrix2d& rest_inverse_b, double kappa) {
+  const PolygonShape shape = polygon_shape(p, x);
+  const double a = polygon_area(shape, x);
+  const Vec12 da = polygon_area_gradient(shape, x);
+  const DensityDerivatives w = density_derivatives(jacobian(x, 0, rest_inverse_a),
+                                                   jacobian(x, 3, rest_inverse_b), kappa);
+  const Eigen::Matrix<double, 8, 12> C = jacobian_matrix(rest_inverse_a, rest_inverse_b);
+  const Vec12 dw = C.transpose() * w.gradient;
+  PolygonDerivatives result;
+  result.value = a * w.value;
+  result.gradient = a * dw + w.value * da;
+  result.hessian.noalias() = C.transpose() * (a * w.hessian) * C;
+  result.hessian += dw * da.transpose() + da * dw.transpose();
+  result.hessian += w.value * polygon_area_hessian(shape, x);
+  return result;
+}
+
+// ---- one parametrised triangle: E_f and E_g (§4.4) ----
+
+/// Symmetric Dirichlet energy A (‖J‖² + ‖J‖²/det² J) of one triangle.
+inline double triangle_energy(const Eigen::Matrix2d& J, double area) {
+  const double f = J.determinant();
+  return f > 0 ? area * J.squaredNorm() * (1 + 1 / (f * f)) : kInfinity;
+}
+
+struct TriangleDerivatives {
+  double value = 0;
+  Vec6 gradient = Vec6::Zero();
+  Mat6 hessian = Mat6::Zero();
+};
+
+/// The same with derivatives with respect to its three planar points (p0, p1, p2).
+inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
+                                                const Eigen::Matrix2d& rest_inverse, double area) {
+  const double S = J.squaredNorm(), i = 1 / J.determinant(), i2 = i * i;
+  const Eigen::Vector4d dS = 2 * Eigen::Map<const Eigen::Vector4d>(J.data());
+  const Eigen::Vector4d df = det_gradient(J);
+  const double e_f = -2 * S * i2 * i, e_ff = 6 * S * i2 * i2, e_Sf = -2 * i2 * i;
+  const Eigen::Vector4d g = (1 + i2) * dS + e_f * df;
+  Eigen::Matrix4d H = e_ff * df * df.transpose() + e_Sf * (dS * df.transpose() + df * dS.transpose());
+  H.diagonal().array() += 2 * (1 + i2);
+  H(0, 3) += e_f, H(3, 0) += e_f;
+  H(1, 2) -= e_f, H(2, 1) -= e_f;
+  const Eigen::Matrix<double, 3, 2> B = corner_weights(rest_inverse);
+  Eigen::Matrix<double, 4, 6> C = Eigen::Matrix<double, 4, 6>::Zero();
+  for (int k = 0; k < 3; ++k)
+    for (int c = 0; c < 2; ++c) C(2 * c, 2 * k) = C(2 * c + 1, 2 * k + 1) = B(k, c);
+  TriangleDerivatives result;
+  result.value = area * S * (1 + i2);
+  result.gradient = area * C.transpose() * g;
+  result.hessian = area * C.transpose() * H * C;
+  return result;
+}
+
+/// V max(D, ε) Vᵀ of a symmetric matrix (§5.1, [Teran et al. 2005]).
+template <int N>
+inline void project_spd(Eigen::Matrix<double, N, N>& H, double epsilon) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> eigen(H);
+  const Eigen::Matrix<double, N, 1> d = eigen.eigenvalues().cwiseMax(epsilon);
+  H = eigen.eigenvectors() * d.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
+//
+// Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
+//             nested dissection of the vertices' positions and the multifrontal method.
+// Invariants: block (r, c), r ≤ c, of the pattern couples vertices r and c; diagonal blocks are
+//             present and come first in their row. The same bits for any number of threads.
+// Fails:      a zero or non-finite pivot ends the factorisation; negative pivots are counted, and
+//             mean that the matrix is not positive definite.
+
+namespace ism {
+namespace detail {
+
+/// Upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
+struct BlockPattern {
+  Array<int> start;  // #rows + 1
+  Array<int> column;
+  int rows() const { return start.size() - 1; }
+  int blocks() const { return column.size(); }
+};
+
+/// One 2×2 block per entry of a pattern.
+using BlockValues = Array<Eigen::Matrix2d>;
+
+/// A front of the elimination tree: the vertices eliminated together, and the later vertices their
+/// elimination touches. Vertices are meant by their place in the elimination order.
+struct Front {
+  int begin = 0, end = 0;  // own vertices
+  Array<int> rows;         // later vertices, ascending
+  Array<int> parent_row;   // for every row, its place in the parent's front
+  int parent = -1;
+  int depth = 0;
+  Array<int> children;
+  struct Entry {
+    int block;        // of the pattern
+    int row, column;  // local place of the block in the front's lower triangle
+    bool transposed;
+  };
+  Array<Entry> entries;
+  int own() const { return end - begin; }
+  int size() const { return own() + rows.size(); }
+};
+
+/// The elimination order and the fronts; depends on the pattern and the positions only.
+struct LdltSymbolic {
+  Array<int> order;    // order[i] is the vertex eliminated as the i-th
+  Array<int> place;    // its inverse
+  Array<Front> fronts; // children before parents
+};
+
+/// Builds an LdltSymbolic by recursive bisection: the median line along x or y, whichever leaves
+/// the smaller separator, splits a set of vertices in halves; the vertices of one half that are
+/// coupled to the other separate them and are eliminated last.
+class NestedDissection {
+ public:
+  NestedDissection(const BlockPattern& pattern, const Points2& positions)
+      : pattern_(pattern), positions_(positions) {}
+
+  LdltSymbolic build() {
+    const int n = pattern_.rows();
+    build_adjacency();
+    label_.assign(n, -1);
+    result_.order.resize(n);
+    std::iota(result_.order.begin(), result_.order.end(), 0);
+    dissect(0, n, 0);
+    result_.place.resize(n);
+    for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
+    mark_.assign(n, -1);
+    for (int k = 0; k < result_.fronts.size(); ++k) find_rows(k);
+    for (int k = 0; k < result_.fronts.size(); ++k) place_entries(k);
+    return std::move(result_);
+  }
+
+ private:
+  static constexpr int kLargestLeaf = 12;  // vertices; smaller leaves cost more in bookkeeping
+
+  struct Neighbour {
+    int vertex;
+    int block;
+    bool transposed;  // the block is stored as (neighbour, vertex)
+  };
+
+  void build_adjacency() {
+    const int n = pattern_.rows();
+    start_.assign(n + 1, 0);
+    const auto for_each_block = [&](const auto& visit) {
+      for (int r = 0; r < n; ++r)
+        for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b)
+          visit(r, pattern_.column[b], b);
+    };
+    for_each_block([&](int r, int c, int) {
+      ++start_[r + 1];
+      if (c != r) ++start_[c + 1];
+    });
+    for (int i = 0; i < n; ++i) start_[i + 1] += start_[i];
+    Array<int> fill(n, 0);
+    neighbour_.resize(start_[n]);
+    for_each_block([&](int r, int c, int b) {
+      neighbour_[start_[r] + fill[r]++] = {c, b, false};
+      if (c != r) neighbour_[start_[c] + fill[c]++] = {r, b, true};
+    });
+  }
+
+  /// Orders result_.order[begin, end) and appends its fronts; returns the topmost.
+  int dissect(int begin, int end, int depth) {
+    if (end - begin <= kLargestLeaf) return add_front(begin, end, depth, -1, -1);
+    const int middle = begin + (end - begin) / 2;
+    const int axis = best_axis(begin, middle, end);
+    split(begin, middle, end, axis);
+    const bool from_left = smaller_side_is_left(begin, middle, end);
+    const int left_end = from_left ? move_separator(begin, middle, true) : middle;
+    const int right_end = from_left ? end : move_separator(middle, end, false);
+    if (from_left) std::rotate(at(left_end), at(middle), at(end));  // separator to the back
+    const int separator = from_left ? left_end + (end - middle) : right_end;
+    const int left = dissect(begin, left_end, depth + 1);
+    const int right = dissect(left_end, separator, depth + 1);
+    return add_front(separator, end, depth, left, right);
+  }
+
+  int* at(int i) { return result_.order.data() + i; }
+
+  void split(int begin, int middle, int end, int axis) {
+    std::nth_element(at(begin), at(middle), at(end), [&](int u, int v) {
+      const double a = positions_(u, axis), b = positions_(v, axis);
+      return a != b ? a < b : u < v;
+    });
+    for (int i = begin; i < end; ++i) label_[*at(i)] = 2 * stamp_ + (i < middle ? 0 : 1);
+    ++stamp_;
+  }
+
+  bool touches_other_side(int v) const {
+    for (int k = start_[v]; k < start_[v + 1]; ++k)
+      if (label_[neighbour_[k].vertex] == (label_[v] ^ 1)) return true;
+    return false;
+  }
+
+  int count_separator(int begin, int end) {
+    int n = 0;
+    for (int i = begin; i < end; ++i) n += touches_other_side(*at(i));
+    return n;
+  }
+
+  bool smaller_side_is_left(int begin, int middle, int end) {
+    return count_separator(begin, middle) <= count_separator(middle, end);
+  }
+
+  int best_axis(int begin, int middle, int end) {
+    int cost[2];
+    for (int axis = 0; axis < 2; ++axis) {
+      split(begin, middle, end, axis);
+      cost[axis] = (std::min)(count_separator(begin, middle), count_separator(middle, end));
+    }
+    return cost[0] <= cost[1] ? 0 : 1;
+  }
+
+  /// Moves the vertices of [begin, end) that touch the other side to the back, keeping order;
+  /// returns where they start.
+  int move_separator(int begin, int end, bool) {
+    int* first = std::stable_partition(at(begin), at(end),
+                                       [&](int v) { return !touches_other_side(v); });
+    return static_cast<int>(first - at(0));
+  }
+
+  int add_front(int begin, int end, int depth, int left, int right) {
+    Front front;
+    front.begin = begin;
+    front.end = end;
+    front.depth = depth;
+    const int id = result_.fronts.size();
+    for (int child : {left, right}) {
+      if (child < 0) continue;
+      front.children.push_back(child);
+      result_.fronts[child].parent = id;
+    }
+    result_.fronts.push_back(front);
+    return id;
+  }
+
+  void find_rows(int k) {
+    Front& front = result_.fronts[k];
+    const auto add = [&](int i) {
+      if (i < front.end || mark_[i] == k) return;
+      mark_[i] = k;
+      front.rows.push_back(i);
+    };
+    for (int i = front.begin; i < front.end; ++i) {
+      const int v = result_.order[i];
+      for (int e = start_[v]; e < start_[v + 1]; ++e) add(result_.place[neighbour_[e].vertex]);
+    }
+    for (int child : front.children)
+      for (int i : result_.fronts[child].rows) add(i);
+    std::sort(front.rows.begin(), front.rows.end());
+  }
+
+  /// Local places of the matrix entries and of the children's rows; mark_ maps to local places.
+  void place_entries(int k) {
+    Front& front = result_.fronts[k];
+    for (int i = front.begin; i < front.end; ++i) mark_[i] = i - front.begin;
+    for (int r = 0; r < front.rows.size(); ++r) mark_[front.rows[r]] = front.own() + r;
+    for (int i = front.begin; i < front.end; ++i) {
+      const int v = result_.order[i];
+      for (int e = start_[v]; e < start_[v + 1]; ++e) {
+        const int j = result_.place[neighbour_[e].vertex];
+        if (j < i) continue;
+        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
+        front.entries.push_back(
+            {neighbour_[e].block, mark_[j], i - front.begin, !neighbour_[e].transposed});
+      }
+    }
+    for (int child : front.children) {
+      Front& c = result_.fronts[child];
+      c.parent_row.resize(c.rows.size());
+      for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = mark_[c.rows[r]];
+    }
+  }
+
+  const BlockPattern& pattern_;
+  const Points2& positions_;
+  LdltSymbolic result_;
+  Array<int> start_;
+  Array<Neighbour> neighbour_;
+  Array<int> label_, mark_;
+  int stamp_ = 0;
+};
+
+/// The numeric factor: per front, L with D on the diagonal of its top block.
+struct LdltFactor {
+  Array<Eigen::MatrixXd> panel;   // 2 size × 2 own
+  Array<Eigen::MatrixXd> update;  // 2 rows × 2 rows, lower; freed when the parent has taken it
+  Array<int> negative_pivots;     // per front
+  Array<char> broken;             // per front
+  bool ok = false;                // no zero or non-finite pivot
+  int negative = 0;               // number of negative pivots
+};
+
+/// Dense LDLT without pivoting of the top square of A, applied to the rows below. Right-looking in
+/// blocks of columns.
+inline bool factor_panel(Eigen::MatrixXd& A, int& negative) {
+  constexpr int kBlock = 32;
+  const int n = static_cast<int>(A.rows()), k = static_cast<int>(A.cols());
+  Eigen::MatrixXd W;
+  for (int j0 = 0; j0 < k; j0 += kBlock) {
+    const int nb = (std::min)(kBlock, k - j0), below = n - j0 - nb;
+    auto D = A.block(j0, j0, nb, nb);
+    for (int j = 0; j < nb; ++j) {
+      const double pivot = D(j, j);
+      if (pivot == 0 || !std::isfinite(pivot)) return false;
+      if (pivot < 0) ++negative;
+      const int rest = nb - j - 1;
+      auto l = D.col(j).tail(rest);
+      for (int c = 0; c < rest; ++c)
+        D.col(j + 1 + c).tail(rest - c) -= (l(c) / pivot) * l.tail(rest - c);
+      l /= pivot;
+    }
+    if (below == 0) break;
+    auto X = A.block(j0 + nb, j0, below, nb);
+    D.triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(X);
+    W = X;
+    for (int j = 0; j < nb; ++j) X.col(j) /= D(j, j);
+    const int right = k - j0 - nb;
+    if (right == 0) continue;
+    A.block(j0 + nb, j0 + nb, right, right).triangularView<Eigen::Lower>() -=
+        W.topRows(right) * X.topRows(right).transpose();
+    A.block(k, j0 + nb, n - k, right).noalias() -=
+        W.bottomRows(n - k) * X.topRows(right).transpose();
+  }
+  return true;
+}
+
+/// update -= L₂ D L₂ᵀ, lower triangle.
+inline void subtract_schur(const Eigen::MatrixXd& panel, Eigen::MatrixXd& update) {
+  const int k = static_cast<int>(panel.cols());
+  if (update.rows() == 0 || k == 0) return;
+  const auto L2 = panel.bottomRows(update.rows());
+  const Eigen::MatrixXd W = L2 * panel.topRows(k).diagonal().asDiagonal();
+  update.triangularView<Eigen::Lower>() -= W * L2.transpose();
+}
+
+/// Adds a child's update matrix to the parent's front.
+inline void extend_add(const Front& child, const Eigen::MatrixXd& from, int own,
+                       Eigen::MatrixXd& panel, Eigen::MatrixXd& update) {
+  const int n = child.rows.size();
+  for (int c = 0; c < n; ++c) {
+    const int pc = child.parent_row[c];
+    for (int r = c; r < n; ++r) {
+      const int pr = child.parent_row[r];
+      const auto block = from.block<2, 2>(2 * r, 2 * c);
+      if (pc < own) panel.block<2, 2>(2 * pr, 2 * pc) += block;
+      else update.block<2, 2>(2 * (pr - own), 2 * (pc - own)) += block;
+    }
+  }
+}
+
+/// One matrix of a family H + ω Q on a common pattern.
+struct ShiftedMatrix {
+  const BlockValues* H = nullptr;
+  const BlockValues* Q = nullptr;  // may be null
+  double omega = 0;
+  Eigen::Matrix2d block(int b) const {
+    if (!Q) return (*H)[b];
+    return (*H)[b] + omega * (*Q)[b];
+  }
+};
+
+/// Assembles and eliminates one front whose children are done.
+inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedMatrix& matrix,
+                            LdltFactor& factor) {
+  const Front& front = symbolic.fronts[id];
+  const int own = front.own(), rest = front.rows.size();
+  Eigen::MatrixXd& panel = factor.panel[id];
+  Eigen::MatrixXd& update = factor.update[id];
+  panel.setZero(2 * (own + rest), 2 * own);
+  update.setZero(2 * rest, 2 * rest);
+  for (const Front::Entry& e : front.entries) {
+    const Eigen::Matrix2d block = matrix.block(e.block);
+    auto target = panel.block<2, 2>(2 * e.row, 2 * e.column);
+    if (e.transposed) target += block.transpose();
+    else target += block;
+  }
+  for (int child : front.children) {
+    extend_add(symbolic.fronts[child], factor.update[child], own, panel, update);
+    factor.update[child].resize(0, 0);
+  }
+  factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
+  subtract_schur(panel, update);
+}
+
+/// Groups of fronts that can be eliminated side by side, in an order that respects the tree: first
+/// whole subtrees below a fixed depth, then the fronts above it, level by level.
+inline Array<Array<Array<int>>> elimination_schedule(const LdltSymbolic& symbolic) {
+  constexpr int kSubtreeDepth = 5;
+  Array<Array<Array<int>>> stages(kSubtreeDepth + 1);
+  Array<int> group(symbolic.fronts.size(), -1);
+  for (int id = symbolic.fronts.size() - 1; id >= 0; --id) {  // parents before children
+    const Front& front = symbolic.fronts[id];
+    const int stage = kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth);
+    if (front.depth > kSubtreeDepth) {
+      group[id] = group[front.parent];
+    } else {
+      group[id] = stages[stage].size();
+      stages[stage].push_back({});
+    }
+    stages[stage][group[id]].push_back(id);
+  }
+  for (Array<Array<int>>& stage : stages)
+    for (Array<int>& ids : stage) std::reverse(ids.begin(), ids.end());
+  return stages;
+}
+
+/// Factorises several matrices of one pattern side by side.
+inline void ldlt_factorize(const LdltSymbolic& symbolic, const Array<ShiftedMatrix>& matrices,
+                           const Executor& executor, Array<LdltFactor>& factors) {
+  const int n = matrices.size(), n_fronts = symbolic.fronts.size();
+  factors.resize(n);
+  for (LdltFactor& f : factors) {
+    f.panel.resize(n_fronts);
+    f.update.resize(n_fronts);
+    f.negative_pivots.assign(n_fronts, 0);
+    f.broken.assign(n_fronts, 0);
+  }
+  for (const Array<Array<int>>& stage : elimination_schedule(symbolic))
+    executor.run(n * stage.size(), [&](int task) {
+      const int m = task / stage.size();
+      for (int id : stage[task % stage.size()])
+        eliminate_front(symbolic, id, matrices[m], factors[m]);
+    });
+  for (LdltFactor& f : factors) {
+    f.ok = std::find(f.broken.begin(), f.broken.end(), 1) == f.broken.end();
+    f.negative = std::accumulate(f.negative_pivots.begin(), f.negative_pivots.end(), 0);
+  }
+}
+
+/// Solves with a factor; b holds two entries per vertex.
+inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& factor,
+                                  const Eigen::VectorXd& b) {
+  const int n = symbolic.order.size(), n_fronts = symbolic.fronts.size();
+  Eigen::VectorXd y(2 * n), rest, x(2 * n);
+  for (int i = 0; i < n; ++i) y.segment<2>(2 * i) = b.segment<2>(2 * symbolic.order[i]);
+  for (int id = 0; id < n_fronts; ++id) {  // L y = b, then D
+    const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
+    const Eigen::MatrixXd& P = factor.panel[id];
+    auto own = y.segment(2 * front.begin, 2 * front.own());
+    P.topRows(P.cols()).triangularView<Eigen::UnitLower>().solveInPlace(own);
+    rest.noalias() = P.bottomRows(2 * front.rows.size()) * own;
+    for (int r = 0; r < front.rows.size(); ++r)
+      y.segment<2>(2 * front.rows[r]) -= rest.segment<2>(2 * r);
+  }
+  for (int id = n_fronts - 1; id >= 0; --id) {  // D Lᵀ x = y
+    const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
+    const Eigen::MatrixXd& P = factor.panel[id];
+    auto own = y.segment(2 * front.begin, 2 * front.own());
+    own.array() /= P.topRows(P.cols()).diagonal().array();
+    rest.resize(2 * front.rows.size());
+    for (int r = 0; r < front.rows.size(); ++r)
+      rest.segment<2>(2 * r) = y.segment<2>(2 * front.rows[r]);
+    own.noalias() -= P.bottomRows(2 * front.rows.size()).transpose() * rest;
+    P.topRows(P.cols()).triangularView<Eigen::UnitLower>().transpose().solveInPlace(own);
+  }
+  for (int i = 0; i < n; ++i) x.segment<2>(2 * symbolic.order[i]) = y.segment<2>(2 * i);
+  return x;
+}
+
+}  // namespace detail
+}  // namespace ism
+#endif  // ISM_HPP
