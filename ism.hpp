@@ -22,6 +22,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <numeric>
 #include <queue>
 #include <string>
@@ -240,6 +241,42 @@ struct MetaMesh {
   Points3 on_a, on_b;  // #M×3, the vertices on either surface
   std::vector<std::vector<int>> polygons;
   std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
+};
+
+namespace detail {
+struct MapData;
+}
+
+/// Φ = g⁻¹ ∘ f as a function, in both directions. Cheap to copy; copies share their data.
+///
+///   ism::SurfaceMap map(a, b, result.f, result.g);
+///   ism::MappedPoint image = map.forward_vertex(7);
+///   if (image.covered) std::cout << map.position_on_b(image.point).transpose();
+///
+/// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
+class SurfaceMap {
+ public:
+  /// Overlays the two embeddings. The coordinates of the meshes are used as given, not scaled.
+  /// Cost: linear in the number of meta mesh polygons.
+  SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f, const Points2& g);
+
+  /// kConverged if the map can be used, else kInvalidMesh, kInvalidPositions or kNoOverlap; all
+  /// points are then uncovered.
+  Status status() const;
+  const std::string& message() const;
+
+  MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
+  MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
+  MappedPoint forward_vertex(int a) const;
+  MappedPoint backward_vertex(int b) const;
+  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of A
+  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of B
+  Vec3 position_on_a(const SurfacePoint& p) const;     // in the units of the mesh given
+  Vec3 position_on_b(const SurfacePoint& p) const;
+  MetaMesh meta_mesh() const;
+
+ private:
+  std::shared_ptr<const detail::MapData> data_;
 };
 
 }  // namespace ism
