@@ -21,6 +21,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -289,6 +290,7 @@ namespace detail {
 template <class T>
 class Array {
  public:
+  using value_type = T;
   Array() = default;
   explicit Array(int n, const T& value = T()) : items_(static_cast<std::size_t>(n), value) {}
   int size() const { return static_cast<int>(items_.size()); }
@@ -301,6 +303,7 @@ class Array {
   void clear() { items_.clear(); }
   void push_back(const T& value) { items_.push_back(value); }
   void pop_back() { items_.pop_back(); }
+  void insert_front(T value) { items_.insert(items_.begin(), std::move(value)); }
   T& back() { return items_.back(); }
   const T& back() const { return items_.back(); }
   T* data() { return items_.data(); }
@@ -1923,5 +1926,1878 @@ inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor
 }
 
 }  // namespace detail
+}  // namespace ism
+// ==== [10] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) =================
+//
+// Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian, assembled
+//             without triplets; their blend with earlier ones; the squared Laplacian.
+// Invariants: vertex i of A is row i, vertex i of B is row #V_A + i. Couplings within a mesh have a
+//             fixed pattern, couplings between the meshes follow the polygons. Sums run in the order
+//             of polygons and faces, never of threads.
+// Fails:      never on injective embeddings.
+
+namespace ism {
+namespace detail {
+
+/// The two meshes of a problem.
+struct SurfacePair {
+  Surface a, b;
+  int n_a() const { return a.mesh.n_vertices; }
+  int n_b() const { return b.mesh.n_vertices; }
+  int rows() const { return n_a() + n_b(); }
+  double total_area() const { return a.total_area + b.total_area; }
+};
+
+/// The parts of the objective that Options weigh.
+struct Weights {
+  double kappa = 2;
+  double barrier = 1e-8;
+  double epsilon = 1e-3;
+};
+
+// ---- value ----
+
+/// One iterate with everything that is known about it.
+struct Iterate {
+  Points2 f, g;
+  Overlay overlay;
+  Array<Eigen::Matrix2d> jacobian_f, jacobian_g;  // per triangle
+  double map_energy = 0;                          // E_Φ
+  double area_a = 0, area_b = 0;                  // area A', area B'
+  double energy_f = 0, energy_g = 0;
+  double energy = kInfinity;  // E
+};
+
+inline Eigen::Matrix2d triangle_jacobian(const Surface& s, const Points2& x, int f) {
+  const Vec2 p0 = row2(x, s.mesh.corner(f, 0));
+  Eigen::Matrix2d edges;
+  edges.col(0) = row2(x, s.mesh.corner(f, 1)) - p0;
+  edges.col(1) = row2(x, s.mesh.corner(f, 2)) - p0;
+  return edges * s.rest_inverse[f];
+}
+
+/// Jacobians of all triangles and the sum of their symmetric Dirichlet energies.
+inline double embedding_energy(const Surface& s, const Points2& x, Array<Eigen::Matrix2d>& J) {
+  J.resize(s.mesh.n_faces);
+  double energy = 0;
+  for (int f = 0; f < s.mesh.n_faces; ++f) {
+    J[f] = triangle_jacobian(s, x, f);
+    energy += triangle_energy(J[f], s.area[f]);
+  }
+  return energy;
+}
+
+/// Columns a0 a1 a2 b0 b1 b2 of a polygon's two triangles.
+inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const OverlayPolygon& p) {
+  SixPoints points;
+  for (int k = 0; k < 3; ++k) {
+    points.col(k) = row2(x.f, pair.a.mesh.corner(p.ta, k));
+    points.col(3 + k) = row2(x.g, pair.b.mesh.corner(p.tb, k));
+  }
+  return points;
+}
+
+/// A polygon whose area drowns in rounding errors of its triangles' coordinates. It weighs nothing
+/// in E, and its derivatives would be those of the noise.
+inline bool is_negligible(double area, const SixPoints& x) {
+  constexpr double kNoise = 1e-12;
+  const double a = cross(x.col(1) - x.col(0), x.col(2) - x.col(0));
+  const double b = cross(x.col(4) - x.col(3), x.col(5) - x.col(3));
+  return !(area > kNoise * (std::min)(a, b));
+}
+
+/// E_Φ and the covered areas over the polygons of x.overlay.
+inline void add_map_energy(const SurfacePair& pair, Iterate& x) {
+  for (const OverlayPolygon& p : x.overlay.polygons) {
+    const SixPoints points = six_points(pair, x, p);
+    const double area = polygon_area(polygon_shape(p, points), points);
+    if (is_negligible(area, points)) continue;
+    const Eigen::Matrix2d &F = x.jacobian_f[p.ta], &G = x.jacobian_g[p.tb];
+    x.map_energy += area * density(F, G, 0);
+    x.area_a += area / F.determinant();
+    x.area_b += area / G.determinant();
+  }
+}
+
+/// E at the positions x.f, x.g (§5); the overlay is computed anew.
+inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x) {
+  x.map_energy = x.area_a = x.area_b = 0;
+  x.energy_f = embedding_energy(pair.a, x.f, x.jacobian_f);
+  x.energy_g = embedding_energy(pair.b, x.g, x.jacobian_g);
+  compute_overlay(pair.a.mesh, x.f, pair.b.mesh, x.g, x.overlay);
+  add_map_energy(pair, x);
+  x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) +
+             weights.barrier * (x.energy_f + x.energy_g);
+}
+
+// ---- patterns ----
+
+/// The vertices within one or two edges of u in one mesh, u included, ids ≥ u, ascending.
+inline void ring_columns(const HalfEdgeMesh& m, int u, int rings, Array<int>& mark,
+                         Array<int>& columns) {
+  columns.clear();
+  const auto add = [&](int v) {
+    if (mark[v] == u) return;
+    mark[v] = u;
+    columns.push_back(v);
+  };
+  add(u);
+  for (int ring = 0, begin = 0; ring < rings; ++ring) {
+    const int end = columns.size();
+    for (; begin < end; ++begin) {
+      const int first = m.out[columns[begin]];
+      for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h)) {
+        add(m.tip(h));
+        add(m.tail[prev(h)]);
+      }
+    }
+  }
+  columns.resize(static_cast<int>(
+      std::remove_if(columns.begin(), columns.end(), [u](int v) { return v < u; }) -
+      columns.begin()));
+  std::sort(columns.begin(), columns.end());
+}
+
+/// Upper pattern of the couplings within each surface up to a number of edges apart.
+inline BlockPattern within_pattern(const std::vector<const Surface*>& surfaces, int rings) {
+  BlockPattern pattern;
+  pattern.start.push_back(0);
+  Array<int> columns;
+  for (const Surface* s : surfaces) {
+    const int first = pattern.rows();
+    Array<int> mark(s->mesh.n_vertices, -1);
+    for (int u = 0; u < s->mesh.n_vertices; ++u) {
+      ring_columns(s->mesh, u, rings, mark, columns);
+      for (int v : columns) pattern.column.push_back(first + v);
+      pattern.start.push_back(pattern.blocks());
+    }
+  }
+  return pattern;
+}
+
+/// The block (r, c), r ≤ c, of a pattern; it must be present.
+inline int find_block(const BlockPattern& pattern, int r, int c) {
+  const int* begin = pattern.column.data() + pattern.start[r];
+  const int* end = pattern.column.data() + pattern.start[r + 1];
+  return static_cast<int>(std::lower_bound(begin, end, c) - pattern.column.data());
+}
+
+// ---- gradient and projected Hessian ----
+
+/// Blocks that couple vertices of A (rows) with vertices of B (columns, ids of B ascending).
+struct CouplingBlocks {
+  Array<int> start, column;
+  BlockValues value;
+};
+
+/// Gradient and projected Hessian at one iterate, the memory of §5.3.
+struct QuadraticModel {
+  Eigen::VectorXd gradient;  // 2 entries per vertex
+  BlockValues within;        // on within_pattern(pair, 1)
+  CouplingBlocks between;
+};
+
+/// What a polygon contributes besides its A-A part.
+struct PolygonTerm {
+  Mat6 ab = Mat6::Zero(), bb = Mat6::Zero();
+  Vec6 gradient_b = Vec6::Zero();
+};
+
+/// What a triangle of A or B gathers from its barrier and its polygons.
+struct FaceTerm {
+  Mat6 hessian = Mat6::Zero();
+  Vec6 gradient = Vec6::Zero();
+};
+
+/// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
+struct FaceGroups {
+  Array<int> start, item;
+};
+
+template <class FaceOf>
+FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces, FaceOf face_of) {
+  FaceGroups groups;
+  groups.start.assign(n_faces + 1, 0);
+  groups.item.resize(polygons.size());
+  for (const OverlayPolygon& p : polygons) ++groups.start[face_of(p) + 1];
+  for (int f = 0; f < n_faces; ++f) groups.start[f + 1] += groups.start[f];
+  Array<int> fill = groups.start;
+  for (int i = 0; i < polygons.size(); ++i) groups.item[fill[face_of(polygons[i])]++] = i;
+  return groups;
+}
+
+/// Computes the QuadraticModel of one iterate (Algorithm 1, lines 4 to 8), element by element.
+class ModelBuilder {
+ public:
+  ModelBuilder(const SurfacePair& pair, const Weights& weights, const BlockPattern& within,
+               const Executor& executor)
+      : pair_(pair), weights_(weights), within_(within), executor_(executor) {}
+
+  /// Derivatives of all polygons and triangles, projected one by one (§5.1).
+  void differentiate(const Iterate& x) {
+    const Array<OverlayPolygon>& polygons = x.overlay.polygons;
+    by_a_ = group_polygons(polygons, pair_.a.mesh.n_faces,
+                           [](const OverlayPolygon& p) { return p.ta; });
+    by_b_ = group_polygons(polygons, pair_.b.mesh.n_faces,
+                           [](const OverlayPolygon& p) { return p.tb; });
+    term_.resize(polygons.size());
+    face_a_.resize(pair_.a.mesh.n_faces);
+    face_b_.resize(pair_.b.mesh.n_faces);
+    executor_.run_blocks(face_a_.size(), kBlock, [&](int begin, int end) {
+      for (int f = begin; f < end; ++f) differentiate_face_a(x, f);
+    });
+    executor_.run_blocks(face_b_.size(), kBlock, [&](int begin, int end) {
+      for (int f = begin; f < end; ++f) differentiate_face_b(x, f);
+    });
+  }
+
+  /// Sums the element terms of the last differentiate().
+  QuadraticModel assemble(const Iterate& x) const {
+    QuadraticModel model;
+    model.gradient.setZero(2 * pair_.rows());
+    model.within.assign(within_.blocks(), Eigen::Matrix2d::Zero());
+    for (int f = 0; f < face_a_.size(); ++f) scatter(pair_.a, 0, f, face_a_[f], model);
+    for (int f = 0; f < face_b_.size(); ++f) scatter(pair_.b, pair_.n_a(), f, face_b_[f], model);
+    model.between = gather_couplings(x);
+    return model;
+  }
+
+ private:
+  static constexpr int kBlock = 64;  // faces or rows per task
+
+  FaceTerm barrier(const Surface& s, const Eigen::Matrix2d& J, int f) const {
+    TriangleDerivatives d = triangle_derivatives(J, s.rest_inverse[f], s.area[f]);
+    project_spd<6>(d.hessian, weights_.epsilon);
+    return {weights_.barrier * d.hessian, weights_.barrier * d.gradient};
+  }
+
+  void differentiate_face_a(const Iterate& x, int f) {
+    FaceTerm& face = face_a_[f];
+    face = barrier(pair_.a, x.jacobian_f[f], f);
+    for (int i = by_a_.start[f]; i < by_a_.start[f + 1]; ++i) {
+      const int id = by_a_.item[i];
+      const OverlayPolygon& p = x.overlay.polygons[id];
+      const SixPoints points = six_points(pair_, x, p);
+      PolygonTerm& term = term_[id];
+      term = PolygonTerm();
+      if (is_negligible(polygon_area(polygon_shape(p, points), points), points)) continue;
+      PolygonDerivatives d = polygon_derivatives(p, points, pair_.a.rest_inverse[p.ta],
+                                                 pair_.b.rest_inverse[p.tb], weights_.kappa);
+      project_spd<12>(d.hessian, weights_.epsilon);
+      face.hessian += d.hessian.topLeftCorner<6, 6>();
+      face.gradient += d.gradient.head<6>();
+      term = {d.hessian.topRightCorner<6, 6>(), d.hessian.bottomRightCorner<6, 6>(),
+              d.gradient.tail<6>()};
+    }
+  }
+
+  void differentiate_face_b(const Iterate& x, int f) {
+    FaceTerm& face = face_b_[f];
+    face = barrier(pair_.b, x.jacobian_g[f], f);
+    for (int i = by_b_.start[f]; i < by_b_.start[f + 1]; ++i) {
+      const PolygonTerm& term = term_[by_b_.item[i]];
+      face.hessian += term.bb;
+      face.gradient += term.gradient_b;
+    }
+  }
+
+  void scatter(const Surface& s, int first, int f, const FaceTerm& face,
+               QuadraticModel& model) const {
+    for (int i = 0; i < 3; ++i) {
+      const int u = first + s.mesh.corner(f, i);
+      model.gradient.segment<2>(2 * u) += face.gradient.segment<2>(2 * i);
+      for (int j = 0; j < 3; ++j) {
+        const int v = first + s.mesh.corner(f, j);
+        if (u <= v) model.within[find_block(within_, u, v)] += face.hessian.block<2, 2>(2 * i, 2 * j);
+      }
+    }
+  }
+
+  /// Row by row, so that rows are independent: the polygons around a vertex of A.
+  CouplingBlocks gather_couplings(const Iterate& x) const {
+    const int n = pair_.n_a();
+    Array<CouplingBlocks> part((n + kBlock - 1) / kBlock);
+    executor_.run_blocks(n, kBlock, [&](int begin, int end) {
+      Array<int> place(pair_.n_b(), -1);
+      for (int u = begin; u < end; ++u) gather_row(x, u, place, part[begin / kBlock]);
+    });
+    return concatenate(part);
+  }
+
+  void gather_row(const Iterate& x, int u, Array<int>& place, CouplingBlocks& rows) const {
+    const HalfEdgeMesh &a = pair_.a.mesh, &b = pair_.b.mesh;
+    const int begin = rows.column.size();
+    const auto for_each_corner = [&](const auto& visit) {
+      for (int h = a.out[u]; h >= 0; h = a.turn(h) == a.out[u] ? -1 : a.turn(h))
+        for (int i = by_a_.start[h / 3]; i < by_a_.start[h / 3 + 1]; ++i) {
+          const int id = by_a_.item[i];
+          for (int k = 0; k < 3; ++k) visit(h % 3, id, k, b.corner(x.overlay.polygons[id].tb, k));
+        }
+    };
+    for_each_corner([&](int, int, int, int v) {
+      if (place[v] >= begin) return;
+      place[v] = rows.column.size();
+      rows.column.push_back(v);
+    });
+    std::sort(rows.column.begin() + begin, rows.column.end());
+    for (int i = begin; i < rows.column.size(); ++i) place[rows.column[i]] = i;
+    rows.value.resize(rows.column.size());
+    for (int i = begin; i < rows.column.size(); ++i) rows.value[i].setZero();
+    for_each_corner([&](int corner, int id, int k, int v) {
+      rows.value[place[v]] += term_[id].ab.block<2, 2>(2 * corner, 2 * k);
+    });
+    rows.start.push_back(rows.column.size());  // end of the row; shifted by concatenate()
+  }
+
+  static CouplingBlocks concatenate(const Array<CouplingBlocks>& parts) {
+    CouplingBlocks all;
+    all.start.push_back(0);
+    for (const CouplingBlocks& part : parts) {
+      const int shift = all.column.size();
+      for (int end : part.start) all.start.push_back(shift + end);
+      for (int v : part.column) all.column.push_back(v);
+      for (const Eigen::Matrix2d& block : part.value) all.value.push_back(block);
+    }
+    return all;
+  }
+
+  const SurfacePair& pair_;
+  const Weights& weights_;
+  const BlockPattern& within_;
+  const Executor& executor_;
+  FaceGroups by_a_, by_b_;
+  Array<PolygonTerm> term_;
+  Array<FaceTerm> face_a_, face_b_;
+};
+
+// ---- squared Laplacian (§5.4) ----
+
+/// Cotangent of the angle at p between q and r, kept within ±100: angles below 0.6 degrees say
+/// more about the triangulation than about the surface.
+inline double cotangent(const Vec3& p, const Vec3& q, const Vec3& r) {
+  const Vec3 u = q - p, v = r - p;
+  const double sine = u.cross(v).norm();
+  return (std::max)(-100.0, (std::min)(100.0, u.dot(v) / (std::max)(sine, 1e-300)));
+}
+
+/// Voronoi areas of the vertices, safe for obtuse triangles [Meyer et al. 2003].
+inline Array<double> vertex_areas(const Surface& s) {
+  Array<double> mass(s.mesh.n_vertices, 0);
+  for (int f = 0; f < s.mesh.n_faces; ++f) {
+    std::array<Vec3, 3> p;
+    std::array<double, 3> cot;
+    for (int k = 0; k < 3; ++k)
+      p[static_cast<std::size_t>(k)] = s.vertices.row(s.mesh.corner(f, k));
+    for (std::size_t k = 0; k < 3; ++k) cot[k] = cotangent(p[k], p[(k + 1) % 3], p[(k + 2) % 3]);
+    const bool obtuse = cot[0] < 0 || cot[1] < 0 || cot[2] < 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
+      const double voronoi =
+          (cot[i] * (p[k] - p[j]).squaredNorm() + cot[j] * (p[k] - p[i]).squaredNorm()) / 8;
+      mass[s.mesh.corner(f, static_cast<int>(k))] +=
+          !obtuse ? voronoi : s.area[f] * (cot[k] < 0 ? 0.5 : 0.25);
+    }
+  }
+  return mass;
+}
+
+/// One row of a sparse matrix: (column, value), ascending.
+using SparseRow = std::vector<std::pair<int, double>>;
+
+/// The cotangent Laplacian without the division by areas; rows sum to zero.
+inline Array<SparseRow> cotangent_matrix(const Surface& s) {
+  Array<SparseRow> rows(s.mesh.n_vertices);
+  const auto add = [&](int u, int v, double value) {
+    for (auto& entry : rows[u])
+      if (entry.first == v) return void(entry.second += value);
+    rows[u].push_back({v, value});
+  };
+  for (int h = 0; h < s.mesh.tail.size(); ++h) {
+    const int u = s.mesh.tail[h], v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
+    const double half =
+        0.5 * cotangent(s.vertices.row(w), s.vertices.row(u), s.vertices.row(v));
+    add(u, v, -half), add(v, u, -half);
+    add(u, u, half), add(v, v, half);
+  }
+  for (SparseRow& row : rows) std::sort(row.begin(), row.end());
+  return rows;
+}
+
+/// Lᵀ M L = C M⁻¹ C on within_pattern(pair, 2), C the cotangent matrix; one number per block, both
+/// coordinates are treated alike. Scaled by the mean area, so that ω_L has no unit.
+inline Array<double> squared_laplacian(const SurfacePair& pair, const BlockPattern& pattern) {
+  Array<double> Q(pattern.blocks(), 0);
+  for (const Surface* s : {&pair.a, &pair.b}) {
+    const int first = s == &pair.a ? 0 : pair.n_a();
+    const Array<SparseRow> C = cotangent_matrix(*s);
+    const Array<double> mass = vertex_areas(*s);
+    const double scale = 0.5 * pair.total_area();
+    for (int k = 0; k < s->mesh.n_vertices; ++k)
+      for (const auto& u : C[k])
+        for (const auto& v : C[k])
+          if (u.first <= v.first)
+            Q[find_block(pattern, first + u.first, first + v.first)] +=
+                scale * u.second * v.second / mass[k];
+  }
+  return Q;
+}
+
+// ---- the blended system (§5.3) ----
+
+/// H_+ and ω-independent part of the preconditioner on one pattern, and the right-hand side.
+struct LinearSystem {
+  BlockPattern pattern;
+  BlockValues H, Q;
+  Eigen::VectorXd gradient;
+};
+
+/// A scalar unknown that is removed (§4.6).
+struct FixedUnknown {
+  int vertex;      // row
+  int coordinate;  // 0 or 1
+};
+
+/// Blends the models of the last iterations, newest first, with weights decay^k (normalised), and
+/// adds the preconditioner's pattern.
+class SystemBuilder {
+ public:
+  SystemBuilder(const SurfacePair& pair, bool precondition, const Executor& executor)
+      : one_ring_(within_pattern({&pair.a, &pair.b}, 1)),
+        within_(precondition ? within_pattern({&pair.a, &pair.b}, 2) : one_ring_),
+        n_a_(pair.n_a()),
+        n_b_(pair.n_b()),
+        executor_(executor) {
+    for (int r = 0; r < one_ring_.rows(); ++r)
+      for (int b = one_ring_.start[r]; b < one_ring_.start[r + 1]; ++b)
+        place_.push_back(find_block(within_, r, one_ring_.column[b]) - within_.start[r]);
+    if (precondition) laplacian_ = squared_laplacian(pair, within_);
+  }
+
+  const BlockPattern& one_ring() const { return one_ring_; }
+
+  LinearSystem blend(const Array<QuadraticModel>& history, double decay) const {
+    Array<double> weight(history.size());
+    double sum = 0;
+    for (int k = 0; k < history.size(); ++k) sum += weight[k] = std::pow(decay, k);
+    for (double& w : weight) w /= sum;
+    LinearSystem system;
+    system.gradient.setZero(2 * (n_a_ + n_b_));
+    for (int k = 0; k < history.size(); ++k) system.gradient += weight[k] * history[k].gradient;
+    system.pattern = union_pattern(history);
+    system.H.resize(system.pattern.blocks());
+    system.Q.resize(laplacian_.empty() ? 0 : system.pattern.blocks());
+    executor_.run_blocks(n_a_ + n_b_, kBlock, [&](int begin, int end) {
+      for (int r = begin; r < end; ++r) fill_row(history, weight, r, system);
+    });
+    return system;
+  }
+
+ private:
+  static constexpr int kBlock = 256;  // rows per task
+
+  /// Row r: the fixed couplings within a mesh, then, for vertices of A, the union over the
+  /// history of its couplings with B.
+  BlockPattern union_pattern(const Array<QuadraticModel>& history) const {
+    Array<Array<int>> columns((n_a_ + kBlock - 1) / kBlock), counts(columns.size());
+    executor_.run_blocks(n_a_, kBlock, [&](int begin, int end) {
+      Array<int> mark(n_b_, -1);
+      for (int r = begin; r < end; ++r)
+        union_row(history, r, mark, columns[begin / kBlock], counts[begin / kBlock]);
+    });
+    BlockPattern pattern;
+    pattern.start.push_back(0);
+    for (int r = 0; r < n_a_ + n_b_; ++r) {
+      for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
+        pattern.column.push_back(within_.column[b]);
+      if (r < n_a_) {
+        const Array<int>& ends = counts[r / kBlock];
+        const int begin = r % kBlock == 0 ? 0 : ends[r % kBlock - 1];
+        for (int i = begin; i < ends[r % kBlock]; ++i)
+          pattern.column.push_back(n_a_ + columns[r / kBlock][i]);
+      }
+      pattern.start.push_back(pattern.blocks());
+    }
+    return pattern;
+  }
+
+  static void union_row(const Array<QuadraticModel>& history, int r, Array<int>& mark,
+                        Array<int>& columns, Array<int>& ends) {
+    const int begin = columns.size();
+    for (const QuadraticModel& model : history)
+      for (int b = model.between.start[r]; b < model.between.start[r + 1]; ++b) {
+        const int v = model.between.column[b];
+        if (mark[v] == r) continue;
+        mark[v] = r;
+        columns.push_back(v);
+      }
+    std::sort(columns.begin() + begin, columns.end());
+    ends.push_back(columns.size());
+  }
+
+  void fill_row(const Array<QuadraticModel>& history, const Array<double>& weight, int r,
+                LinearSystem& system) const {
+    const int begin = system.pattern.start[r], end = system.pattern.start[r + 1];
+    for (int b = begin; b < end; ++b) system.H[b].setZero();
+    for (int k = 0; k < history.size(); ++k) {
+      for (int b = one_ring_.start[r]; b < one_ring_.start[r + 1]; ++b)
+        system.H[begin + place_[b]] += weight[k] * history[k].within[b];
+      if (r >= n_a_) continue;
+      const CouplingBlocks& between = history[k].between;
+      int at = begin + within_.start[r + 1] - within_.start[r];
+      for (int b = between.start[r]; b < between.start[r + 1]; ++b) {
+        while (system.pattern.column[at] != n_a_ + between.column[b]) ++at;
+        system.H[at] += weight[k] * between.value[b];
+      }
+    }
+    if (laplacian_.empty()) return;
+    for (int b = begin; b < end; ++b) system.Q[b].setZero();
+    for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
+      system.Q[begin + b - within_.start[r]].diagonal().setConstant(laplacian_[b]);
+  }
+
+  BlockPattern one_ring_;
+  BlockPattern within_;  // one or two rings
+  Array<int> place_;     // of a one-ring block within its row of within_
+  Array<double> laplacian_;
+  int n_a_, n_b_;
+  const Executor& executor_;
+};
+
+/// Removes unknowns from a system (§4.6): unit rows and columns, so their step is 0.
+inline void eliminate(const std::vector<FixedUnknown>& fixed, LinearSystem& system) {
+  for (int r = 0; r < system.pattern.rows(); ++r)
+    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b)
+      for (const FixedUnknown& u : fixed) {
+        const int c = system.pattern.column[b];
+        for (BlockValues* values : {&system.H, &system.Q}) {
+          if (values->empty()) continue;
+          if (r == u.vertex) (*values)[b].row(u.coordinate).setZero();
+          if (c == u.vertex) (*values)[b].col(u.coordinate).setZero();
+        }
+        if (r == c && r == u.vertex) system.H[b](u.coordinate, u.coordinate) = 1;
+      }
+  for (const FixedUnknown& u : fixed) system.gradient(2 * u.vertex + u.coordinate) = 0;
+}
+
+// ---- step bound (§5.2; Smith and Schaefer 2015) ----
+
+/// Smallest s > 0 at which the triangle p + s d loses its area: first root of
+/// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv).
+inline double triangle_max_step(const Vec2& u, const Vec2& v, const Vec2& du, const Vec2& dv) {
+  const double c = cross(u, v), b = cross(u, dv) + cross(du, v), a = cross(du, dv);
+  const double discriminant = b * b - 4 * a * c;
+  if (!(discriminant >= 0)) return kInfinity;
+  const double root = std::sqrt(discriminant);
+  if (b < 0) return 2 * c / (root - b);
+  return a < 0 ? -(b + root) / (2 * a) : kInfinity;
+}
+
+/// s_max over all triangles of a mesh.
+inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Points2& d) {
+  double s = kInfinity;
+  for (int f = 0; f < m.n_faces; ++f) {
+    const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
+    s = (std::min)(s, triangle_max_step(row2(x, j) - row2(x, i), row2(x, k) - row2(x, i),
+                                        row2(d, j) - row2(d, i), row2(d, k) - row2(d, i)));
+  }
+  return s;
+}
+
+/// x + s d with tiny coordinates made zero, as the predicates want them.
+inline Points2 moved(const Points2& x, const Points2& d, double s) {
+  return (x + s * d).unaryExpr([](double c) { return flush_tiny(c); });
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [11] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
+//
+// Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
+//             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
+//             below what doubles resolve; so the mesh is decimated, the coarse mesh is embedded by
+//             Tutte's theorem, and its vertices return in the reverse order, relaxed on the way
+//             [Hormann and Greiner 2000; Tutte 1963].
+// Invariants: after every vertex that returns and every step the embedding is injective, exactly.
+// Fails:      if rounding leaves no room for a vertex; the status names it.
+
+namespace ism {
+namespace detail {
+
+// ---- decimation by half-edge collapses ----
+
+/// Vertex u was moved onto its neighbour v. Undone by giving the changed faces back to u and
+/// reviving the dead ones.
+struct Collapse {
+  int u = -1, v = -1;
+  Array<int> dead, changed;
+};
+
+/// A triangle mesh under decimation: faces keep their ids, dead faces keep their corners.
+struct DynamicMesh {
+  Array<std::array<int, 3>> face;
+  Array<char> alive;                      // per face
+  Array<Array<int>> faces_of;             // per vertex, living faces
+  Array<int> boundary_next, boundary_prev;  // per vertex, -1 off the boundary
+  int boundary_length = 0;
+
+  explicit DynamicMesh(const HalfEdgeMesh& m)
+      : face(m.n_faces),
+        alive(m.n_faces, 1),
+        faces_of(m.n_vertices),
+        boundary_next(m.n_vertices, -1),
+        boundary_prev(m.n_vertices, -1),
+        boundary_length(m.boundary.size()) {
+    for (int f = 0; f < m.n_faces; ++f) {
+      face[f] = {m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)};
+      for (int v : face[f]) faces_of[v].push_back(f);
+    }
+    for (int h : m.boundary) {
+      boundary_next[m.tail[h]] = m.tip(h);
+      boundary_prev[m.tip(h)] = m.tail[h];
+    }
+  }
+
+  bool on_boundary(int v) const { return boundary_next[v] >= 0; }
+  bool has(int f, int v) const {
+    return face[f][0] == v || face[f][1] == v || face[f][2] == v;
+  }
+
+  /// The neighbours of u, each once, ascending.
+  Array<int> neighbours(int u) const {
+    Array<int> ring;
+    for (int f : faces_of[u])
+      for (int v : face[f])
+        if (v != u) ring.push_back(v);
+    std::sort(ring.begin(), ring.end());
+    ring.resize(static_cast<int>(std::unique(ring.begin(), ring.end()) - ring.begin()));
+    return ring;
+  }
+
+  /// The link condition: collapsing u onto v leaves a disk.
+  bool may_collapse(int u, int v, const Array<int>& ring_u) const {
+    const bool along = boundary_next[u] == v || boundary_prev[u] == v;
+    if (on_boundary(u) && (!along || boundary_length <= 3)) return false;
+    const Array<int> ring_v = neighbours(v);
+    Array<int> common;
+    std::set_intersection(ring_u.begin(), ring_u.end(), ring_v.begin(), ring_v.end(),
+                          std::back_inserter(common));
+    return common.size() == (along ? 1 : 2);
+  }
+
+  Collapse collapse(int u, int v) {
+    Collapse c;
+    c.u = u, c.v = v;
+    for (int f : faces_of[u]) (has(f, v) ? c.dead : c.changed).push_back(f);
+    for (int f : c.dead) {
+      alive[f] = 0;
+      for (int w : face[f])
+        if (w != u) erase(faces_of[w], f);
+    }
+    for (int f : c.changed) {
+      std::replace(face[f].begin(), face[f].end(), u, v);
+      faces_of[v].push_back(f);
+    }
+    faces_of[u].clear();
+    if (on_boundary(u)) link(boundary_prev[u], boundary_next[u]), --boundary_length;
+    return c;
+  }
+
+  void undo(const Collapse& c) {
+    for (int f : c.changed) {
+      erase(faces_of[c.v], f);
+      std::replace(face[f].begin(), face[f].end(), c.v, c.u);
+      faces_of[c.u].push_back(f);
+    }
+    for (int f : c.dead) {
+      alive[f] = 1;
+      for (int w : face[f]) faces_of[w].push_back(f);
+    }
+    if (!on_boundary(c.u)) return;
+    link(boundary_prev[c.u], c.u);
+    link(c.u, boundary_next[c.u]);
+    ++boundary_length;
+  }
+
+ private:
+  void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
+  static void erase(Array<int>& faces, int f) {
+    faces.resize(static_cast<int>(std::remove(faces.begin(), faces.end(), f) - faces.begin()));
+  }
+};
+
+/// Chooses the collapses: the error quadric of Garland and Heckbert 1997 plus a little of the edge
+/// length, cheapest first. Protected vertices go last.
+class Decimation {
+ public:
+  Decimation(const Surface& s, const Array<char>& is_protected, DynamicMesh& mesh)
+      : s_(s), protected_(is_protected), mesh_(mesh), version_(s.mesh.n_vertices, 0) {
+    compute_quadrics();
+  }
+
+  /// Collapses until at most `target` vertices are left, first with, then without regard to the
+  /// shape of triangles.
+  Array<Collapse> run(int target) {
+    Array<Collapse> collapses;
+    int active = s_.mesh.n_vertices;
+    for (bool keep_shape : {true, false}) {
+      keep_shape_ = keep_shape;
+      queue_ = {};
+      for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
+      while (active > target && !queue_.empty()) {
+        const Candidate c = queue_.top();
+        queue_.pop();
+        if (c.version != version_[c.u]) continue;
+        const Array<int> ring = mesh_.neighbours(c.u);
+        if (!mesh_.may_collapse(c.u, c.v, ring)) {  // the ring of v has changed since
+          push(c.u);
+          continue;
+        }
+        quadric_[c.v] += quadric_[c.u];
+        collapses.push_back(mesh_.collapse(c.u, c.v));
+        ++version_[c.u];
+        --active;
+        for (int w : ring) push(w);
+      }
+    }
+    return collapses;
+  }
+
+ private:
+  struct Candidate {
+    double cost;
+    int u, v, version;
+    bool operator<(const Candidate& o) const {  // a priority queue gives the largest first
+      return cost != o.cost ? cost > o.cost : u > o.u;
+    }
+  };
+  using Quadric = Eigen::Matrix4d;
+
+  Vec3 point(int v) const { return s_.vertices.row(v); }
+
+  void add_plane(int v, const Vec3& normal, const Vec3& p, double weight) {
+    Eigen::Vector4d plane;
+    plane << normal, -normal.dot(p);
+    quadric_[v] += weight * plane * plane.transpose();
+  }
+
+  void compute_quadrics() {
+    const HalfEdgeMesh& m = s_.mesh;
+    quadric_.assign(m.n_vertices, Quadric::Zero());
+    for (int h = 0; h < m.tail.size(); ++h) {
+      const Vec3 p = point(m.tail[h]), q = point(m.tip(h)), r = point(m.tail[prev(h)]);
+      const Vec3 normal = (q - p).cross(r - p).normalized();
+      add_plane(m.tail[h], normal, p, s_.area[h / 3]);
+      if (m.twin[h] >= 0) continue;
+      const Vec3 side = normal.cross(q - p).normalized();
+      for (int v : {m.tail[h], m.tip(h)}) add_plane(v, side, p, (q - p).squaredNorm());
+    }
+  }
+
+  void push(int u) {
+    ++version_[u];
+    Candidate best{kInfinity, u, -1, version_[u]};
+    const Array<int> ring = mesh_.neighbours(u);
+    for (int v : ring) {
+      const double cost = collapse_cost(u, v);
+      if (cost < best.cost && mesh_.may_collapse(u, v, ring) && shape_allows(u, v)) {
+        best.cost = cost;
+        best.v = v;
+      }
+    }
+    if (best.v >= 0) queue_.push(best);
+  }
+
+  double collapse_cost(int u, int v) const {
+    constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
+    constexpr double kProtected = 1e6;  // times the area of the surface
+    const Eigen::Vector4d target = point(v).homogeneous();
+    const double length2 = (point(u) - point(v)).squaredNorm();
+    const double cost = target.dot(quadric_[u] * target) + kLength * length2 * length2;
+    return cost + (protected_[u] ? kProtected * s_.total_area * s_.total_area : 0);
+  }
+
+  bool shape_allows(int u, int v) const {
+    constexpr double kTurn = 0.2;       // least cosine between old and new normal
+    constexpr double kQuality = 0.15;   // least 4√3 area / Σ length² unless it was worse before
+    constexpr double kThinnest = 1e-5;  // and always
+    for (int f : mesh_.faces_of[u]) {
+      if (mesh_.has(f, v)) continue;
+      std::array<int, 3> after = mesh_.face[f];
+      const Vec3 n0 = normal(after);
+      const double q0 = quality(after);
+      std::replace(after.begin(), after.end(), u, v);
+      const Vec3 n1 = normal(after);
+      const double q1 = quality(after);
+      if (q1 < kThinnest) return false;
+      if (!keep_shape_) continue;
+      if (n0.dot(n1) < kTurn * n0.norm() * n1.norm() || q1 < (std::min)(kQuality, q0)) return false;
+    }
+    return true;
+  }
+
+  Vec3 normal(const std::array<int, 3>& t) const {
+    return (point(t[1]) - point(t[0])).cross(point(t[2]) - point(t[0]));
+  }
+
+  double quality(const std::array<int, 3>& t) const {
+    const double sum = (point(t[1]) - point(t[0])).squaredNorm() +
+                       (point(t[2]) - point(t[1])).squaredNorm() +
+                       (point(t[0]) - point(t[2])).squaredNorm();
+    return 2 * std::sqrt(3.0) * normal(t).norm() / sum;
+  }
+
+  const Surface& s_;
+  const Array<char>& protected_;
+  DynamicMesh& mesh_;
+  Array<Quadric> quadric_;
+  Array<int> version_;
+  std::priority_queue<Candidate> queue_;
+  bool keep_shape_ = true;
+};
+
+// ---- symmetric Dirichlet energy of one or two embeddings, minimised by projected Newton ----
+
+/// A penalty weight · |p - q|² between vertex a of the first and b of the second surface.
+struct Spring {
+  int a, b;
+  double weight;
+};
+
+/// Embeddings of one or two surfaces that are relaxed together.
+struct FlatProblem {
+  std::vector<const Surface*> surfaces;
+  std::vector<Spring> springs;
+};
+
+class FlatNewton {
+ public:
+  FlatNewton(const FlatProblem& problem, const Executor& executor)
+      : problem_(problem), executor_(executor) {
+    pattern_ = within_pattern(problem.surfaces, 1);
+    if (!problem.springs.empty()) add_springs_to_pattern();
+  }
+
+  /// At most `most` steps, until one lowers the energy by less than `tolerance` of it.
+  void minimize(int most, double tolerance, std::vector<Points2>& x) {
+    double energy = value(x);
+    for (int i = 0; i < most; ++i) {
+      const double before = energy;
+      if (!step(x, energy) || before - energy < tolerance * energy) return;
+    }
+  }
+
+  double value(const std::vector<Points2>& x) const {
+    double energy = 0;
+    Array<Eigen::Matrix2d> J;
+    for (std::size_t k = 0; k < x.size(); ++k)
+      energy += embedding_energy(*problem_.surfaces[k], x[k], J);
+    for (const Spring& s : problem_.springs)
+      energy += s.weight * (row2(x[0], s.a) - row2(x[1], s.b)).squaredNorm();
+    return energy;
+  }
+
+ private:
+  int first_row(std::size_t k) const {
+    return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices;
+  }
+
+  void add_springs_to_pattern() {
+    std::vector<std::pair<int, int>> extra;
+    for (const Spring& s : problem_.springs) extra.push_back({s.a, first_row(1) + s.b});
+    std::sort(extra.begin(), extra.end());
+    extra.erase(std::unique(extra.begin(), extra.end()), extra.end());
+    BlockPattern all;
+    all.start.push_back(0);
+    auto next = extra.begin();
+    for (int r = 0; r < pattern_.rows(); ++r) {
+      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b)
+        all.column.push_back(pattern_.column[b]);
+      for (; next != extra.end() && next->first == r; ++next) all.column.push_back(next->second);
+      all.start.push_back(all.blocks());
+    }
+    pattern_ = all;
+  }
+
+  /// One projected Newton step with backtracking; false if nothing was gained.
+  bool step(std::vector<Points2>& x, double& energy) {
+    constexpr int kMostTrials = 30;
+    assemble(x);
+    Points2 positions(pattern_.rows(), 2);
+    for (std::size_t k = 0; k < x.size(); ++k)
+      positions.middleRows(first_row(k), x[k].rows()) = x[k];
+    const LdltSymbolic symbolic = NestedDissection(pattern_, positions).build();
+    Array<ShiftedMatrix> matrix(1);
+    matrix[0].H = &hessian_;
+    ldlt_factorize(symbolic, matrix, executor_, factors_);
+    if (!factors_[0].ok) return false;
+    const Eigen::VectorXd d = ldlt_solve(symbolic, factors_[0], -gradient_);
+    const double slope = gradient_.dot(d);
+    if (!(slope < 0)) return false;
+    std::vector<Points2> direction(x.size());
+    double s = 1;
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
+                                                                               pattern_.rows());
+      direction[k] = columns.middleCols(first_row(k), x[k].rows()).transpose();
+      s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
+    }
+    for (int i = 0; i < kMostTrials; ++i, s *= 0.6)
+      if (try_step(direction, s, slope, x, energy)) return true;
+    return false;
+  }
+
+  bool try_step(const std::vector<Points2>& direction, double s, double slope,
+                std::vector<Points2>& x, double& energy) const {
+    std::vector<Points2> y(x.size());
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      y[k] = moved(x[k], direction[k], s);
+      if (!is_injective(problem_.surfaces[k]->mesh, y[k])) return false;
+    }
+    const double e = value(y);
+    if (!(e <= energy + 1e-4 * s * slope)) return false;
+    x = y;
+    energy = e;
+    return true;
+  }
+
+  void assemble(const std::vector<Points2>& x) {
+    gradient_.setZero(2 * pattern_.rows());
+    hessian_.assign(pattern_.blocks(), Eigen::Matrix2d::Zero());
+    for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
+    for (const Spring& s : problem_.springs) {
+      const int i = s.a, j = first_row(1) + s.b;
+      const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
+      gradient_.segment<2>(2 * i) += force;
+      gradient_.segment<2>(2 * j) -= force;
+      const Eigen::Matrix2d stiffness = 2 * s.weight * Eigen::Matrix2d::Identity();
+      hessian_[find_block(pattern_, i, i)] += stiffness;
+      hessian_[find_block(pattern_, j, j)] += stiffness;
+      hessian_[find_block(pattern_, i, j)] -= stiffness;
+    }
+  }
+
+  void assemble_surface(std::size_t k, const Points2& x) {
+    constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
+    const Surface& s = *problem_.surfaces[k];
+    terms_.resize(s.mesh.n_faces);
+    executor_.run_blocks(s.mesh.n_faces, 256, [&](int begin, int end) {
+      for (int f = begin; f < end; ++f) {
+        terms_[f] = triangle_derivatives(triangle_jacobian(s, x, f), s.rest_inverse[f], s.area[f]);
+        project_spd<6>(terms_[f].hessian, kEpsilon);
+      }
+    });
+    for (int f = 0; f < s.mesh.n_faces; ++f)
+      for (int i = 0; i < 3; ++i) {
+        const int u = first_row(k) + s.mesh.corner(f, i);
+        gradient_.segment<2>(2 * u) += terms_[f].gradient.segment<2>(2 * i);
+        for (int j = 0; j < 3; ++j) {
+          const int v = first_row(k) + s.mesh.corner(f, j);
+          if (u <= v)
+            hessian_[find_block(pattern_, u, v)] += terms_[f].hessian.block<2, 2>(2 * i, 2 * j);
+        }
+      }
+  }
+
+  const FlatProblem& problem_;
+  const Executor& executor_;
+  BlockPattern pattern_;
+  BlockValues hessian_;
+  Eigen::VectorXd gradient_;
+  Array<TriangleDerivatives> terms_;
+  Array<LdltFactor> factors_;
+};
+
+// ---- one surface across all resolutions ----
+
+/// The vertices and faces present at one resolution, renumbered.
+struct Level {
+  Surface surface;
+  Array<int> vertex;  // its vertices in the full mesh
+  Array<int> place;   // and back, -1 for vertices that are absent
+};
+
+/// Clips a convex polygon by the half-plane left of p → q.
+inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, const Vec2& q) {
+  std::vector<Vec2> result;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vec2 a = polygon[i], b = polygon[(i + 1) % polygon.size()];
+    const double side_a = cross(q - p, a - p), side_b = cross(q - p, b - p);
+    if (side_a >= 0) result.push_back(a);
+    if ((side_a > 0 && side_b < 0) || (side_a < 0 && side_b > 0))
+      result.push_back(a + side_a / (side_a - side_b) * (b - a));
+  }
+  return result;
+}
+
+class Hierarchy {
+ public:
+  static constexpr int kBase = 50;  // vertices of the coarsest mesh
+
+  Hierarchy(const Surface& s, const Array<char>& is_protected)
+      : s_(s), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
+    collapses_ = Decimation(s, is_protected, mesh_).run(kBase);
+  }
+
+  int active() const { return s_.mesh.n_vertices - collapses_.size(); }
+  bool is_full() const { return collapses_.empty(); }
+
+  /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
+  /// mean of its neighbours.
+  bool embed_base() {
+    const Level level = current();
+    const HalfEdgeMesh& m = level.surface.mesh;
+    Eigen::MatrixXd L = Eigen::MatrixXd::Zero(m.n_vertices, m.n_vertices);
+    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(m.n_vertices, 2);
+    for (int h = 0; h < m.tail.size(); ++h) {
+      const int u = m.tail[h], v = m.tip(h);
+      if (m.on_boundary(u)) continue;
+      L(u, u) += 1;
+      L(u, v) -= 1;
+    }
+    const double radius = std::sqrt(s_.total_area / 3.14159265358979323846);
+    for (int i = 0; i < m.boundary.size(); ++i) {
+      const int u = m.tail[m.boundary[i]];
+      const double angle = 2 * 3.14159265358979323846 * i / m.boundary.size();
+      L(u, u) = 1;
+      rhs.row(u) << radius * std::cos(angle), radius * std::sin(angle);
+    }
+    const Points2 x = L.partialPivLu().solve(rhs);
+    if (!is_injective(m, x)) return false;
+    set(level, x);
+    return true;
+  }
+
+  Level current() const {
+    Level level;
+    level.place.assign(s_.mesh.n_vertices, -1);
+    for (int v = 0; v < s_.mesh.n_vertices; ++v) {
+      if (mesh_.faces_of[v].empty()) continue;
+      level.place[v] = level.vertex.size();
+      level.vertex.push_back(v);
+    }
+    int n_faces = 0;
+    for (char alive : mesh_.alive) n_faces += alive;
+    TriangleMesh compact;
+    compact.vertices.resize(level.vertex.size(), 3);
+    compact.triangles.resize(n_faces, 3);
+    for (int i = 0; i < level.vertex.size(); ++i)
+      compact.vertices.row(i) = s_.vertices.row(level.vertex[i]);
+    for (int f = 0, row = 0; f < mesh_.face.size(); ++f)
+      if (mesh_.alive[f]) {
+        for (int k = 0; k < 3; ++k)
+          compact.triangles(row, k) = level.place[mesh_.face[f][static_cast<std::size_t>(k)]];
+        ++row;
+      }
+    level.surface = build_surface(compact, true);
+    return level;
+  }
+
+  Points2 positions(const Level& level) const {
+    Points2 x(level.vertex.size(), 2);
+    for (int i = 0; i < level.vertex.size(); ++i) x.row(i) = x_.row(level.vertex[i]);
+    return x;
+  }
+  void set(const Level& level, const Points2& x) {
+    for (int i = 0; i < level.vertex.size(); ++i) x_.row(level.vertex[i]) = x.row(i);
+  }
+  const Points2& positions() const { return x_; }
+  void move(const Eigen::Matrix<double, 2, 3>& motion) {
+    x_ = (x_ * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
+  }
+
+  /// Brings vertices back until `target` are present; the id of one without room, or -1.
+  int refine(int target) {
+    while (!is_full() && active() < target) {
+      const Collapse c = collapses_.back();
+      collapses_.pop_back();
+      mesh_.undo(c);
+      if (!place(c.u, c.v)) return c.u;
+    }
+    return -1;
+  }
+
+ private:
+  /// The opposite edge p → q of vertex u in a face.
+  std::pair<int, int> opposite(int f, int u) const {
+    const auto& t = mesh_.face[f];
+    const std::size_t k = t[0] == u ? 0 : t[1] == u ? 1 : 2;
+    return {t[(k + 1) % 3], t[(k + 2) % 3]};
+  }
+
+  /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
+  /// so points between v and the centre of the kernel are in the kernel too.
+  bool place(int u, int v) {
+    constexpr int kMostHalvings = 60;
+    const Vec2 center = kernel_center(u);
+    const Vec2 corner = row2(x_, v);
+    double t = 1;
+    for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
+      x_.row(u) = (corner + t * (center - corner)).transpose();
+      if (!fits(u)) continue;
+      relax(u);
+      return true;
+    }
+    return false;
+  }
+
+  Vec2 kernel_center(int u) const {
+    Vec2 lo = Vec2::Constant(kInfinity), hi = -lo;
+    for (int f : mesh_.faces_of[u]) {
+      const auto edge = opposite(f, u);
+      for (int w : {edge.first, edge.second}) {
+        lo = lo.cwiseMin(row2(x_, w));
+        hi = hi.cwiseMax(row2(x_, w));
+      }
+    }
+    const Vec2 margin = Vec2::Constant(mesh_.on_boundary(u) ? 0.5 * (hi - lo).maxCoeff() : 0);
+    lo -= margin, hi += margin;
+    std::vector<Vec2> kernel = {lo, Vec2(hi.x(), lo.y()), hi, Vec2(lo.x(), hi.y())};
+    for (int f : mesh_.faces_of[u]) {
+      const auto edge = opposite(f, u);
+      const std::vector<Vec2> rest =
+          clip(kernel, row2(x_, edge.first), row2(x_, edge.second));
+      if (rest.size() >= 3) kernel = rest;  // else rounding: keep what there is
+    }
+    Vec2 center = Vec2::Zero();
+    for (const Vec2& p : kernel) center += p / static_cast<double>(kernel.size());
+    return center;
+  }
+
+  /// True if all triangles of u are positive and the boundary stays simple.
+  bool fits(int u) const {
+    for (int c = 0; c < 2; ++c)
+      if (x_(u, c) != flush_tiny(x_(u, c))) return false;
+    for (int f : mesh_.faces_of[u]) {
+      const auto edge = opposite(f, u);
+      if (!(orient2d(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second)) > 0)) return false;
+    }
+    return !mesh_.on_boundary(u) || boundary_fits(u);
+  }
+
+  bool boundary_fits(int u) const {
+    const int before = mesh_.boundary_prev[u], after = mesh_.boundary_next[u];
+    const Vec2 p = row2(x_, before), q = row2(x_, u), r = row2(x_, after);
+    if (turns_back(p, q, r)) return false;
+    for (int w = after; w != before; w = mesh_.boundary_next[w]) {
+      const int z = mesh_.boundary_next[w];
+      const Vec2 s = row2(x_, w), t = row2(x_, z);
+      if (w == after ? turns_back(q, s, t) : segments_touch(q, r, s, t)) return false;
+      if (z == before ? turns_back(s, t, q) : segments_touch(p, q, s, t)) return false;
+    }
+    return true;
+  }
+
+  double ring_energy(int u, Vec2& gradient, Eigen::Matrix2d& hessian) const {
+    double energy = 0;
+    gradient.setZero();
+    hessian.setZero();
+    for (int f : mesh_.faces_of[u]) {
+      const auto edge = opposite(f, u);
+      const Vec3 a = s_.vertices.row(u), b = s_.vertices.row(edge.first);
+      const Vec3 c = s_.vertices.row(edge.second);
+      const Eigen::Matrix2d R = rest_frame(a, b, c), inverse = R.inverse();
+      Eigen::Matrix2d edges;
+      edges.col(0) = row2(x_, edge.first) - row2(x_, u);
+      edges.col(1) = row2(x_, edge.second) - row2(x_, u);
+      const TriangleDerivatives d =
+          triangle_derivatives(edges * inverse, inverse, 0.5 * R.determinant());
+      energy += d.value;
+      gradient += d.gradient.head<2>();
+      hessian += d.hessian.topLeftCorner<2, 2>();
+    }
+    return energy;
+  }
+
+  /// A few Newton steps of u alone.
+  void relax(int u) {
+    constexpr int kSteps = 6, kMostTrials = 12;
+    Vec2 gradient, unused;
+    Eigen::Matrix2d hessian, unused_hessian;
+    double energy = ring_energy(u, gradient, hessian);
+    for (int i = 0; i < kSteps; ++i) {
+      project_spd<2>(hessian, 1e-6 * hessian.norm());
+      const Vec2 d = -hessian.inverse() * gradient, from = row2(x_, u);
+      if (!d.allFinite()) return;
+      bool gained = false;
+      double s = 1;
+      for (int k = 0; k < kMostTrials && !gained; ++k, s *= 0.5) {
+        x_.row(u) = (from + s * d).transpose();
+        gained = fits(u) && ring_energy(u, unused, unused_hessian) < energy;
+      }
+      if (!gained) return void(x_.row(u) = from.transpose());
+      energy = ring_energy(u, gradient, hessian);
+    }
+  }
+
+  const Surface& s_;
+  DynamicMesh mesh_;
+  Points2 x_;
+  Array<Collapse> collapses_;
+};
+
+// ---- both surfaces ----
+
+/// Rotation and translation that bring the columns of `from` closest to those of `to`.
+inline Eigen::Matrix<double, 2, 3> rigid_fit(const Points2& from, const Points2& to) {
+  const Vec2 c0 = from.colwise().mean().transpose(), c1 = to.colwise().mean().transpose();
+  double along = 0, across = 0;
+  for (int i = 0; i < from.rows(); ++i) {
+    const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
+    along += p.dot(q);
+    across += cross(p, q);
+  }
+  const double angle = std::atan2(across, along);
+  Eigen::Matrix<double, 2, 3> motion;
+  motion << std::cos(angle), -std::sin(angle), 0, std::sin(angle), std::cos(angle), 0;
+  motion.col(2) = c1 - motion.leftCols<2>() * c0;
+  return motion;
+}
+
+class PairEmbedder {
+ public:
+  PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+               const Options& options)
+      : pair_(pair), landmarks_(landmarks), options_(options), executor_(options) {}
+
+  void run(Embedding& result) {
+    Array<char> lock_a(pair_.n_a(), 0), lock_b(pair_.n_b(), 0);
+    for (const Landmark& l : landmarks_) lock_a[l.a] = lock_b[l.b] = 1;
+    Hierarchy a(pair_.a, lock_a), b(pair_.b, lock_b);
+    if (!tell("decimated the meshes", result)) return;
+    if (!embed_alone(a, "A", result) || !embed_alone(b, "B", result)) return;
+    align(a, b);
+    if (!tie(a, b, result)) return;
+    result.f = a.positions();
+    result.g = b.positions();
+  }
+
+ private:
+  static constexpr int kCoarse = 800;  // vertices of the level where the planes meet
+
+  bool tell(const std::string& what, Embedding& result) const {
+    if (!options_.progress) return true;
+    Progress progress;
+    progress.phase = Progress::Phase::kEmbedding;
+    progress.what = what;
+    if (options_.progress(progress)) return true;
+    result.status = Status::kCancelled;
+    return false;
+  }
+
+  bool fail(const std::string& message, int id, Embedding& result) const {
+    result.status = Status::kNumericalFailure;
+    result.message = message;
+    if (id >= 0) result.ids = {id};
+    return false;
+  }
+
+  bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
+    const int stuck = h.refine(2 * h.active());
+    return stuck < 0 ||
+           fail("no room for vertex " + std::to_string(stuck) + " of mesh " + name, stuck, result);
+  }
+
+  static bool is_coarse(const Hierarchy& h) { return h.active() < kCoarse && !h.is_full(); }
+
+  /// Embeds one surface freely up to the coarse level.
+  bool embed_alone(Hierarchy& h, const std::string& name, Embedding& result) const {
+    if (!h.embed_base()) return fail("Tutte's embedding of mesh " + name + " failed", -1, result);
+    while (true) {
+      const Level level = h.current();
+      std::vector<Points2> x = {h.positions(level)};
+      const FlatProblem problem = {{&level.surface}, {}};
+      FlatNewton(problem, executor_).minimize(30, 1e-3, x);
+      h.set(level, x[0]);
+      if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
+        return false;
+      if (!is_coarse(h)) return true;
+      if (!grow(h, name, result)) return false;
+    }
+  }
+
+  /// Moves the plane of A rigidly so that landmarks come as close as that allows.
+  void align(Hierarchy& a, const Hierarchy& b) const {
+    const int n = static_cast<int>(landmarks_.size());
+    Points2 from(n, 2), to(n, 2);
+    for (int i = 0; i < n; ++i) {
+      from.row(i) = a.positions().row(landmarks_[static_cast<std::size_t>(i)].a);
+      to.row(i) = b.positions().row(landmarks_[static_cast<std::size_t>(i)].b);
+    }
+    a.move(rigid_fit(from, to));
+  }
+
+  /// Pulls landmarks together, first gently on the coarse level, then on all finer ones.
+  bool tie(Hierarchy& a, Hierarchy& b, Embedding& result) const {
+    for (double weight : {1.0, 10.0, 100.0, 1000.0}) relax(a, b, weight);
+    while (!a.is_full() || !b.is_full()) {
+      if (!grow(a, "A", result) || !grow(b, "B", result)) return false;
+      relax(a, b, 1000);
+      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
+                    std::to_string(b.active()) + " vertices", result))
+        return false;
+    }
+    return true;
+  }
+
+  void relax(Hierarchy& a, Hierarchy& b, double weight) const {
+    const Level level_a = a.current(), level_b = b.current();
+    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}};
+    for (const Landmark& l : landmarks_)
+      problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
+                                 weight / static_cast<double>(landmarks_.size())});
+    std::vector<Points2> x = {a.positions(level_a), b.positions(level_b)};
+    FlatNewton(problem, executor_).minimize(30, 1e-3, x);
+    a.set(level_a, x[0]);
+    b.set(level_b, x[1]);
+  }
+
+  const SurfacePair& pair_;
+  const std::vector<Landmark>& landmarks_;
+  const Options& options_;
+  Executor executor_;
+};
+
+}  // namespace detail
+}  // namespace ism
+// ==== [12] STEP BOUND AND LINE SEARCH (paper §5.2; Smith and Schaefer 2015) ======================
+//
+// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
+//             decision which of them are injective and improve E enough.
+// Invariants: an accepted candidate is injective, decided exactly on the rounded positions.
+// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
+//             boundaries are in each other's way.
+
+namespace ism {
+namespace detail {
+
+/// A direction of descent for one ω_L.
+struct Direction {
+  double omega = 0;
+  Points2 f, g;
+  double slope = 0;       // gᵀd < 0
+  double max_step = 0;    // s_max
+  double first_step = 0;  // where backtracking starts
+};
+
+/// One trial of the line search.
+struct Trial {
+  int direction = 0;
+  double step = 0;
+  bool accepted = false;
+  Iterate x;
+};
+
+/// What a trial must satisfy besides injectivity.
+struct StepRules {
+  double armijo = 1e-4;
+  double max_coverage_loss = 0.05;  // as a fraction of either mesh
+};
+
+inline bool is_acceptable(const SurfacePair& pair, const StepRules& rules, const Iterate& from,
+                          const Direction& d, double step, const Iterate& to) {
+  return to.energy <= from.energy + rules.armijo * step * d.slope &&
+         from.area_a - to.area_a <= rules.max_coverage_loss * pair.a.total_area &&
+         from.area_b - to.area_b <= rules.max_coverage_loss * pair.b.total_area;
+}
+
+/// The steps of one block: 0.8^ℓ of the first step, and in the first block s = 1 (§5.2).
+inline void add_block(int direction, const Direction& d, int block,
+                      std::vector<std::pair<int, double>>& steps) {
+  constexpr int kBlockLength = 8;
+  constexpr double kShrink = 0.8;
+  for (int l = 0; l < kBlockLength; ++l)
+    steps.push_back({direction, d.first_step * std::pow(kShrink, block * kBlockLength + l)});
+  if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
+}
+
+/// Tries all directions side by side, block by block; the best acceptable trial of the first block
+/// that has one, or -1 (Algorithm 1, lines 17 to 24).
+inline int line_search(const SurfacePair& pair, const Weights& weights, const StepRules& rules,
+                       const Iterate& from, const Array<Direction>& directions,
+                       const Executor& executor, Array<Trial>& trials) {
+  constexpr int kMostBlocks = 10;
+  for (int block = 0; block < kMostBlocks; ++block) {
+    std::vector<std::pair<int, double>> steps;
+    for (int k = 0; k < directions.size(); ++k) add_block(k, directions[k], block, steps);
+    const int n = static_cast<int>(steps.size());
+    if (trials.size() < n) trials.resize(n);
+    executor.run(n, [&](int i) {
+      Trial& t = trials[i];
+      std::tie(t.direction, t.step) = steps[static_cast<std::size_t>(i)];
+      const Direction& d = directions[t.direction];
+      t.x.f = moved(from.f, d.f, t.step);
+      t.x.g = moved(from.g, d.g, t.step);
+      t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
+      if (!t.accepted) return;
+      evaluate(pair, weights, t.x);
+      t.accepted = is_acceptable(pair, rules, from, d, t.step, t.x);
+    });
+    int best = -1;
+    for (int i = 0; i < n; ++i)
+      if (trials[i].accepted && (best < 0 || trials[i].x.energy < trials[best].x.energy)) best = i;
+    if (best >= 0) return best;
+  }
+  return -1;
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
+//
+// Purpose:    minimises E from an injective start.
+// Invariants: every iterate is injective, decided exactly; E never grows.
+// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
+
+namespace ism {
+namespace detail {
+
+/// Numbers of edges from the boundary, breadth first.
+inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
+  Array<int> distance(m.n_vertices, -1);
+  std::vector<int> queue;
+  for (int h : m.boundary) {
+    distance[m.tail[h]] = 0;
+    queue.push_back(m.tail[h]);
+  }
+  for (std::size_t i = 0; i < queue.size(); ++i) {
+    const int u = queue[i], first = m.out[u];
+    for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h))
+      for (int v : {m.tip(h), m.tail[prev(h)]}) {
+        if (distance[v] >= 0) continue;
+        distance[v] = distance[u] + 1;
+        queue.push_back(v);
+      }
+  }
+  return distance;
+}
+
+/// Where g(B) is held to remove rigid motions (§4.6): the most central vertex goes to the origin,
+/// a boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
+struct Anchors {
+  int center = 0;
+  int rim = 0;
+};
+
+inline Anchors choose_anchors(const Surface& b) {
+  const Array<int> distance = boundary_distances(b.mesh);
+  Anchors anchors;
+  for (int v = 0; v < b.mesh.n_vertices; ++v)
+    if (distance[v] > distance[anchors.center]) anchors.center = v;
+  double farthest = -1;
+  for (int h : b.mesh.boundary) {
+    const int v = b.mesh.tail[h];
+    const double d = (b.vertices.row(v) - b.vertices.row(anchors.center)).norm();
+    if (v == anchors.center || d <= farthest) continue;
+    farthest = d;
+    anchors.rim = v;
+  }
+  return anchors;
+}
+
+/// Moves both planes rigidly so that the anchors are where they belong; false, and unchanged
+/// positions, if rounding would cost the injectivity of so thin an embedding.
+inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
+                            Points2& g) {
+  const Vec2 origin = row2(g, anchors.center);
+  const Vec2 axis = (row2(g, anchors.rim) - origin).normalized();
+  Eigen::Matrix2d to_axis;
+  to_axis << axis.x(), axis.y(), -axis.y(), axis.x();
+  const auto move = [&](const Points2& x) {
+    Points2 y = (x.rowwise() - origin.transpose()) * to_axis.transpose();
+    return Points2(y.unaryExpr([](double c) { return flush_tiny(c); }));
+  };
+  Points2 new_f = move(f), new_g = move(g);
+  new_g(anchors.rim, 1) = 0;
+  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return false;
+  f = new_f;
+  g = new_g;
+  return true;
+}
+
+inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
+  IterationLog log;
+  log.energy = x.energy;
+  log.map_energy = x.map_energy;
+  log.energy_f = x.energy_f;
+  log.energy_g = x.energy_g;
+  log.mean_distortion = x.map_energy / (x.area_a + x.area_b);
+  log.coverage_a = x.area_a / pair.a.total_area;
+  log.coverage_b = x.area_b / pair.b.total_area;
+  log.polygons = x.overlay.polygons.size();
+  return log;
+}
+
+/// Half the diagonal of the box around both embeddings.
+inline double domain_radius(const Points2& f, const Points2& g) {
+  const Vec2 lo = f.colwise().minCoeff().cwiseMin(g.colwise().minCoeff()).transpose();
+  const Vec2 hi = f.colwise().maxCoeff().cwiseMax(g.colwise().maxCoeff()).transpose();
+  return 0.5 * (hi - lo).norm();
+}
+
+class Optimizer {
+ public:
+  Optimizer(const SurfacePair& pair, const Options& options)
+      : pair_(pair),
+        options_(options),
+        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon},
+        rules_{1e-4, options.max_coverage_loss},
+        executor_(options),
+        systems_(pair, options.variant == Variant::kFull, executor_),
+        models_(pair, weights_, systems_.one_ring(), executor_),
+        history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
+        omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
+
+  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
+  void run(Result& result) {
+    start(result);
+    while (result.status == Status::kIterationLimit &&
+           static_cast<int>(result.log.size()) < options_.max_iterations) {
+      if (!iterate(result)) result.status = Status::kStalled;
+      else if (!report(result)) result.status = Status::kCancelled;
+      else if (converged(result)) result.status = Status::kConverged;
+    }
+    result.f = x_.f;
+    result.g = x_.g;
+  }
+
+ private:
+  void start(Result& result) {
+    const Anchors anchors = choose_anchors(pair_.b);
+    move_to_anchors(pair_, anchors, result.f, result.g);
+    fixed_ = {{pair_.n_a() + anchors.center, 0},
+              {pair_.n_a() + anchors.center, 1},
+              {pair_.n_a() + anchors.rim, 1}};
+    x_.f = result.f;
+    x_.g = result.g;
+    radius_ = domain_radius(x_.f, x_.g);
+    evaluate(pair_, weights_, x_);
+    result.initial = describe(pair_, x_);
+    result.status =
+        x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
+  }
+
+  /// One iteration; false if no step was found.
+  bool iterate(Result& result) {
+    IterationLog log;
+    Timer timer;
+    models_.differentiate(x_);  // lines 4 to 7
+    log.seconds_derivatives = timer.lap();
+    remember(models_.assemble(x_));  // lines 8 and 9
+    log.seconds_assembly = timer.lap();
+    int best = -1;
+    while (true) {
+      const Array<Direction> directions = find_directions(log);  // lines 10 to 16
+      timer.lap();
+      if (!directions.empty())
+        best = line_search(pair_, weights_, rules_, x_, directions, executor_, trials_);
+      log.seconds_search += timer.lap();
+      if (best >= 0) {
+        accept(directions[trials_[best].direction], trials_[best], log, result);
+        return true;
+      }
+      if (history_.size() == 1) return false;
+      reset_history(log);
+    }
+  }
+
+  void remember(QuadraticModel model) {
+    if (history_.size() == history_length_) history_.pop_back();
+    history_.insert_front(std::move(model));
+  }
+
+  void reset_history(IterationLog& log) {
+    history_.resize(1);
+    log.history_reset = true;
+  }
+
+  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
+  /// newest derivatives alone.
+  Array<Direction> find_directions(IterationLog& log) {
+    while (true) {
+      Timer timer;
+      LinearSystem system = systems_.blend(history_, options_.history_decay);
+      eliminate(fixed_, system);
+      log.seconds_assembly += timer.lap();
+      const Array<Direction> directions = solve(system);
+      log.seconds_solve += timer.lap();
+      const bool descend = std::all_of(directions.begin(), directions.end(),
+                                       [](const Direction& d) { return d.slope < 0; });
+      if (descend || history_.size() == 1) return descend ? directions : descending(directions);
+      reset_history(log);
+    }
+  }
+
+  static Array<Direction> descending(const Array<Direction>& directions) {
+    Array<Direction> result;
+    for (const Direction& d : directions)
+      if (d.slope < 0) result.push_back(d);
+    return result;
+  }
+
+  /// (H + ω Lᵀ M L) d = -g for ω/α, ω and α ω (§5.4).
+  Array<Direction> solve(const LinearSystem& system) {
+    Array<double> omegas(1, omega_);
+    if (options_.variant == Variant::kFull) {
+      omegas.push_back(omega_ / options_.omega_factor);
+      omegas.push_back(omega_ * options_.omega_factor);
+    }
+    Array<ShiftedMatrix> matrices;
+    for (double omega : omegas)
+      matrices.push_back({&system.H, system.Q.empty() ? nullptr : &system.Q, omega});
+    Points2 positions(pair_.rows(), 2);
+    positions << x_.f, x_.g;
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    ldlt_factorize(symbolic, matrices, executor_, factors_);
+    Array<Direction> directions(omegas.size());
+    executor_.run(omegas.size(), [&](int k) {
+      directions[k].omega = omegas[k];
+      if (factors_[k].ok) set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient),
+                                        directions[k]);
+    });
+    return directions;
+  }
+
+  void set_direction(const Eigen::VectorXd& d, Direction& direction) const {
+    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
+                                                                             d.size() / 2);
+    direction.f = columns.leftCols(pair_.n_a()).transpose();
+    direction.g = columns.rightCols(pair_.n_b()).transpose();
+    direction.slope = history_[0].gradient.dot(d);
+    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
+                                    max_step(pair_.b.mesh, x_.g, direction.g));
+    const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
+    direction.first_step = (std::min)(0.99 * direction.max_step,
+                                      options_.max_displacement * radius_ / longest);
+  }
+
+  void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
+    std::swap(x_, trial.x);
+    omega_ = direction.omega;
+    IterationLog state = describe(pair_, x_);
+    state.iteration = static_cast<int>(result.log.size()) + 1;
+    state.omega = direction.omega;
+    state.step = trial.step;
+    state.max_step = direction.max_step;
+    state.history_reset = log.history_reset;
+    state.seconds_derivatives = log.seconds_derivatives;
+    state.seconds_assembly = log.seconds_assembly;
+    state.seconds_solve = log.seconds_solve;
+    state.seconds_search = log.seconds_search;
+    result.log.push_back(state);
+  }
+
+  bool report(const Result& result) const {
+    if (!options_.progress) return true;
+    Progress progress;
+    progress.phase = Progress::Phase::kOptimization;
+    progress.what = "optimising the map";
+    progress.iteration = &result.log.back();
+    return options_.progress(progress);
+  }
+
+  /// Options::tolerance: the mean relative decrease per iteration over the window.
+  bool converged(const Result& result) const {
+    const int n = static_cast<int>(result.log.size()), w = options_.window;
+    if (n < w) return false;
+    const auto energy = [&](int i) {
+      return i == 0 ? result.initial.energy : result.log[static_cast<std::size_t>(i - 1)].energy;
+    };
+    const double scale = energy(n) + weights_.kappa * pair_.total_area();
+    return energy(n - w) - energy(n) < w * options_.tolerance * scale;
+  }
+
+  const SurfacePair& pair_;
+  const Options& options_;
+  Weights weights_;
+  StepRules rules_;
+  Executor executor_;
+  SystemBuilder systems_;
+  ModelBuilder models_;
+  int history_length_;
+  double omega_;
+  double radius_ = 1;
+  std::vector<FixedUnknown> fixed_;
+  Iterate x_;
+  Array<QuadraticModel> history_;  // newest first
+  Array<LdltFactor> factors_;
+  Array<Trial> trials_;
+};
+
+}  // namespace detail
+}  // namespace ism
+// ---- entry points ----
+
+namespace ism {
+namespace detail {
+
+/// Fills status, message and ids of an Embedding or a Result; returns false for `return fail(...)`.
+template <class Output>
+bool fail(Output& output, Status status, std::string message, std::vector<int> ids = {}) {
+  output.status = status;
+  output.message = std::move(message);
+  output.ids = std::move(ids);
+  return false;
+}
+
+template <class Output>
+bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
+  const std::vector<Problem> problems = validate(mesh);
+  if (problems.empty()) return true;
+  std::string message = std::string("mesh ") + name + ": " + problems[0].message;
+  if (problems.size() > 1)
+    message += " (and " + std::to_string(problems.size() - 1) + " more problems)";
+  return fail(output, Status::kInvalidMesh, message, problems[0].ids);
+}
+
+template <class Output>
+bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
+                     const std::vector<Landmark>& landmarks, Output& output) {
+  Array<char> used_a(static_cast<int>(a.vertices.rows()), 0);
+  Array<char> used_b(static_cast<int>(b.vertices.rows()), 0);
+  for (const Landmark& l : landmarks) {
+    const std::string name = "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) + ": ";
+    if (l.a < 0 || l.a >= used_a.size())
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "mesh A has no vertex " + std::to_string(l.a) + ", it has " +
+                      std::to_string(used_a.size()) + " vertices, counted from 0", {l.a});
+    if (l.b < 0 || l.b >= used_b.size())
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "mesh B has no vertex " + std::to_string(l.b) + ", it has " +
+                      std::to_string(used_b.size()) + " vertices, counted from 0", {l.b});
+    if (used_a[l.a]++)
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "vertex " + std::to_string(l.a) + " of A is in another landmark", {l.a});
+    if (used_b[l.b]++)
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "vertex " + std::to_string(l.b) + " of B is in another landmark", {l.b});
+  }
+  return true;
+}
+
+template <class Output>
+bool check_options(const Options& o, Output& output) {
+  const auto require = [&](bool good, const char* rule) {
+    return good || fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
+  };
+  return require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
+                 "coverage_weight must be at least 0") &&
+         require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),
+                 "barrier_weight must be positive") &&
+         require(o.spd_epsilon > 0 && std::isfinite(o.spd_epsilon),
+                 "spd_epsilon must be positive") &&
+         require(o.history_length >= 1, "history_length must be at least 1") &&
+         require(o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]") &&
+         require(o.omega_start > 0 && std::isfinite(o.omega_start),
+                 "omega_start must be positive") &&
+         require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
+                 "omega_factor must be above 1") &&
+         require(o.max_displacement > 0, "max_displacement must be positive") &&
+         require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
+         require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
+         require(o.tolerance >= 0, "tolerance must be at least 0") &&
+         require(o.window >= 1, "window must be at least 1");
+}
+
+template <class Output>
+bool check_input(const TriangleMesh& a, const TriangleMesh& b,
+                 const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
+  return check_options(options, output) && check_mesh(a, "A", output) &&
+         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
+}
+
+inline double largest_landmark_distance(const Embedding& e, const std::vector<Landmark>& landmarks) {
+  double largest = 0;
+  for (const Landmark& l : landmarks)
+    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
+  return largest / domain_radius(e.f, e.g);
+}
+
+inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                  const Options& options, Embedding& embedding) {
+  Timer timer;
+  PairEmbedder(pair, landmarks, options).run(embedding);
+  if (!is_usable(embedding.status)) return;
+  embedding.landmark_distance = largest_landmark_distance(embedding, landmarks);
+  embedding.seconds = timer.lap();
+}
+
+/// Takes the start from Options, after checking it.
+inline bool given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+  const auto check = [&](const HalfEdgeMesh& m, const Points2& x, const std::string& name) {
+    if (x.rows() != m.n_vertices)
+      return fail(start, Status::kInvalidPositions,
+                  name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
+                      std::to_string(m.n_vertices) + " vertices");
+    return is_injective(m, x) ||
+           fail(start, Status::kInvalidPositions, name + " is not an injective embedding");
+  };
+  start.f = options.initial_f;
+  start.g = options.initial_g;
+  return check(pair.a.mesh, start.f, "initial_f") && check(pair.b.mesh, start.g, "initial_g");
+}
+
+inline const char* explain(Status s) {
+  switch (s) {
+    case Status::kConverged: return "the energy has settled";
+    case Status::kIterationLimit: return "stopped at the iteration limit; more would help";
+    case Status::kStalled: return "no injective step lowers the energy";
+    case Status::kCancelled: return "cancelled; this is the last injective iterate";
+    case Status::kNoOverlap: return "the two embeddings do not overlap at the start";
+    default: return "";
+  }
+}
+
+}  // namespace detail
+
+inline const char* to_string(Status s) {
+  switch (s) {
+    case Status::kConverged: return "converged";
+    case Status::kIterationLimit: return "iteration limit";
+    case Status::kStalled: return "stalled";
+    case Status::kCancelled: return "cancelled";
+    case Status::kInvalidMesh: return "invalid mesh";
+    case Status::kInvalidLandmarks: return "invalid landmarks";
+    case Status::kInvalidOptions: return "invalid options";
+    case Status::kInvalidPositions: return "invalid positions";
+    case Status::kNoOverlap: return "no overlap";
+    case Status::kNumericalFailure: return "numerical failure";
+  }
+  return "unknown";
+}
+
+inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+                                   const std::vector<Landmark>& landmarks,
+                                   const Options& options) {
+  Embedding embedding;
+  if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
+  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                                    detail::build_surface(b, options.keep_scale)};
+  detail::embed(pair, landmarks, options, embedding);
+  return embedding;
+}
+
+inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+                          const std::vector<Landmark>& landmarks, const Options& options) {
+  Result result;
+  if (!detail::check_input(a, b, landmarks, options, result)) return result;
+  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                                    detail::build_surface(b, options.keep_scale)};
+  if (options.initial_f.size() > 0 || options.initial_g.size() > 0)
+    detail::given_positions(pair, options, result.start);
+  else
+    detail::embed(pair, landmarks, options, result.start);
+  if (result.start.status != Status::kConverged) {
+    detail::fail(result, result.start.status, result.start.message, result.start.ids);
+    return result;
+  }
+  result.f = result.start.f;
+  result.g = result.start.g;
+  detail::Timer timer;
+  detail::Optimizer(pair, options).run(result);
+  result.message = detail::explain(result.status);
+  result.seconds = timer.lap();
+  return result;
+}
+
 }  // namespace ism
 #endif  // ISM_HPP
