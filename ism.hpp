@@ -3721,19 +3721,24 @@ inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmark
   embedding.seconds = timer.lap();
 }
 
+/// True if x holds an injective embedding of m.
+template <class Output>
+bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string& name,
+                     Output& output) {
+  if (x.rows() != m.n_vertices)
+    return fail(output, Status::kInvalidPositions,
+                name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
+                    std::to_string(m.n_vertices) + " vertices");
+  return is_injective(m, x) ||
+         fail(output, Status::kInvalidPositions, name + " is not an injective embedding");
+}
+
 /// Takes the start from Options, after checking it.
-inline bool given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
-  const auto check = [&](const HalfEdgeMesh& m, const Points2& x, const std::string& name) {
-    if (x.rows() != m.n_vertices)
-      return fail(start, Status::kInvalidPositions,
-                  name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
-                      std::to_string(m.n_vertices) + " vertices");
-    return is_injective(m, x) ||
-           fail(start, Status::kInvalidPositions, name + " is not an injective embedding");
-  };
+inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
-  return check(pair.a.mesh, start.f, "initial_f") && check(pair.b.mesh, start.g, "initial_g");
+  if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
+  check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
 inline const char* explain(Status s) {
@@ -3798,6 +3803,266 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   result.seconds = timer.lap();
   return result;
 }
+
+}  // namespace ism
+// ==== [14] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
+//
+// Purpose:    Φ and Φ⁻¹ at points of the surfaces; the meta mesh lifted to both.
+// Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
+//             of A with one of B; that key, never coordinates, identifies it.
+// Fails:      points outside the overlap are not covered.
+
+namespace ism {
+namespace detail {
+
+struct MapData {
+  Status status = Status::kConverged;
+  std::string message;
+  std::vector<int> ids;
+  Points3 vertices_a, vertices_b;
+  HalfEdgeMesh a, b;
+  Points2 f, g;
+  Overlay overlay;
+  FaceGroups by_a, by_b;
+};
+
+/// Barycentric coordinates of p in a planar triangle of positive area.
+inline Vec3 barycentric(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
+  const double area = cross(b - a, c - a);
+  const double u = cross(b - p, c - p) / area, v = cross(c - p, a - p) / area;
+  return Vec3(u, v, 1 - u - v);
+}
+
+inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, const Vec2& p) {
+  return barycentric(p, row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)));
+}
+
+/// How far inside the best face so far a point is: its least barycentric coordinate.
+struct BestFace {
+  double least = -1e-12;  // rounding may put a point on an edge outside both its faces
+  SurfacePoint point;
+  void offer(int face, const Vec3& coordinates) {
+    if (!(coordinates.minCoeff() > least)) return;
+    least = coordinates.minCoeff();
+    point = {face, coordinates};
+  }
+  MappedPoint mapped() const {
+    MappedPoint result;
+    if (point.face < 0) return result;
+    result.covered = true;
+    result.point.face = point.face;
+    result.point.barycentric = point.barycentric.cwiseMax(0.0);
+    result.point.barycentric /= result.point.barycentric.sum();
+    return result;
+  }
+};
+
+/// One direction of the map: from mesh `from` embedded by x onto mesh `to` embedded by y.
+struct MapSide {
+  const HalfEdgeMesh& from;
+  const Points2& x;
+  const HalfEdgeMesh& to;
+  const Points2& y;
+  const FaceGroups& groups;  // polygons by face of `from`
+  const Array<OverlayPolygon>& polygons;
+  bool forward;
+
+  void offer_face(int face, const Vec2& p, BestFace& best) const {
+    for (int i = groups.start[face]; i < groups.start[face + 1]; ++i) {
+      const OverlayPolygon& polygon = polygons[groups.item[i]];
+      const int target = forward ? polygon.tb : polygon.ta;
+      best.offer(target, barycentric(to, y, target, p));
+    }
+  }
+
+  MappedPoint map(const SurfacePoint& s) const {
+    BestFace best;
+    if (s.face < 0 || s.face >= groups.start.size() - 1) return MappedPoint();
+    Vec2 p = Vec2::Zero();
+    for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row2(x, from.corner(s.face, k));
+    offer_face(s.face, p, best);
+    return best.mapped();
+  }
+
+  MappedPoint map_vertex(int v) const {
+    BestFace best;
+    if (groups.start.empty() || v < 0 || v >= from.n_vertices) return MappedPoint();
+    for (int h = from.out[v]; h >= 0; h = from.turn(h) == from.out[v] ? -1 : from.turn(h))
+      offer_face(h / 3, row2(x, v), best);
+    return best.mapped();
+  }
+
+  std::vector<MappedPoint> map_vertices() const {
+    std::vector<MappedPoint> points;
+    for (int v = 0; v < from.n_vertices; ++v) points.push_back(map_vertex(v));
+    return points;
+  }
+};
+
+inline MapSide forward_side(const MapData& d) {
+  return {d.a, d.f, d.b, d.g, d.by_a, d.overlay.polygons, true};
+}
+inline MapSide backward_side(const MapData& d) {
+  return {d.b, d.g, d.a, d.f, d.by_b, d.overlay.polygons, false};
+}
+
+inline Vec3 surface_position(const Points3& vertices, const HalfEdgeMesh& m,
+                             const SurfacePoint& s) {
+  Vec3 p = Vec3::Zero();
+  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * vertices.row(m.corner(s.face, k)).transpose();
+  return p;
+}
+
+/// Lifts the polygons of a map to both surfaces.
+class MetaMeshBuilder {
+ public:
+  explicit MetaMeshBuilder(const MapData& data) : data_(data) {}
+
+  MetaMesh build() {
+    collect_corners();
+    MetaMesh mesh;
+    const int n = static_cast<int>(
+        std::unique(order_.begin(), order_.end(),
+                    [&](int i, int j) { return corners_[i].key == corners_[j].key; }) -
+        order_.begin());
+    mesh.on_a.resize(n, 3);
+    mesh.on_b.resize(n, 3);
+    for (int i = 0; i < n; ++i) {
+      const Corner& c = corners_[order_[i]];
+      mesh.on_a.row(i) = surface_position(data_.vertices_a, data_.a, c.on_a).transpose();
+      mesh.on_b.row(i) = surface_position(data_.vertices_b, data_.b, c.on_b).transpose();
+    }
+    int next = 0;
+    for (const OverlayPolygon& p : data_.overlay.polygons) {
+      mesh.face_a.push_back(p.ta);
+      mesh.face_b.push_back(p.tb);
+      mesh.polygons.emplace_back();
+      for (int i = 0; i < p.count; ++i) mesh.polygons.back().push_back(id_[next++]);
+    }
+    return mesh;
+  }
+
+ private:
+  /// Vertices of A: (a, -1), of B: (-1, b); crossings: (edge of A, edge of B) behind them, an edge
+  /// being named by the smaller of its half-edges.
+  using Key = std::tuple<int, int, int>;
+  struct Corner {
+    Key key;
+    SurfacePoint on_a, on_b;
+  };
+
+  void collect_corners() {
+    for (const OverlayPolygon& p : data_.overlay.polygons) add_polygon(p);
+    order_.resize(corners_.size());
+    std::iota(order_.begin(), order_.end(), 0);
+    std::sort(order_.begin(), order_.end(), [&](int i, int j) {
+      return corners_[i].key != corners_[j].key ? corners_[i].key < corners_[j].key : i < j;
+    });
+    id_.resize(corners_.size());
+    for (int i = 0, id = -1; i < order_.size(); ++i) {
+      if (i == 0 || corners_[order_[i]].key != corners_[order_[i - 1]].key) ++id;
+      id_[order_[i]] = id;
+    }
+  }
+
+  static int edge_id(const HalfEdgeMesh& m, int h) {
+    return m.twin[h] < 0 ? h : (std::min)(h, m.twin[h]);
+  }
+
+  static SurfacePoint at_corner(int face, int k) { return {face, Vec3::Unit(k)}; }
+  static SurfacePoint on_edge(int face, int k, double t) {
+    return {face, (1 - t) * Vec3::Unit(k) + t * Vec3::Unit((k + 1) % 3)};
+  }
+
+  void add_polygon(const OverlayPolygon& p) {
+    SixPoints x;
+    for (int k = 0; k < 3; ++k) {
+      x.col(k) = row2(data_.f, data_.a.corner(p.ta, k));
+      x.col(3 + k) = row2(data_.g, data_.b.corner(p.tb, k));
+    }
+    const PolygonShape shape = polygon_shape(p, x);
+    for (int i = 0; i < p.count; ++i) {
+      const Piece &before = shape[(i + p.count - 1) % p.count], &piece = shape[i];
+      corners_.push_back(same_triangle(before.e, piece.e) ? vertex_corner(p, piece.e, x)
+                                                          : crossing_corner(p, before, piece));
+    }
+  }
+
+  Corner vertex_corner(const OverlayPolygon& p, int e, const SixPoints& x) const {
+    const Vec2 point = x.col(e);
+    if (e < 3)
+      return {Key(0, data_.a.corner(p.ta, e), 0), at_corner(p.ta, e),
+              {p.tb, barycentric(point, x.col(3), x.col(4), x.col(5))}};
+    return {Key(1, data_.b.corner(p.tb, e - 3), 0),
+            {p.ta, barycentric(point, x.col(0), x.col(1), x.col(2))}, at_corner(p.tb, e - 3)};
+  }
+
+  Corner crossing_corner(const OverlayPolygon& p, const Piece& before, const Piece& piece) const {
+    const bool a_first = before.e < 3;
+    const int edge_a = a_first ? before.e : piece.e, edge_b = (a_first ? piece.e : before.e) - 3;
+    const double t = a_first ? before.t : piece.s, mu = a_first ? piece.s : before.t;
+    return {Key(2, edge_id(data_.a, 3 * p.ta + edge_a), edge_id(data_.b, 3 * p.tb + edge_b)),
+            on_edge(p.ta, edge_a, t), on_edge(p.tb, edge_b, mu)};
+  }
+
+  const MapData& data_;
+  Array<Corner> corners_;
+  Array<int> order_;  // corners sorted by key
+  Array<int> id_;     // of every corner
+};
+
+}  // namespace detail
+
+inline SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
+                              const Points2& g) {
+  auto data = std::make_shared<detail::MapData>();
+  data_ = data;
+  if (!detail::check_mesh(a, "A", *data) || !detail::check_mesh(b, "B", *data)) return;
+  data->vertices_a = a.vertices;
+  data->vertices_b = b.vertices;
+  data->a = detail::build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
+  data->b = detail::build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
+  data->f = f;
+  data->g = g;
+  if (!detail::check_positions(data->a, f, "f", *data)) return;
+  if (!detail::check_positions(data->b, g, "g", *data)) return;
+  detail::compute_overlay(data->a, f, data->b, g, data->overlay);
+  const detail::Array<detail::OverlayPolygon>& polygons = data->overlay.polygons;
+  data->by_a = detail::group_polygons(polygons, data->a.n_faces,
+                                      [](const detail::OverlayPolygon& p) { return p.ta; });
+  data->by_b = detail::group_polygons(polygons, data->b.n_faces,
+                                      [](const detail::OverlayPolygon& p) { return p.tb; });
+  if (polygons.empty())
+    detail::fail(*data, Status::kNoOverlap, detail::explain(Status::kNoOverlap));
+}
+
+inline Status SurfaceMap::status() const { return data_->status; }
+inline const std::string& SurfaceMap::message() const { return data_->message; }
+inline MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
+  return detail::forward_side(*data_).map(on_a);
+}
+inline MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
+  return detail::backward_side(*data_).map(on_b);
+}
+inline MappedPoint SurfaceMap::forward_vertex(int a) const {
+  return detail::forward_side(*data_).map_vertex(a);
+}
+inline MappedPoint SurfaceMap::backward_vertex(int b) const {
+  return detail::backward_side(*data_).map_vertex(b);
+}
+inline std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
+  return detail::forward_side(*data_).map_vertices();
+}
+inline std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
+  return detail::backward_side(*data_).map_vertices();
+}
+inline Vec3 SurfaceMap::position_on_a(const SurfacePoint& p) const {
+  return detail::surface_position(data_->vertices_a, data_->a, p);
+}
+inline Vec3 SurfaceMap::position_on_b(const SurfacePoint& p) const {
+  return detail::surface_position(data_->vertices_b, data_->b, p);
+}
+inline MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
 
 }  // namespace ism
 #endif  // ISM_HPP
