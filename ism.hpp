@@ -58,6 +58,7 @@ enum class Status {
   kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
   kStalled,           // no step along any direction lowers the energy; the result is still valid
   kCancelled,         // the progress callback said stop; the result is the last injective iterate
+  kAborted,           // the progress callback said stop before there was a map; no positions
   kInvalidMesh,       // an input mesh is not a clean triangulated disk, see validate()
   kInvalidLandmarks,  // a landmark id is out of range or used twice
   kInvalidOptions,    // an option is outside its documented range
@@ -152,13 +153,16 @@ struct Options {
   /// whose global minimum is the empty overlap; 2 makes an isometry neither gain nor lose by
   /// shrinking; above 2 coverage is preferred to low distortion.
   double coverage_weight = 2.0;
-  double barrier_weight = 1e-8;  // ω_R > 0 of §5
+  /// ω_R > 0 of §5. The paper's 1e-8 lets triangles outside the overlap degenerate to slivers, at
+  /// which E_Φ then meets a wall; 3e-4 keeps them in shape and ended lower on most pairs.
+  double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;     // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
   Variant variant = Variant::kFull;
   int history_length = 6;      // ≥ 1, §5.3
   double history_decay = 0.5;  // in (0, 1], §5.3
   double omega_start = 1e4;    // > 0, first ω_L of §5.4
-  double omega_factor = 2.0;   // α > 1 of §5.4
+  double omega_factor = 4.0;   // α > 1 of §5.4
+  double omega_least = 1e-4;   // ≥ 0, ω_L is not lowered further, where it hardly acts
   double max_displacement = 0.2;    // no vertex moves further in a step, in radii of the domain
   double max_coverage_loss = 0.05;  // largest loss of covered area a step may cost, of either mesh
   int max_iterations = 400;
@@ -169,17 +173,20 @@ struct Options {
   bool keep_scale = false;  // false: both meshes are scaled to area 1 first
   int threads = 0;          // 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
-  std::function<bool(const Progress&)> progress;  // called often; return false to cancel
+  /// Called after each step of either phase, from the calling thread; return false to cancel.
+  std::function<bool(const Progress&)> progress;
   /// Known planar positions, #V_A×2 and #V_B×2; when set, no initial embedding is computed.
   Points2 initial_f, initial_g;
 
-  /// The paper's constants: κ = 0, ω_L from 1e9, α = 1.25, at most 550 iterations (Fig. 9). The
+  /// The paper's constants: κ = 0, ω_R = 1e-8, ω_L from 1e9, α = 1.25, at most 550 iterations. The
   /// step bounds stay: without them the empty overlap is reached in the first iterations.
   static Options paper() {
     Options options;
     options.coverage_weight = 0;
+    options.barrier_weight = 1e-8;
     options.omega_start = 1e9;
     options.omega_factor = 1.25;
+    options.omega_least = 0;
     options.max_iterations = 550;
     return options;
   }
@@ -213,7 +220,7 @@ struct Result {
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
 /// Works on every valid disk; without landmarks the planes are aligned by the shape of the
-/// domains. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kCancelled,
+/// domains. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kAborted,
 /// kNumericalFailure. Thread-safe.
 inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                                    const std::vector<Landmark>& landmarks = {},
@@ -317,6 +324,18 @@ class Array {
   std::vector<T> items_;
 };
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.14159265358979323846;
+
+/// Fills status, message and ids of an Embedding or a Result; returns false for `return fail(...)`.
+template <class Output>
+bool fail(Output& output, Status status, std::string message, std::vector<int> ids = {}) {
+  output.status = status;
+  output.message = std::move(message);
+  output.ids = std::move(ids);
+  return false;
+}
+
 /// 2D cross product: twice the signed area of the triangle (0, a, b).
 inline double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
@@ -398,9 +417,9 @@ class Executor {
 namespace ism {
 namespace detail {
 
-constexpr double kTiniest = 3.872591914849318e-121;  // 2^-400: products of two differences of
+constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of
                                                      // such numbers and their tails do not underflow
-constexpr double kLargest = 2.582249878086909e+120;  // 2^400
+constexpr double kLargest = 0x1p400;  // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
 
@@ -724,8 +743,10 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
   });
 }
 
-/// Vertices no triangle uses, and vertices whose triangles form more than one fan.
+/// Vertices no triangle uses, and vertices whose triangles form more than one fan. The latter can be
+/// told only if triangles and edges are in order.
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
+  const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
   for (int h = 0; h < m.tail.size(); ++h) ++incident[m.tail[h]];
   for (int v = 0; v < m.n_vertices; ++v) {
@@ -734,6 +755,7 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
                "vertex " + std::to_string(v) + " is used by no triangle", {v});
       continue;
     }
+    if (!edges_are_sound) continue;
     int fan = 0;
     for (int h = m.out[v]; h >= 0 && fan < incident[v]; h = m.turn(h)) {
       ++fan;
@@ -906,7 +928,7 @@ class BoundaryTree {
 inline bool segments_touch(const Vec2& p, const Vec2& q, const Vec2& r, const Vec2& s) {
   const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
   const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
-  if (r_side == 0 && s_side == 0)  // collinear: they touch if their boxes do
+  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0)  // collinear: do the boxes touch?
     return (p.cwiseMin(q).array() <= r.cwiseMax(s).array()).all() &&
            (r.cwiseMin(s).array() <= p.cwiseMax(q).array()).all();
   const auto straddles = [](double u, double v) { return !(u > 0 && v > 0) && !(u < 0 && v < 0); };
@@ -1193,7 +1215,6 @@ using Vec12 = Eigen::Matrix<double, 12, 1>;
 using Mat12 = Eigen::Matrix<double, 12, 12>;
 using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // ---- geometry of a polygon ----
 
@@ -1224,15 +1245,19 @@ inline double clamp01(double x) { return (std::min)((std::max)(x, 0.0), 1.0); }
 /// the area.
 inline std::pair<double, double> crossing(const Vec2& u, const Vec2& d, const Vec2& c,
                                           const Vec2& w) {
-  const double D = cross(d, w);
-  const double dd = d.squaredNorm();
-  if (std::abs(D) > 1e-14 * std::sqrt(dd * w.squaredNorm()))
-    return {clamp01(cross(c - u, w) / D), clamp01(cross(c - u, d) / D)};
+  const double D = cross(d, w), dd = d.squaredNorm(), ww = w.squaredNorm();
+  const double sine = std::abs(D) / std::sqrt(dd * ww);
+  const auto on_w = [&](double t) { return clamp01((u + t * d - c).dot(w) / ww); };
+  if (sine > 1e-3) return {clamp01(cross(c - u, w) / D), clamp01(cross(c - u, d) / D)};
+  if (sine > 1e-14) {
+    const double t = clamp01(cross(c - u, w) / D);
+    return {t, on_w(t)};
+  }
   const double c_at = (c - u).dot(d) / dd, e_at = (c + w - u).dot(d) / dd;
   const double lo = (std::max)((std::min)(c_at, e_at), 0.0);
   const double hi = (std::min)((std::max)(c_at, e_at), 1.0);
   const double t = clamp01(0.5 * (lo + hi));
-  return {t, clamp01((u + t * d - c).dot(w) / w.squaredNorm())};
+  return {t, on_w(t)};
 }
 
 inline PolygonShape polygon_shape(const OverlayPolygon& p, const SixPoints& x) {
@@ -2479,6 +2504,36 @@ inline void eliminate(const std::vector<FixedUnknown>& fixed, LinearSystem& syst
   for (const FixedUnknown& u : fixed) system.gradient(2 * u.vertex + u.coordinate) = 0;
 }
 
+// ---- rigid motions ----
+
+using RigidMotion = Eigen::Matrix<double, 2, 3>;  // rotation | translation
+
+/// The rotation by an angle that takes one point to another.
+inline RigidMotion rigid_motion(double angle, const Vec2& from, const Vec2& to) {
+  RigidMotion motion;
+  motion.leftCols<2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+  motion.col(2) = to - motion.leftCols<2>() * from;
+  return motion;
+}
+
+inline Points2 transformed(const Points2& x, const RigidMotion& motion) {
+  const Points2 y =
+      (x * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
+  return y.unaryExpr([](double c) { return flush_tiny(c); });
+}
+
+/// The motion that brings the rows of `from` closest to those of `to`.
+inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
+  const Vec2 c0 = from.colwise().mean().transpose(), c1 = to.colwise().mean().transpose();
+  double along = 0, across = 0;
+  for (int i = 0; i < from.rows(); ++i) {
+    const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
+    along += p.dot(q);
+    across += cross(p, q);
+  }
+  return rigid_motion(std::atan2(across, along), c0, c1);
+}
+
 // ---- step bound (§5.2; Smith and Schaefer 2015) ----
 
 /// Smallest s > 0 at which the triangle p + s d loses its area: first root of
@@ -2510,7 +2565,382 @@ inline Points2 moved(const Points2& x, const Points2& d, double s) {
 
 }  // namespace detail
 }  // namespace ism
-// ==== [11] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
+// ==== [11] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) ======================
+//
+// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
+//             decision which of them are injective and improve E enough.
+// Invariants: an accepted candidate is injective, decided exactly on the rounded positions.
+// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
+//             boundaries are in each other's way.
+
+namespace ism {
+namespace detail {
+
+/// A direction of descent for one ω_L.
+struct Direction {
+  double omega = 0;
+  Points2 f, g;
+  double slope = 0;       // gᵀd < 0
+  double max_step = 0;    // s_max
+  double first_step = 0;  // where backtracking starts
+};
+
+/// One trial of the line search.
+struct Trial {
+  int direction = 0;
+  double step = 0;
+  bool accepted = false;
+  int why = 0; double gain=0;
+  Iterate x;
+};
+
+/// What a trial must satisfy besides injectivity.
+struct StepRules {
+  double armijo = 1e-4;
+  double max_coverage_loss = 0.05;  // as a fraction of either mesh
+};
+
+inline bool is_acceptable(const SurfacePair& pair, const StepRules& rules, const Iterate& from,
+                          const Direction& d, double step, const Iterate& to) {
+  return to.energy <= from.energy + rules.armijo * step * d.slope &&
+         from.area_a - to.area_a <= rules.max_coverage_loss * pair.a.total_area &&
+         from.area_b - to.area_b <= rules.max_coverage_loss * pair.b.total_area;
+}
+
+/// The steps of one block: 0.8^ℓ of the first step, and in the first block s = 1 (§5.2).
+inline void add_block(int direction, const Direction& d, int block,
+                      std::vector<std::pair<int, double>>& steps) {
+  constexpr int kBlockLength = 8;
+  constexpr double kShrink = 0.8;
+  for (int l = 0; l < kBlockLength; ++l)
+    steps.push_back({direction, d.first_step * std::pow(kShrink, block * kBlockLength + l)});
+  if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
+}
+
+/// Tries all directions side by side, block by block; the best acceptable trial of the first block
+/// that has one, or -1 (Algorithm 1, lines 17 to 24).
+inline int line_search(const SurfacePair& pair, const Weights& weights, const StepRules& rules,
+                       const Iterate& from, const Array<Direction>& directions,
+                       const Executor& executor, Array<Trial>& trials) {
+  constexpr int kMostBlocks = 10;
+  for (int block = 0; block < kMostBlocks; ++block) {
+    std::vector<std::pair<int, double>> steps;
+    for (int k = 0; k < directions.size(); ++k) add_block(k, directions[k], block, steps);
+    const int n = static_cast<int>(steps.size());
+    if (trials.size() < n) trials.resize(n);
+    executor.run(n, [&](int i) {
+      Trial& t = trials[i];
+      std::tie(t.direction, t.step) = steps[static_cast<std::size_t>(i)];
+      const Direction& d = directions[t.direction];
+      t.x.f = moved(from.f, d.f, t.step);
+      t.x.g = moved(from.g, d.g, t.step);
+      t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
+      t.why = 0;
+      if (!all_triangles_positive(pair.a.mesh, t.x.f)||!all_triangles_positive(pair.b.mesh, t.x.g)) t.why=1;
+      else if (!angle_sums_are_full(pair.a.mesh, t.x.f)||!angle_sums_are_full(pair.b.mesh, t.x.g)) t.why=2;
+      else if (!boundary_is_simple(pair.a.mesh, t.x.f)) t.why=3; else if(!boundary_is_simple(pair.b.mesh, t.x.g)) t.why=4;
+      if (!t.accepted) return;
+      evaluate(pair, weights, t.x);
+      if (!is_acceptable(pair, rules, from, d, t.step, t.x)) { t.why = t.x.energy <= from.energy + rules.armijo * t.step * d.slope ? 6 : 5; t.gain=(from.energy-t.x.energy)/(-t.step*d.slope);}
+      t.accepted = is_acceptable(pair, rules, from, d, t.step, t.x);
+    });
+    if (getenv("WHY")) { fprintf(stderr,"why "); for (int i=0;i<n;i++) fprintf(stderr,"%d", trials[i].why); fprintf(stderr,"\n"); }
+    int best = -1;
+    for (int i = 0; i < n; ++i)
+      if (trials[i].accepted && (best < 0 || trials[i].x.energy < trials[best].x.energy)) best = i;
+    if (best >= 0) return best;
+  }
+  return -1;
+}
+
+}  // namespace detail
+}  // namespace ism
+// ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
+//
+// Purpose:    minimises E from an injective start.
+// Invariants: every iterate is injective, decided exactly; E never grows.
+// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
+
+namespace ism {
+namespace detail {
+
+/// Numbers of edges from the boundary, breadth first.
+inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
+  Array<int> distance(m.n_vertices, -1);
+  std::vector<int> queue;
+  for (int h : m.boundary) {
+    distance[m.tail[h]] = 0;
+    queue.push_back(m.tail[h]);
+  }
+  for (std::size_t i = 0; i < queue.size(); ++i) {
+    const int u = queue[i], first = m.out[u];
+    for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h))
+      for (int v : {m.tip(h), m.tail[prev(h)]}) {
+        if (distance[v] >= 0) continue;
+        distance[v] = distance[u] + 1;
+        queue.push_back(v);
+      }
+  }
+  return distance;
+}
+
+/// Where g(B) is held to remove rigid motions (§4.6): the most central vertex goes to the origin,
+/// a boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
+struct Anchors {
+  int center = 0;
+  int rim = 0;
+};
+
+inline Anchors choose_anchors(const Surface& b) {
+  const Array<int> distance = boundary_distances(b.mesh);
+  Anchors anchors;
+  for (int v = 0; v < b.mesh.n_vertices; ++v)
+    if (distance[v] > distance[anchors.center]) anchors.center = v;
+  double farthest = -1;
+  for (int h : b.mesh.boundary) {
+    const int v = b.mesh.tail[h];
+    const double d = (b.vertices.row(v) - b.vertices.row(anchors.center)).norm();
+    if (v == anchors.center || d <= farthest) continue;
+    farthest = d;
+    anchors.rim = v;
+  }
+  return anchors;
+}
+
+/// Moves both planes rigidly so that the anchors are where they belong; false, and unchanged
+/// positions, if rounding would cost the injectivity of so thin an embedding.
+inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
+                            Points2& g) {
+  const Vec2 origin = row2(g, anchors.center), axis = row2(g, anchors.rim) - origin;
+  const RigidMotion motion =
+      rigid_motion(-std::atan2(axis.y(), axis.x()), origin, Vec2::Zero());
+  const Points2 new_f = transformed(f, motion);
+  Points2 new_g = transformed(g, motion);
+  new_g.row(anchors.center).setZero();
+  new_g(anchors.rim, 1) = 0;
+  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return false;
+  f = new_f;
+  g = new_g;
+  return true;
+}
+
+inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
+  IterationLog log;
+  log.energy = x.energy;
+  log.map_energy = x.map_energy;
+  log.energy_f = x.energy_f;
+  log.energy_g = x.energy_g;
+  log.mean_distortion = x.map_energy / (x.area_a + x.area_b);
+  log.coverage_a = x.area_a / pair.a.total_area;
+  log.coverage_b = x.area_b / pair.b.total_area;
+  log.polygons = x.overlay.polygons.size();
+  return log;
+}
+
+/// Half the diagonal of the box around both embeddings.
+inline double domain_radius(const Points2& f, const Points2& g) {
+  const Vec2 lo = f.colwise().minCoeff().cwiseMin(g.colwise().minCoeff()).transpose();
+  const Vec2 hi = f.colwise().maxCoeff().cwiseMax(g.colwise().maxCoeff()).transpose();
+  return 0.5 * (hi - lo).norm();
+}
+
+class Optimizer {
+ public:
+  Optimizer(const SurfacePair& pair, const Options& options)
+      : pair_(pair),
+        options_(options),
+        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon},
+        rules_{1e-4, options.max_coverage_loss},
+        executor_(options),
+        systems_(pair, options.variant == Variant::kFull, executor_),
+        models_(pair, weights_, systems_.one_ring(), executor_),
+        history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
+        omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
+
+  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
+  void run(Result& result) {
+    start(result);
+    while (result.status == Status::kIterationLimit &&
+           static_cast<int>(result.log.size()) < options_.max_iterations) {
+      if (!iterate(result)) result.status = Status::kStalled;
+      else if (!report(result)) result.status = Status::kCancelled;
+      else if (converged(result)) result.status = Status::kConverged;
+    }
+    result.f = x_.f;
+    result.g = x_.g;
+  }
+
+ private:
+  void start(Result& result) {
+    const Anchors anchors = choose_anchors(pair_.b);
+    move_to_anchors(pair_, anchors, result.f, result.g);
+    fixed_ = {{pair_.n_a() + anchors.center, 0},
+              {pair_.n_a() + anchors.center, 1},
+              {pair_.n_a() + anchors.rim, 1}};
+    x_.f = result.f;
+    x_.g = result.g;
+    radius_ = domain_radius(x_.f, x_.g);
+    evaluate(pair_, weights_, x_);
+    result.initial = describe(pair_, x_);
+    result.status =
+        x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
+  }
+
+  /// One iteration; false if no step was found.
+  bool iterate(Result& result) {
+    IterationLog log;
+    Timer timer;
+    models_.differentiate(x_);  // lines 4 to 7
+    log.seconds_derivatives = timer.lap();
+    remember(models_.assemble(x_));  // lines 8 and 9
+    log.seconds_assembly = timer.lap();
+    int best = -1;
+    while (true) {
+      const Array<Direction> directions = find_directions(log);  // lines 10 to 16
+      timer.lap();
+      if (!directions.empty())
+        best = line_search(pair_, weights_, rules_, x_, directions, executor_, trials_);
+      log.seconds_search += timer.lap();
+      if (best >= 0) {
+        accept(directions[trials_[best].direction], trials_[best], log, result);
+        return true;
+      }
+      if (history_.size() == 1) return false;
+      reset_history(log);
+    }
+  }
+
+  void remember(QuadraticModel model) {
+    if (history_.size() == history_length_) history_.pop_back();
+    history_.insert_front(std::move(model));
+  }
+
+  void reset_history(IterationLog& log) {
+    history_.resize(1);
+    log.history_reset = true;
+  }
+
+  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
+  /// newest derivatives alone.
+  Array<Direction> find_directions(IterationLog& log) {
+    while (true) {
+      Timer timer;
+      LinearSystem system = systems_.blend(history_, options_.history_decay);
+      eliminate(fixed_, system);
+      log.seconds_assembly += timer.lap();
+      const Array<Direction> directions = solve(system);
+      log.seconds_solve += timer.lap();
+      const bool descend = std::all_of(directions.begin(), directions.end(),
+                                       [](const Direction& d) { return d.slope < 0; });
+      if (descend || history_.size() == 1) return descend ? directions : descending(directions);
+      reset_history(log);
+    }
+  }
+
+  static Array<Direction> descending(const Array<Direction>& directions) {
+    Array<Direction> result;
+    for (const Direction& d : directions)
+      if (d.slope < 0) result.push_back(d);
+    return result;
+  }
+
+  /// (H + ω Lᵀ M L) d = -g for ω/α, ω and α ω (§5.4).
+  Array<Direction> solve(const LinearSystem& system) {
+    Array<double> omegas(1, omega_);
+    if (options_.variant == Variant::kFull) {
+      const double smaller = omega_ / options_.omega_factor;
+      if (smaller >= options_.omega_least) omegas.push_back(smaller);
+      omegas.push_back(omega_ * options_.omega_factor);
+    }
+    Array<ShiftedMatrix> matrices;
+    for (double omega : omegas)
+      matrices.push_back({&system.H, system.Q.empty() ? nullptr : &system.Q, omega});
+    Points2 positions(pair_.rows(), 2);
+    positions << x_.f, x_.g;
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    ldlt_factorize(symbolic, matrices, executor_, factors_);
+    Array<Direction> directions(omegas.size());
+    executor_.run(omegas.size(), [&](int k) {
+      directions[k].omega = omegas[k];
+      if (factors_[k].ok) set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient),
+                                        directions[k]);
+    });
+    return directions;
+  }
+
+  void set_direction(const Eigen::VectorXd& d, Direction& direction) const {
+    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
+                                                                             d.size() / 2);
+    direction.f = columns.leftCols(pair_.n_a()).transpose();
+    direction.g = columns.rightCols(pair_.n_b()).transpose();
+    direction.slope = history_[0].gradient.dot(d);
+    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
+                                    max_step(pair_.b.mesh, x_.g, direction.g));
+    const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
+    direction.first_step = (std::min)(0.99 * direction.max_step,
+                                      options_.max_displacement * radius_ / longest);
+  }
+
+  void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
+    std::swap(x_, trial.x);
+    omega_ = direction.omega;
+    IterationLog state = describe(pair_, x_);
+    state.iteration = static_cast<int>(result.log.size()) + 1;
+    state.omega = direction.omega;
+    state.step = trial.step;
+    state.max_step = direction.max_step;
+    state.history_reset = log.history_reset;
+    state.seconds_derivatives = log.seconds_derivatives;
+    state.seconds_assembly = log.seconds_assembly;
+    state.seconds_solve = log.seconds_solve;
+    state.seconds_search = log.seconds_search;
+    result.log.push_back(state);
+  }
+
+  bool report(const Result& result) const {
+    if (!options_.progress) return true;
+    Progress progress;
+    progress.phase = Progress::Phase::kOptimization;
+    progress.what = "optimising the map";
+    progress.iteration = &result.log.back();
+    return options_.progress(progress);
+  }
+
+  /// Options::tolerance: the mean relative decrease per iteration over the window.
+  bool converged(const Result& result) const {
+    const int n = static_cast<int>(result.log.size()), w = options_.window;
+    if (n < w) return false;
+    constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
+    const double omega_before =
+        n == w ? options_.omega_start : result.log[static_cast<std::size_t>(n - 1 - w)].omega;
+    if (omega_ < omega_before && omega_ > kReleased) return false;
+    const auto energy = [&](int i) {
+      return i == 0 ? result.initial.energy : result.log[static_cast<std::size_t>(i - 1)].energy;
+    };
+    const double scale = energy(n) + weights_.kappa * pair_.total_area();
+    return energy(n - w) - energy(n) < w * options_.tolerance * scale;
+  }
+
+  const SurfacePair& pair_;
+  const Options& options_;
+  Weights weights_;
+  StepRules rules_;
+  Executor executor_;
+  SystemBuilder systems_;
+  ModelBuilder models_;
+  int history_length_;
+  double omega_;
+  double radius_ = 1;
+  std::vector<FixedUnknown> fixed_;
+  Iterate x_;
+  Array<QuadraticModel> history_;  // newest first
+  Array<LdltFactor> factors_;
+  Array<Trial> trials_;
+};
+
+}  // namespace detail
+}  // namespace ism
+// ==== [13] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
 //             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
@@ -2719,7 +3149,7 @@ class Decimation {
   bool shape_allows(int u, int v) const {
     constexpr double kTurn = 0.2;       // least cosine between old and new normal
     constexpr double kQuality = 0.15;   // least 4√3 area / Σ length² unless it was worse before
-    constexpr double kThinnest = 1e-5;  // and always
+    constexpr double kThinnest = 1e-10;  // and always
     for (int f : mesh_.faces_of[u]) {
       if (mesh_.has(f, v)) continue;
       std::array<int, 3> after = mesh_.face[f];
@@ -2954,10 +3384,10 @@ class Hierarchy {
       L(u, u) += 1;
       L(u, v) -= 1;
     }
-    const double radius = std::sqrt(s_.total_area / 3.14159265358979323846);
+    const double radius = std::sqrt(s_.total_area / kPi);
     for (int i = 0; i < m.boundary.size(); ++i) {
       const int u = m.tail[m.boundary[i]];
-      const double angle = 2 * 3.14159265358979323846 * i / m.boundary.size();
+      const double angle = 2 * kPi * i / m.boundary.size();
       L(u, u) = 1;
       rhs.row(u) << radius * std::cos(angle), radius * std::sin(angle);
     }
@@ -3001,9 +3431,10 @@ class Hierarchy {
     for (int i = 0; i < level.vertex.size(); ++i) x_.row(level.vertex[i]) = x.row(i);
   }
   const Points2& positions() const { return x_; }
-  void move(const Eigen::Matrix<double, 2, 3>& motion) {
-    x_ = (x_ * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
-  }
+  void move(const RigidMotion& motion) { x_ = transformed(x_, motion); }
+
+  /// The mean position of the present vertices.
+  Vec2 center() const { return positions(current()).colwise().mean().transpose(); }
 
   /// Brings vertices back until `target` are present; the id of one without room, or -1.
   int refine(int target) {
@@ -3137,22 +3568,10 @@ class Hierarchy {
 
 // ---- both surfaces ----
 
-/// Rotation and translation that bring the columns of `from` closest to those of `to`.
-inline Eigen::Matrix<double, 2, 3> rigid_fit(const Points2& from, const Points2& to) {
-  const Vec2 c0 = from.colwise().mean().transpose(), c1 = to.colwise().mean().transpose();
-  double along = 0, across = 0;
-  for (int i = 0; i < from.rows(); ++i) {
-    const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
-    along += p.dot(q);
-    across += cross(p, q);
-  }
-  const double angle = std::atan2(across, along);
-  Eigen::Matrix<double, 2, 3> motion;
-  motion << std::cos(angle), -std::sin(angle), 0, std::sin(angle), std::cos(angle), 0;
-  motion.col(2) = c1 - motion.leftCols<2>() * c0;
-  return motion;
-}
-
+/// The embedding of a pair: each surface alone up to a coarse level, where the planes are brought
+/// together; then both, tied by the landmarks, up to the full meshes. Where the planes meet decides
+/// the isotopy class of the map around the landmarks, and limbs that have unfolded freely before
+/// decide it better than limbs that are pulled while they unfold.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
@@ -3160,63 +3579,66 @@ class PairEmbedder {
       : pair_(pair), landmarks_(landmarks), options_(options), executor_(options) {}
 
   void run(Embedding& result) {
-    Array<char> lock_a(pair_.n_a(), 0), lock_b(pair_.n_b(), 0);
-    for (const Landmark& l : landmarks_) lock_a[l.a] = lock_b[l.b] = 1;
-    Hierarchy a(pair_.a, lock_a), b(pair_.b, lock_b);
+    Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
+    for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
+    Hierarchy a(pair_.a, keep_a), b(pair_.b, keep_b);
     if (!tell("decimated the meshes", result)) return;
     if (!embed_alone(a, "A", result) || !embed_alone(b, "B", result)) return;
-    align(a, b);
-    if (!tie(a, b, result)) return;
+    if (!align(a, b, result)) return;
+    for (double weight = 1; weight < kStiffest; weight *= 10) relax(a, b, weight);
+    while (relax(a, b, kStiffest), !a.is_full() || !b.is_full()) {
+      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
+                    std::to_string(b.active()) + " vertices", result)) return;
+      if (!grow(a, "A", result) || !grow(b, "B", result)) return;
+    }
     result.f = a.positions();
     result.g = b.positions();
   }
 
  private:
-  static constexpr int kCoarse = 800;  // vertices of the level where the planes meet
+  static constexpr int kCoarse = 800;          // vertices of the level where the planes meet
+  static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
+  static constexpr int kMostSteps = 30;        // Newton steps per level
+  static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
 
   bool tell(const std::string& what, Embedding& result) const {
     if (!options_.progress) return true;
     Progress progress;
     progress.phase = Progress::Phase::kEmbedding;
     progress.what = what;
-    if (options_.progress(progress)) return true;
-    result.status = Status::kCancelled;
-    return false;
-  }
-
-  bool fail(const std::string& message, int id, Embedding& result) const {
-    result.status = Status::kNumericalFailure;
-    result.message = message;
-    if (id >= 0) result.ids = {id};
-    return false;
+    return options_.progress(progress) ||
+           fail(result, Status::kAborted, "cancelled during the initial embedding");
   }
 
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
     const int stuck = h.refine(2 * h.active());
-    return stuck < 0 ||
-           fail("no room for vertex " + std::to_string(stuck) + " of mesh " + name, stuck, result);
+    return stuck < 0 || fail(result, Status::kNumericalFailure,
+                             "rounding leaves no room for vertex " + std::to_string(stuck) +
+                                 " of mesh " + name + " in the plane", {stuck});
   }
-
-  static bool is_coarse(const Hierarchy& h) { return h.active() < kCoarse && !h.is_full(); }
 
   /// Embeds one surface freely up to the coarse level.
   bool embed_alone(Hierarchy& h, const std::string& name, Embedding& result) const {
-    if (!h.embed_base()) return fail("Tutte's embedding of mesh " + name + " failed", -1, result);
+    if (!h.embed_base())
+      return fail(result, Status::kNumericalFailure,
+                  "Tutte's embedding of the decimated mesh " + name + " failed");
     while (true) {
       const Level level = h.current();
       std::vector<Points2> x = {h.positions(level)};
       const FlatProblem problem = {{&level.surface}, {}};
-      FlatNewton(problem, executor_).minimize(30, 1e-3, x);
+      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
       if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
         return false;
-      if (!is_coarse(h)) return true;
+      if (h.is_full() || h.active() >= kCoarse) return true;
       if (!grow(h, name, result)) return false;
     }
   }
 
-  /// Moves the plane of A rigidly so that landmarks come as close as that allows.
-  void align(Hierarchy& a, const Hierarchy& b) const {
+  /// Moves the plane of A rigidly: two landmarks or more say how; else the best of several
+  /// rotations about the landmark or the centre.
+  bool align(Hierarchy& a, const Hierarchy& b, Embedding& result) const {
+    if (landmarks_.size() < 2) return align_by_trial(a, b, result);
     const int n = static_cast<int>(landmarks_.size());
     Points2 from(n, 2), to(n, 2);
     for (int i = 0; i < n; ++i) {
@@ -3224,21 +3646,54 @@ class PairEmbedder {
       to.row(i) = b.positions().row(landmarks_[static_cast<std::size_t>(i)].b);
     }
     a.move(rigid_fit(from, to));
-  }
-
-  /// Pulls landmarks together, first gently on the coarse level, then on all finer ones.
-  bool tie(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    for (double weight : {1.0, 10.0, 100.0, 1000.0}) relax(a, b, weight);
-    while (!a.is_full() || !b.is_full()) {
-      if (!grow(a, "A", result) || !grow(b, "B", result)) return false;
-      relax(a, b, 1000);
-      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
-                    std::to_string(b.active()) + " vertices", result))
-        return false;
-    }
     return true;
   }
 
+  /// Tries rotations on the coarse level: the most promising ones are optimised for a while, and
+  /// the one with the least distortion for its coverage wins.
+  bool align_by_trial(Hierarchy& a, const Hierarchy& b, Embedding& result) const {
+    constexpr int kRotations = 24, kOptimized = 4, kIterations = 20;
+    const Level level_a = a.current(), level_b = b.current();
+    const SurfacePair coarse = {level_a.surface, level_b.surface};
+    const Points2 x = a.positions(level_a), y = b.positions(level_b);
+    std::vector<std::pair<double, int>> order;
+    for (int i = 0; i < kRotations; ++i)
+      order.push_back({badness(coarse, transformed(x, rotation(a, b, i, kRotations)), y, 0), i});
+    std::sort(order.begin(), order.end());
+    order.resize(kOptimized);
+    for (auto& candidate : order) {
+      const Points2 f = transformed(x, rotation(a, b, candidate.second, kRotations));
+      candidate.first = badness(coarse, f, y, kIterations);
+      if (!tell("trying rotations", result)) return false;
+    }
+    const int best = std::min_element(order.begin(), order.end())->second;
+    a.move(rotation(a, b, best, kRotations));
+    return true;
+  }
+
+  /// Rotation i of n that brings the landmark of A, or its centre, to that of B.
+  RigidMotion rotation(const Hierarchy& a, const Hierarchy& b, int i, int n) const {
+    const Vec2 from = landmarks_.empty() ? a.center() : row2(a.positions(), landmarks_[0].a);
+    const Vec2 to = landmarks_.empty() ? b.center() : row2(b.positions(), landmarks_[0].b);
+    return rigid_motion(2 * kPi * i / n, from, to);
+  }
+
+  /// Mean distortion divided by coverage, after some iterations of Algorithm 1.
+  double badness(const SurfacePair& pair, const Points2& f, const Points2& g,
+                 int iterations) const {
+    Options options = options_;
+    options.max_iterations = iterations;
+    options.progress = nullptr;
+    Result result;
+    result.f = f;
+    result.g = g;
+    Optimizer(pair, options).run(result);
+    const IterationLog& state = result.final_state();
+    if (result.status == Status::kNoOverlap) return kInfinity;
+    return state.mean_distortion / (state.coverage_a + state.coverage_b);
+  }
+
+  /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
     FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}};
@@ -3246,7 +3701,7 @@ class PairEmbedder {
       problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
                                  weight / static_cast<double>(landmarks_.size())});
     std::vector<Points2> x = {a.positions(level_a), b.positions(level_b)};
-    FlatNewton(problem, executor_).minimize(30, 1e-3, x);
+    FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
     a.set(level_a, x[0]);
     b.set(level_b, x[1]);
   }
@@ -3259,385 +3714,10 @@ class PairEmbedder {
 
 }  // namespace detail
 }  // namespace ism
-// ==== [12] STEP BOUND AND LINE SEARCH (paper §5.2; Smith and Schaefer 2015) ======================
-//
-// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
-//             decision which of them are injective and improve E enough.
-// Invariants: an accepted candidate is injective, decided exactly on the rounded positions.
-// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
-//             boundaries are in each other's way.
-
-namespace ism {
-namespace detail {
-
-/// A direction of descent for one ω_L.
-struct Direction {
-  double omega = 0;
-  Points2 f, g;
-  double slope = 0;       // gᵀd < 0
-  double max_step = 0;    // s_max
-  double first_step = 0;  // where backtracking starts
-};
-
-/// One trial of the line search.
-struct Trial {
-  int direction = 0;
-  double step = 0;
-  bool accepted = false;
-  Iterate x;
-};
-
-/// What a trial must satisfy besides injectivity.
-struct StepRules {
-  double armijo = 1e-4;
-  double max_coverage_loss = 0.05;  // as a fraction of either mesh
-};
-
-inline bool is_acceptable(const SurfacePair& pair, const StepRules& rules, const Iterate& from,
-                          const Direction& d, double step, const Iterate& to) {
-  return to.energy <= from.energy + rules.armijo * step * d.slope &&
-         from.area_a - to.area_a <= rules.max_coverage_loss * pair.a.total_area &&
-         from.area_b - to.area_b <= rules.max_coverage_loss * pair.b.total_area;
-}
-
-/// The steps of one block: 0.8^ℓ of the first step, and in the first block s = 1 (§5.2).
-inline void add_block(int direction, const Direction& d, int block,
-                      std::vector<std::pair<int, double>>& steps) {
-  constexpr int kBlockLength = 8;
-  constexpr double kShrink = 0.8;
-  for (int l = 0; l < kBlockLength; ++l)
-    steps.push_back({direction, d.first_step * std::pow(kShrink, block * kBlockLength + l)});
-  if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
-}
-
-/// Tries all directions side by side, block by block; the best acceptable trial of the first block
-/// that has one, or -1 (Algorithm 1, lines 17 to 24).
-inline int line_search(const SurfacePair& pair, const Weights& weights, const StepRules& rules,
-                       const Iterate& from, const Array<Direction>& directions,
-                       const Executor& executor, Array<Trial>& trials) {
-  constexpr int kMostBlocks = 10;
-  for (int block = 0; block < kMostBlocks; ++block) {
-    std::vector<std::pair<int, double>> steps;
-    for (int k = 0; k < directions.size(); ++k) add_block(k, directions[k], block, steps);
-    const int n = static_cast<int>(steps.size());
-    if (trials.size() < n) trials.resize(n);
-    executor.run(n, [&](int i) {
-      Trial& t = trials[i];
-      std::tie(t.direction, t.step) = steps[static_cast<std::size_t>(i)];
-      const Direction& d = directions[t.direction];
-      t.x.f = moved(from.f, d.f, t.step);
-      t.x.g = moved(from.g, d.g, t.step);
-      t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
-      if (!t.accepted) return;
-      evaluate(pair, weights, t.x);
-      t.accepted = is_acceptable(pair, rules, from, d, t.step, t.x);
-    });
-    int best = -1;
-    for (int i = 0; i < n; ++i)
-      if (trials[i].accepted && (best < 0 || trials[i].x.energy < trials[best].x.energy)) best = i;
-    if (best >= 0) return best;
-  }
-  return -1;
-}
-
-}  // namespace detail
-}  // namespace ism
-// ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
-//
-// Purpose:    minimises E from an injective start.
-// Invariants: every iterate is injective, decided exactly; E never grows.
-// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
-
-namespace ism {
-namespace detail {
-
-/// Numbers of edges from the boundary, breadth first.
-inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
-  Array<int> distance(m.n_vertices, -1);
-  std::vector<int> queue;
-  for (int h : m.boundary) {
-    distance[m.tail[h]] = 0;
-    queue.push_back(m.tail[h]);
-  }
-  for (std::size_t i = 0; i < queue.size(); ++i) {
-    const int u = queue[i], first = m.out[u];
-    for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h))
-      for (int v : {m.tip(h), m.tail[prev(h)]}) {
-        if (distance[v] >= 0) continue;
-        distance[v] = distance[u] + 1;
-        queue.push_back(v);
-      }
-  }
-  return distance;
-}
-
-/// Where g(B) is held to remove rigid motions (§4.6): the most central vertex goes to the origin,
-/// a boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
-struct Anchors {
-  int center = 0;
-  int rim = 0;
-};
-
-inline Anchors choose_anchors(const Surface& b) {
-  const Array<int> distance = boundary_distances(b.mesh);
-  Anchors anchors;
-  for (int v = 0; v < b.mesh.n_vertices; ++v)
-    if (distance[v] > distance[anchors.center]) anchors.center = v;
-  double farthest = -1;
-  for (int h : b.mesh.boundary) {
-    const int v = b.mesh.tail[h];
-    const double d = (b.vertices.row(v) - b.vertices.row(anchors.center)).norm();
-    if (v == anchors.center || d <= farthest) continue;
-    farthest = d;
-    anchors.rim = v;
-  }
-  return anchors;
-}
-
-/// Moves both planes rigidly so that the anchors are where they belong; false, and unchanged
-/// positions, if rounding would cost the injectivity of so thin an embedding.
-inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
-                            Points2& g) {
-  const Vec2 origin = row2(g, anchors.center);
-  const Vec2 axis = (row2(g, anchors.rim) - origin).normalized();
-  Eigen::Matrix2d to_axis;
-  to_axis << axis.x(), axis.y(), -axis.y(), axis.x();
-  const auto move = [&](const Points2& x) {
-    Points2 y = (x.rowwise() - origin.transpose()) * to_axis.transpose();
-    return Points2(y.unaryExpr([](double c) { return flush_tiny(c); }));
-  };
-  Points2 new_f = move(f), new_g = move(g);
-  new_g(anchors.rim, 1) = 0;
-  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return false;
-  f = new_f;
-  g = new_g;
-  return true;
-}
-
-inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
-  IterationLog log;
-  log.energy = x.energy;
-  log.map_energy = x.map_energy;
-  log.energy_f = x.energy_f;
-  log.energy_g = x.energy_g;
-  log.mean_distortion = x.map_energy / (x.area_a + x.area_b);
-  log.coverage_a = x.area_a / pair.a.total_area;
-  log.coverage_b = x.area_b / pair.b.total_area;
-  log.polygons = x.overlay.polygons.size();
-  return log;
-}
-
-/// Half the diagonal of the box around both embeddings.
-inline double domain_radius(const Points2& f, const Points2& g) {
-  const Vec2 lo = f.colwise().minCoeff().cwiseMin(g.colwise().minCoeff()).transpose();
-  const Vec2 hi = f.colwise().maxCoeff().cwiseMax(g.colwise().maxCoeff()).transpose();
-  return 0.5 * (hi - lo).norm();
-}
-
-class Optimizer {
- public:
-  Optimizer(const SurfacePair& pair, const Options& options)
-      : pair_(pair),
-        options_(options),
-        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon},
-        rules_{1e-4, options.max_coverage_loss},
-        executor_(options),
-        systems_(pair, options.variant == Variant::kFull, executor_),
-        models_(pair, weights_, systems_.one_ring(), executor_),
-        history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
-        omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
-
-  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
-  void run(Result& result) {
-    start(result);
-    while (result.status == Status::kIterationLimit &&
-           static_cast<int>(result.log.size()) < options_.max_iterations) {
-      if (!iterate(result)) result.status = Status::kStalled;
-      else if (!report(result)) result.status = Status::kCancelled;
-      else if (converged(result)) result.status = Status::kConverged;
-    }
-    result.f = x_.f;
-    result.g = x_.g;
-  }
-
- private:
-  void start(Result& result) {
-    const Anchors anchors = choose_anchors(pair_.b);
-    move_to_anchors(pair_, anchors, result.f, result.g);
-    fixed_ = {{pair_.n_a() + anchors.center, 0},
-              {pair_.n_a() + anchors.center, 1},
-              {pair_.n_a() + anchors.rim, 1}};
-    x_.f = result.f;
-    x_.g = result.g;
-    radius_ = domain_radius(x_.f, x_.g);
-    evaluate(pair_, weights_, x_);
-    result.initial = describe(pair_, x_);
-    result.status =
-        x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
-  }
-
-  /// One iteration; false if no step was found.
-  bool iterate(Result& result) {
-    IterationLog log;
-    Timer timer;
-    models_.differentiate(x_);  // lines 4 to 7
-    log.seconds_derivatives = timer.lap();
-    remember(models_.assemble(x_));  // lines 8 and 9
-    log.seconds_assembly = timer.lap();
-    int best = -1;
-    while (true) {
-      const Array<Direction> directions = find_directions(log);  // lines 10 to 16
-      timer.lap();
-      if (!directions.empty())
-        best = line_search(pair_, weights_, rules_, x_, directions, executor_, trials_);
-      log.seconds_search += timer.lap();
-      if (best >= 0) {
-        accept(directions[trials_[best].direction], trials_[best], log, result);
-        return true;
-      }
-      if (history_.size() == 1) return false;
-      reset_history(log);
-    }
-  }
-
-  void remember(QuadraticModel model) {
-    if (history_.size() == history_length_) history_.pop_back();
-    history_.insert_front(std::move(model));
-  }
-
-  void reset_history(IterationLog& log) {
-    history_.resize(1);
-    log.history_reset = true;
-  }
-
-  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
-  /// newest derivatives alone.
-  Array<Direction> find_directions(IterationLog& log) {
-    while (true) {
-      Timer timer;
-      LinearSystem system = systems_.blend(history_, options_.history_decay);
-      eliminate(fixed_, system);
-      log.seconds_assembly += timer.lap();
-      const Array<Direction> directions = solve(system);
-      log.seconds_solve += timer.lap();
-      const bool descend = std::all_of(directions.begin(), directions.end(),
-                                       [](const Direction& d) { return d.slope < 0; });
-      if (descend || history_.size() == 1) return descend ? directions : descending(directions);
-      reset_history(log);
-    }
-  }
-
-  static Array<Direction> descending(const Array<Direction>& directions) {
-    Array<Direction> result;
-    for (const Direction& d : directions)
-      if (d.slope < 0) result.push_back(d);
-    return result;
-  }
-
-  /// (H + ω Lᵀ M L) d = -g for ω/α, ω and α ω (§5.4).
-  Array<Direction> solve(const LinearSystem& system) {
-    Array<double> omegas(1, omega_);
-    if (options_.variant == Variant::kFull) {
-      omegas.push_back(omega_ / options_.omega_factor);
-      omegas.push_back(omega_ * options_.omega_factor);
-    }
-    Array<ShiftedMatrix> matrices;
-    for (double omega : omegas)
-      matrices.push_back({&system.H, system.Q.empty() ? nullptr : &system.Q, omega});
-    Points2 positions(pair_.rows(), 2);
-    positions << x_.f, x_.g;
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
-    ldlt_factorize(symbolic, matrices, executor_, factors_);
-    Array<Direction> directions(omegas.size());
-    executor_.run(omegas.size(), [&](int k) {
-      directions[k].omega = omegas[k];
-      if (factors_[k].ok) set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient),
-                                        directions[k]);
-    });
-    return directions;
-  }
-
-  void set_direction(const Eigen::VectorXd& d, Direction& direction) const {
-    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
-                                                                             d.size() / 2);
-    direction.f = columns.leftCols(pair_.n_a()).transpose();
-    direction.g = columns.rightCols(pair_.n_b()).transpose();
-    direction.slope = history_[0].gradient.dot(d);
-    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
-                                    max_step(pair_.b.mesh, x_.g, direction.g));
-    const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
-    direction.first_step = (std::min)(0.99 * direction.max_step,
-                                      options_.max_displacement * radius_ / longest);
-  }
-
-  void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
-    std::swap(x_, trial.x);
-    omega_ = direction.omega;
-    IterationLog state = describe(pair_, x_);
-    state.iteration = static_cast<int>(result.log.size()) + 1;
-    state.omega = direction.omega;
-    state.step = trial.step;
-    state.max_step = direction.max_step;
-    state.history_reset = log.history_reset;
-    state.seconds_derivatives = log.seconds_derivatives;
-    state.seconds_assembly = log.seconds_assembly;
-    state.seconds_solve = log.seconds_solve;
-    state.seconds_search = log.seconds_search;
-    result.log.push_back(state);
-  }
-
-  bool report(const Result& result) const {
-    if (!options_.progress) return true;
-    Progress progress;
-    progress.phase = Progress::Phase::kOptimization;
-    progress.what = "optimising the map";
-    progress.iteration = &result.log.back();
-    return options_.progress(progress);
-  }
-
-  /// Options::tolerance: the mean relative decrease per iteration over the window.
-  bool converged(const Result& result) const {
-    const int n = static_cast<int>(result.log.size()), w = options_.window;
-    if (n < w) return false;
-    const auto energy = [&](int i) {
-      return i == 0 ? result.initial.energy : result.log[static_cast<std::size_t>(i - 1)].energy;
-    };
-    const double scale = energy(n) + weights_.kappa * pair_.total_area();
-    return energy(n - w) - energy(n) < w * options_.tolerance * scale;
-  }
-
-  const SurfacePair& pair_;
-  const Options& options_;
-  Weights weights_;
-  StepRules rules_;
-  Executor executor_;
-  SystemBuilder systems_;
-  ModelBuilder models_;
-  int history_length_;
-  double omega_;
-  double radius_ = 1;
-  std::vector<FixedUnknown> fixed_;
-  Iterate x_;
-  Array<QuadraticModel> history_;  // newest first
-  Array<LdltFactor> factors_;
-  Array<Trial> trials_;
-};
-
-}  // namespace detail
-}  // namespace ism
 // ---- entry points ----
 
 namespace ism {
 namespace detail {
-
-/// Fills status, message and ids of an Embedding or a Result; returns false for `return fail(...)`.
-template <class Output>
-bool fail(Output& output, Status status, std::string message, std::vector<int> ids = {}) {
-  output.status = status;
-  output.message = std::move(message);
-  output.ids = std::move(ids);
-  return false;
-}
 
 template <class Output>
 bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
@@ -3691,6 +3771,8 @@ bool check_options(const Options& o, Output& output) {
                  "omega_start must be positive") &&
          require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
                  "omega_factor must be above 1") &&
+         require(o.omega_least >= 0 && o.omega_least <= o.omega_start,
+                 "omega_least must be in [0, omega_start]") &&
          require(o.max_displacement > 0, "max_displacement must be positive") &&
          require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
          require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
@@ -3716,8 +3798,6 @@ inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmark
                   const Options& options, Embedding& embedding) {
   Timer timer;
   PairEmbedder(pair, landmarks, options).run(embedding);
-  if (!is_usable(embedding.status)) return;
-  embedding.landmark_distance = largest_landmark_distance(embedding, landmarks);
   embedding.seconds = timer.lap();
 }
 
@@ -3760,6 +3840,7 @@ inline const char* to_string(Status s) {
     case Status::kIterationLimit: return "iteration limit";
     case Status::kStalled: return "stalled";
     case Status::kCancelled: return "cancelled";
+    case Status::kAborted: return "aborted";
     case Status::kInvalidMesh: return "invalid mesh";
     case Status::kInvalidLandmarks: return "invalid landmarks";
     case Status::kInvalidOptions: return "invalid options";
@@ -3778,6 +3859,8 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
   detail::embed(pair, landmarks, options, embedding);
+  if (embedding.status == Status::kConverged)
+    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
   return embedding;
 }
 
@@ -3795,6 +3878,7 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
     detail::fail(result, result.start.status, result.start.message, result.start.ids);
     return result;
   }
+  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
   result.f = result.start.f;
   result.g = result.start.g;
   detail::Timer timer;

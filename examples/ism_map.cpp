@@ -1,0 +1,613 @@
+// ism_map: maps one triangulated disk onto another and writes everything about the map to files.
+//
+//   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
+//
+// `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
+
+#include "ism.hpp"
+#include "mesh_io.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <unistd.h>  // isatty, access
+
+namespace {
+
+constexpr int kComputationFailed = 1;
+constexpr int kBadInput = 2;
+
+const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
+
+Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF or PLY files of
+surfaces with one boundary and no handles; polygons are cut into triangles.
+
+  -o OUT             folder for the results, made if missing
+  --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
+  --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
+  --start-only       stop after the initial embedding
+  --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2)
+  --preset paper     the constants of the paper (kappa 0, omega from 1e9, factor 1.25)
+  --variant V        pn, spn or full: the optimisers the paper compares (default full)
+  --iterations N     at most N iterations (default 400)
+  --tolerance T      stop below this relative decrease per iteration (default 1e-4)
+  --threads N        0: as many as there are processors (default); the result does not depend on it
+  --keep-scale       do not scale both meshes to area 1 first
+  --quiet            print errors only
+  --help             print this
+
+Files in OUT:
+  A.obj B.obj            the triangulated input; the vt of a vertex is its place in the plane
+  A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
+                         without an image are in no face
+  meta_A.obj meta_B.obj  the common refinement on either surface, with the same faces
+  report.json            status, options, energies and seconds of every iteration
+)";
+
+// ==== [1] ARGUMENTS ==============================================================================
+
+struct Arguments {
+  std::string a, b, out, landmarks, initial;
+  std::string preset = "default";
+  ism::Options options;
+  bool start_only = false, quiet = false, help = false;
+};
+
+std::string read_double(const std::string& flag, const std::string& text, double& value) {
+  if (mesh_io::parse_number(text, value) && std::isfinite(value)) return {};
+  return flag + " needs a number, not '" + text + "'";
+}
+
+std::string read_count(const std::string& flag, const std::string& text, int& value) {
+  long long x = 0;
+  if (!mesh_io::parse_integer(text, x) || x < 0 || x > 1000000000)
+    return flag + " needs a whole number from 0, not '" + text + "'";
+  value = static_cast<int>(x);
+  return {};
+}
+
+std::string read_variant(const std::string& text, ism::Variant& variant) {
+  if (text == "pn")
+    variant = ism::Variant::kProjectedNewton;
+  else if (text == "spn")
+    variant = ism::Variant::kSmoothedProjectedNewton;
+  else if (text == "full")
+    variant = ism::Variant::kFull;
+  else
+    return "--variant must be pn, spn or full, not '" + text + "'";
+  return {};
+}
+
+/// The preset comes first, wherever it stands, so that the other options refine it.
+std::string read_preset(const std::vector<std::string>& words, Arguments& args) {
+  for (std::size_t i = 0; i + 1 < words.size(); ++i) {
+    if (words[i] != "--preset") continue;
+    if (words[i + 1] != "paper") return "the only preset is paper, not '" + words[i + 1] + "'";
+    args.preset = "paper";
+    args.options = ism::Options::paper();
+  }
+  return {};
+}
+
+bool read_switch(const std::string& flag, Arguments& args) {
+  if (flag == "--start-only") return args.start_only = true;
+  if (flag == "--keep-scale") return args.options.keep_scale = true;
+  if (flag == "--quiet") return args.quiet = true;
+  if (flag == "--help" || flag == "-h") return args.help = true;
+  return false;
+}
+
+bool takes_value(const std::string& flag) {
+  for (const char* known : {"-o", "--landmarks", "--initial", "--kappa", "--preset", "--variant",
+                            "--iterations", "--tolerance", "--threads"})
+    if (flag == known) return true;
+  return false;
+}
+
+std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
+  if (flag == "--kappa") return read_double(flag, text, args.options.coverage_weight);
+  if (flag == "--tolerance") return read_double(flag, text, args.options.tolerance);
+  if (flag == "--iterations") return read_count(flag, text, args.options.max_iterations);
+  if (flag == "--threads") return read_count(flag, text, args.options.threads);
+  if (flag == "--variant") return read_variant(text, args.options.variant);
+  if (flag == "--preset") return {};  // see read_preset()
+  (flag == "-o" ? args.out : flag == "--landmarks" ? args.landmarks : args.initial) = text;
+  return text.empty() ? flag + " needs a name" : "";
+}
+
+std::string read_arguments(const std::vector<std::string>& words, Arguments& args) {
+  std::string error = read_preset(words, args);
+  int meshes = 0;
+  for (std::size_t i = 0; i < words.size() && error.empty(); ++i) {
+    const std::string& word = words[i];
+    if (read_switch(word, args)) continue;
+    if (takes_value(word)) {
+      if (i + 1 == words.size()) return word + " needs a value";
+      error = read_value(word, words[++i], args);
+    } else if (word.size() > 1 && word[0] == '-') {
+      return "unknown option '" + word + "', --help lists them";
+    } else if (++meshes > 2) {
+      return "two meshes are expected, '" + word + "' is one too many";
+    } else {
+      (meshes == 1 ? args.a : args.b) = word;
+    }
+  }
+  if (args.help || !error.empty()) return error;
+  if (meshes < 2) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
+  if (args.out.empty()) return "a folder for the results is needed: -o OUT";
+  if (args.start_only) args.options.max_iterations = 0;
+  return {};
+}
+
+// ==== [2] INPUT ==================================================================================
+
+struct Input {
+  ism::TriangleMesh a, b;
+  std::vector<ism::Landmark> landmarks;
+};
+
+/// Every function of this part returns an error sentence, or an empty string.
+std::string read_disk(const std::string& path, ism::TriangleMesh& mesh) {
+  mesh_io::ReadResult file = mesh_io::read_mesh(path);
+  if (!file.ok) return file.error;
+  mesh = std::move(file.mesh);
+  const std::vector<ism::Problem> problems = ism::validate(mesh);
+  if (problems.empty()) return {};
+  std::string error = path + ": " + problems[0].message;
+  if (problems.size() > 1)
+    error += " (and " + std::to_string(problems.size() - 1) + " more problems)";
+  return error;
+}
+
+/// Adds a landmark whose ids exist and are new.
+std::string add_landmark(const mesh_io::IdPair& pair, Input& input) {
+  const long long ids[2] = {pair.a, pair.b};
+  const long long sizes[2] = {input.a.vertices.rows(), input.b.vertices.rows()};
+  for (int k = 0; k < 2; ++k)
+    if (ids[k] < 0 || ids[k] >= sizes[k])
+      return std::string(k == 0 ? "A" : "B") + " has no vertex " + std::to_string(ids[k]) +
+             ", its ids are 0 to " + std::to_string(sizes[k] - 1);
+  for (const ism::Landmark& other : input.landmarks) {
+    if (other.a == pair.a) return "vertex " + std::to_string(pair.a) + " of A is in two landmarks";
+    if (other.b == pair.b) return "vertex " + std::to_string(pair.b) + " of B is in two landmarks";
+  }
+  input.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+  return {};
+}
+
+std::string read_landmarks(const std::string& path, Input& input) {
+  const mesh_io::PairsResult file = mesh_io::read_pairs(path);
+  if (!file.ok) return file.error;
+  for (const mesh_io::IdPair& pair : file.pairs) {
+    const std::string error = add_landmark(pair, input);
+    if (!error.empty()) return path + ", line " + std::to_string(pair.line) + ": " + error;
+  }
+  return {};
+}
+
+std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
+                         ism::Points2& positions) {
+  mesh_io::ReadResult file = mesh_io::read_mesh(path);
+  if (!file.ok) return file.error;
+  if (file.planar.rows() == 0) return path + ": not every vertex has one vt of its own";
+  if (file.planar.rows() != mesh.vertices.rows())
+    return path + ": " + std::to_string(file.planar.rows()) + " vertices, but the mesh has " +
+           std::to_string(mesh.vertices.rows());
+  positions = std::move(file.planar);
+  return {};
+}
+
+/// Finds out whether the results could be written, without making anything yet.
+std::string check_output(const Arguments& args) {
+  namespace fs = std::filesystem;
+  std::error_code ec;
+  for (const char* name :
+       {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "meta_A.obj", "meta_B.obj"})
+    for (const std::string& input : {args.a, args.b})
+      if (fs::equivalent(fs::path(args.out) / name, input, ec))
+        return "-o " + args.out + " would overwrite the input " + input;
+  fs::path folder = fs::absolute(args.out, ec);
+  while (!folder.empty() && !fs::exists(folder, ec) && folder != folder.parent_path())
+    folder = folder.parent_path();
+  if (!fs::is_directory(folder, ec))
+    return "-o " + args.out + ": " + folder.string() + " is not a folder";
+  if (access(folder.c_str(), W_OK) != 0)
+    return "-o " + args.out + ": no permission to write to " + folder.string();
+  return {};
+}
+
+std::string read_input(Arguments& args, Input& input) {
+  std::string error = read_disk(args.a, input.a);
+  if (error.empty()) error = read_disk(args.b, input.b);
+  if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
+  if (error.empty() && !args.initial.empty())
+    error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
+  if (error.empty() && !args.initial.empty())
+    error = read_initial(args.initial + "/B.obj", input.b, args.options.initial_g);
+  if (error.empty()) error = check_output(args);
+  return error;
+}
+
+// ==== [3] PROGRESS ===============================================================================
+
+volatile std::sig_atomic_t interrupted = 0;
+
+void on_interrupt(int) {
+  interrupted = 1;
+  std::signal(SIGINT, SIG_DFL);  // a second Ctrl-C ends the program at once
+}
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, pattern, values...);
+  return buffer;
+}
+
+/// One line on stderr: rewritten in place on a terminal, else a new one for each iteration.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+
+  void show(const ism::Progress& progress) {
+    if (quiet_) return;
+    const double now = seconds_since(start_);
+    if (progress.iteration) {
+      if (progress.iteration->iteration == last_iteration_) return;
+      last_iteration_ = progress.iteration->iteration;
+      print(iteration_line(*progress.iteration, now));
+    } else if (now - last_time_ > (terminal_ ? 0.1 : 2.0)) {
+      last_time_ = now;
+      print(progress.what + format("  %.1f s", now));
+    }
+  }
+  void finish() {
+    if (open_) std::fputc('\n', stderr);
+    open_ = false;
+  }
+
+ private:
+  static std::string iteration_line(const ism::IterationLog& it, double now) {
+    return format("iteration %3d  E %.6g  distortion %.4f  coverage %.4f / %.4f", it.iteration,
+                  it.energy, it.mean_distortion, it.coverage_a, it.coverage_b) +
+           format("  omega %.2g  s %.3g  %.1f s", it.omega, it.step, now);
+  }
+  void print(const std::string& line) {
+    std::fprintf(stderr, terminal_ ? "\r%s\x1b[K" : "%s\n", line.c_str());
+    std::fflush(stderr);
+    open_ = terminal_;
+  }
+
+  bool quiet_, terminal_, open_ = false;
+  int last_iteration_ = -1;
+  Clock::time_point start_ = Clock::now();
+  double last_time_ = -10;
+};
+
+// ==== [4] REPORT =================================================================================
+
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    if (static_cast<unsigned char>(c) < 32)
+      result += format("\\u%04x", static_cast<unsigned>(static_cast<unsigned char>(c)));
+    else
+      result += c;
+  }
+  return result + '"';
+}
+
+/// A JSON object, built field by field; `separator` stands between the fields.
+class Json {
+ public:
+  explicit Json(std::string separator = ", ") : separator_(std::move(separator)) {}
+
+  Json& raw(const char* name, const std::string& value) {
+    if (!text_.empty()) text_ += ',' + separator_.substr(1);
+    text_ += quoted(name) + ": " + value;
+    return *this;
+  }
+  Json& add(const char* name, const std::string& value) { return raw(name, quoted(value)); }
+  Json& add(const char* name, const char* value) { return raw(name, quoted(value)); }
+  Json& add(const char* name, bool value) { return raw(name, value ? "true" : "false"); }
+  Json& add(const char* name, int value) { return raw(name, std::to_string(value)); }
+  Json& add(const char* name, double value) {  // JSON has no infinity and no NaN
+    return raw(name, std::isfinite(value) ? format("%.17g", value) : "null");
+  }
+  std::string text() const { return '{' + text_ + '}'; }
+
+ private:
+  std::string separator_, text_;
+};
+
+struct Seconds {
+  double reading = 0, embedding = 0, optimization = 0, output = 0;
+  double derivatives = 0, assembly = 0, solve = 0, search = 0;
+
+  void add(const ism::Result& result) {
+    embedding = result.start.seconds;
+    optimization = result.seconds;
+    for (const ism::IterationLog& it : result.log) {
+      derivatives += it.seconds_derivatives;
+      assembly += it.seconds_assembly;
+      solve += it.seconds_solve;
+      search += it.seconds_search;
+    }
+  }
+  double total() const { return reading + embedding + optimization + output; }
+};
+
+std::string json_iteration(const ism::IterationLog& it) {
+  return Json()
+      .add("iteration", it.iteration)
+      .add("energy", it.energy)
+      .add("map_energy", it.map_energy)
+      .add("energy_f", it.energy_f)
+      .add("energy_g", it.energy_g)
+      .add("mean_distortion", it.mean_distortion)
+      .add("coverage_a", it.coverage_a)
+      .add("coverage_b", it.coverage_b)
+      .add("omega", it.omega)
+      .add("step", it.step)
+      .add("max_step", it.max_step)
+      .add("polygons", it.polygons)
+      .add("history_reset", it.history_reset)
+      .add("seconds_derivatives", it.seconds_derivatives)
+      .add("seconds_assembly", it.seconds_assembly)
+      .add("seconds_solve", it.seconds_solve)
+      .add("seconds_search", it.seconds_search)
+      .text();
+}
+
+std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh) {
+  return Json()
+      .add("file", path)
+      .add("vertices", static_cast<int>(mesh.vertices.rows()))
+      .add("triangles", static_cast<int>(mesh.triangles.rows()))
+      .text();
+}
+
+std::string json_options(const Arguments& args) {
+  const ism::Options& o = args.options;
+  const char* const variants[] = {"pn", "spn", "full"};
+  return Json(",\n    ")
+      .add("preset", args.preset)
+      .add("landmarks", args.landmarks)
+      .add("initial", args.initial)
+      .add("variant", variants[static_cast<int>(o.variant)])
+      .add("coverage_weight", o.coverage_weight)
+      .add("barrier_weight", o.barrier_weight)
+      .add("spd_epsilon", o.spd_epsilon)
+      .add("history_length", o.history_length)
+      .add("history_decay", o.history_decay)
+      .add("omega_start", o.omega_start)
+      .add("omega_factor", o.omega_factor)
+      .add("max_displacement", o.max_displacement)
+      .add("max_coverage_loss", o.max_coverage_loss)
+      .add("max_iterations", o.max_iterations)
+      .add("tolerance", o.tolerance)
+      .add("window", o.window)
+      .add("keep_scale", o.keep_scale)
+      .add("threads", o.threads)
+      .text();
+}
+
+std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
+                        const Seconds& s) {
+  const ism::IterationLog& last = result.final_state();
+  const std::string start = Json()
+                                .add("landmark_distance", result.start.landmark_distance)
+                                .add("mean_distortion", result.initial.mean_distortion)
+                                .add("coverage_a", result.initial.coverage_a)
+                                .add("coverage_b", result.initial.coverage_b)
+                                .text();
+  const std::string final = Json()
+                                .add("iterations", static_cast<int>(result.log.size()))
+                                .add("energy", last.energy)
+                                .add("mean_distortion", last.mean_distortion)
+                                .add("coverage_a", last.coverage_a)
+                                .add("coverage_b", last.coverage_b)
+                                .add("polygons", last.polygons)
+                                .text();
+  const std::string seconds = Json()
+                                  .add("reading", s.reading)
+                                  .add("embedding", s.embedding)
+                                  .add("optimization", s.optimization)
+                                  .add("derivatives", s.derivatives)
+                                  .add("assembly", s.assembly)
+                                  .add("solve", s.solve)
+                                  .add("search", s.search)
+                                  .add("output", s.output)
+                                  .add("total", s.total())
+                                  .text();
+  std::string log = "[\n    " + json_iteration(result.initial);
+  for (const ism::IterationLog& it : result.log) log += ",\n    " + json_iteration(it);
+  return Json(",\n  ")
+             .add("status", ism::to_string(result.status))
+             .add("message", result.message)
+             .raw("a", json_mesh(args.a, input.a))
+             .raw("b", json_mesh(args.b, input.b))
+             .add("landmarks", static_cast<int>(input.landmarks.size()))
+             .raw("options", json_options(args))
+             .raw("start", start)
+             .raw("final", final)
+             .raw("seconds", seconds)
+             .raw("iterations", log + "]")
+             .text() +
+         '\n';
+}
+
+// ==== [5] RESULTS ================================================================================
+
+/// A mesh carried to the other surface. Vertices without an image keep their ids; they are in no
+/// face and lie on the first image, so that they do not spoil a viewer's bounding box.
+std::string mapped_text(const char* comment, const ism::TriangleMesh& mesh,
+                        const std::vector<ism::MappedPoint>& images,
+                        const std::function<ism::Vec3(const ism::SurfacePoint&)>& position) {
+  const auto covered = [&](int v) { return images[static_cast<std::size_t>(v)].covered; };
+  ism::Vec3 filler = ism::Vec3::Zero();
+  for (std::size_t v = images.size(); v-- > 0;)
+    if (images[v].covered) filler = position(images[v].point);
+  ism::Points3 points(mesh.vertices.rows(), 3);
+  for (int v = 0; v < points.rows(); ++v) {
+    const ism::Vec3 p = covered(v) ? position(images[static_cast<std::size_t>(v)].point) : filler;
+    points.row(v) = p.transpose();
+  }
+  std::vector<std::vector<int>> faces;
+  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
+    const ism::Triangles::ConstRowXpr t = mesh.triangles.row(f);
+    if (covered(t[0]) && covered(t[1]) && covered(t[2])) faces.push_back({t[0], t[1], t[2]});
+  }
+  return mesh_io::obj_text(comment, points, faces);
+}
+
+using File = std::pair<std::string, std::string>;  // name and text
+
+std::vector<File> result_files(const Input& input, const ism::Result& result,
+                               const ism::SurfaceMap& map) {
+  const auto on_a = [&](const ism::SurfacePoint& p) { return map.position_on_a(p); };
+  const auto on_b = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
+  const ism::MetaMesh meta = map.meta_mesh();
+  return {
+      {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", input.a.vertices,
+                                  input.a.triangles, result.f)},
+      {"B.obj", mesh_io::obj_text("mesh B; vt: planar position of the vertex", input.b.vertices,
+                                  input.b.triangles, result.g)},
+      {"A_on_B.obj", mapped_text("mesh A mapped to B; vertices without an image are in no face",
+                                 input.a, map.forward_vertices(), on_b)},
+      {"B_on_A.obj", mapped_text("mesh B mapped to A; vertices without an image are in no face",
+                                 input.b, map.backward_vertices(), on_a)},
+      {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
+      {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},
+  };
+}
+
+std::string write_files(const std::string& folder, const std::vector<File>& files) {
+  std::error_code ec;
+  std::filesystem::create_directories(folder, ec);
+  if (ec) return "-o " + folder + ": the folder cannot be made";
+  for (const File& file : files) {
+    const std::string error = mesh_io::write_file(folder + '/' + file.first, file.second);
+    if (!error.empty()) return error;
+  }
+  return {};
+}
+
+void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
+                   const Seconds& s) {
+  const ism::IterationLog &first = result.initial, &last = result.final_state();
+  const auto size = [](const ism::TriangleMesh& m) {
+    return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
+           " triangles";
+  };
+  std::printf("A            %s: %s\n", args.a.c_str(), size(input.a).c_str());
+  std::printf("B            %s: %s\n", args.b.c_str(), size(input.b).c_str());
+  std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
+              result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
+  std::printf("distortion   %.4f on average, 2 is an isometry (%.4f at the start)\n",
+              last.mean_distortion, first.mean_distortion);
+  std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
+              100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
+              100 * first.coverage_b);
+  if (!input.landmarks.empty())
+    std::printf("landmarks    %zu, at the start at most %.3g apart (1: radius of the domain)\n",
+                input.landmarks.size(), result.start.landmark_distance);
+  std::printf("meta mesh    %d polygons\n", last.polygons);
+  std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
+              s.embedding, s.optimization, s.derivatives);
+  std::printf("assembly %.1f, solve %.1f, search %.1f), files %.1f\n", s.assembly, s.solve,
+              s.search, s.reading + s.output);
+  std::printf("results in   %s: A.obj B.obj (vt: the plane), A_on_B.obj B_on_A.obj, ",
+              args.out.c_str());
+  std::printf("meta_A.obj meta_B.obj, report.json\n");
+}
+
+// ==== [6] MAIN ===================================================================================
+
+int fail(int code, const std::string& error) {
+  std::fprintf(stderr, "ism_map: %s\n", error.c_str());
+  return code;
+}
+
+/// Whose fault it is that there is no map.
+int exit_code(ism::Status status, bool own_start) {
+  switch (status) {
+    case ism::Status::kInvalidMesh:
+    case ism::Status::kInvalidLandmarks:
+    case ism::Status::kInvalidOptions:
+    case ism::Status::kInvalidPositions:
+      return kBadInput;
+    case ism::Status::kNoOverlap:
+      return own_start ? kBadInput : kComputationFailed;
+    default:
+      return kComputationFailed;
+  }
+}
+
+ism::Result compute(Arguments& args, const Input& input) {
+  ProgressLine line(args.quiet);
+  args.options.progress = [&line](const ism::Progress& progress) {
+    line.show(progress);
+    return interrupted == 0;
+  };
+  std::signal(SIGINT, on_interrupt);
+  ism::Result result = ism::compute_map(input.a, input.b, input.landmarks, args.options);
+  std::signal(SIGINT, SIG_DFL);  // nothing asks for the flag from here on
+  line.finish();
+  return result;
+}
+
+int run(Arguments& args) {
+  Clock::time_point start = Clock::now();
+  Seconds seconds;
+  Input input;
+  std::string error = read_input(args, input);
+  if (!error.empty()) return fail(kBadInput, error);
+  seconds.reading = seconds_since(start);
+
+  const ism::Result result = compute(args, input);
+  if (!ism::is_usable(result.status))
+    return fail(exit_code(result.status, !args.initial.empty()), result.message);
+  if (result.f.rows() != input.a.vertices.rows())
+    return fail(kComputationFailed, "cancelled before there was a map, nothing is written");
+  seconds.add(result);
+
+  start = Clock::now();
+  const ism::SurfaceMap map(input.a, input.b, result.f, result.g);
+  if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
+  std::vector<File> files = result_files(input, result, map);
+  seconds.output = seconds_since(start);
+  files.emplace_back("report.json", json_report(args, input, result, seconds));
+  error = write_files(args.out, files);
+  if (!error.empty()) return fail(kComputationFailed, error);
+  seconds.output = seconds_since(start);
+  if (!args.quiet) print_summary(args, input, result, seconds);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments args;
+  const std::string error = read_arguments(std::vector<std::string>(argv + 1, argv + argc), args);
+  if (!error.empty()) return fail(kBadInput, error);
+  if (args.help) return std::fputs(kHelp, stdout) < 0 ? kComputationFailed : 0;
+  return run(args);
+}

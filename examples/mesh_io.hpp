@@ -1,0 +1,867 @@
+// mesh_io.hpp: reads OBJ, OFF and PLY files, writes OBJ files. Part of the examples of ism.hpp.
+//
+//   mesh_io::ReadResult a = mesh_io::read_mesh("A.obj");
+//   if (!a.ok) std::cerr << a.error << '\n';  // "A.obj, line 12: ..."
+//
+// Polygons are cut into triangles. Faults in a file never crash and never throw: the result says
+// in one sentence what is wrong and where. Numbers do not depend on the locale.
+
+#ifndef ISM_EXAMPLES_MESH_IO_HPP
+#define ISM_EXAMPLES_MESH_IO_HPP
+
+#include "ism.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <locale>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+namespace mesh_io {
+
+struct ReadResult {
+  bool ok = false;
+  std::string error;  // one sentence: the file, the line or element, what is wrong
+  ism::TriangleMesh mesh;
+  ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
+};
+
+/// Reads a mesh; the extension tells the format (.obj, .off, .ply; any case).
+///
+/// OBJ: v, vt, f (i, i/t, i//n, i/t/n, negative indices); all else is skipped.
+/// OFF: with or without header word; colours, normals and texture coordinates are skipped.
+/// PLY: ascii and binary, both byte orders; all elements and properties; x, y, z of `vertex` and
+///      vertex_indices (or vertex_index) of `face` are used.
+inline ReadResult read_mesh(const std::string& path);
+
+struct IdPair {
+  long long a, b;  // as they stand in the file
+  long long line;
+};
+
+struct PairsResult {
+  bool ok = false;
+  std::string error;
+  std::vector<IdPair> pairs;
+};
+
+/// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment.
+inline PairsResult read_pairs(const std::string& path);
+
+/// Writes a text under a temporary name and renames it: no reader ever sees half a file.
+/// Returns an empty string, or one sentence that says why it failed.
+inline std::string write_file(const std::string& path, const std::string& text);
+
+/// The text of an OBJ file, %.17g, so that reading it back gives the same bits. `planar`, if it
+/// has rows, is #V×2 and becomes one vt per vertex. A comment must not contain a line break.
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const ism::Triangles& triangles, const ism::Points2& planar = {});
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons);
+
+/// Reads a whole text as one number or one integer; false if it is anything else.
+inline bool parse_number(std::string_view text, double& value);
+inline bool parse_integer(std::string_view text, long long& value);
+
+// ==== [1] NUMBERS AND LINES ======================================================================
+
+namespace detail {
+
+/// What ism::Triangles can hold three times over (half-edges), with room to spare.
+constexpr long long kMaxElements = 500000000;
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t(1) << 34;
+/// Larger polygons are no mesh faces, and cutting them takes quadratic time.
+constexpr int kMaxCorners = 1000;
+
+inline bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+
+/// The slow way, for standard libraries without from_chars and for numbers that underflow.
+inline const char* parse_by_stream(const char* p, const char* end, double& value) {
+  const char* stop = p;
+  while (stop < end && *stop != '\0' && std::strchr("+-.0123456789eE", *stop)) ++stop;
+  std::istringstream stream(std::string(p, stop));
+  stream.imbue(std::locale::classic());
+  return stream >> value && stream.peek() == std::istringstream::traits_type::eof() ? stop
+                                                                                    : nullptr;
+}
+
+/// Parses a number at p and returns the place behind it, or null.
+inline const char* parse_at(const char* p, const char* end, double& value) {
+  if (end - p > 1 && *p == '+' && p[1] != '-') ++p;
+#if defined(__cpp_lib_to_chars)
+  const std::from_chars_result r = std::from_chars(p, end, value);
+  if (r.ec == std::errc()) return r.ptr;
+  if (r.ec != std::errc::result_out_of_range) return nullptr;
+#endif
+  return parse_by_stream(p, end, value);
+}
+
+inline const char* parse_at(const char* p, const char* end, long long& value) {
+  if (end - p > 1 && *p == '+' && p[1] != '-') ++p;
+  const std::from_chars_result r = std::from_chars(p, end, value);
+  return r.ec == std::errc() ? r.ptr : nullptr;
+}
+
+/// Walks through a text file, line by line or item by item. '#' ends a line.
+class Scanner {
+ public:
+  explicit Scanner(std::string_view text, bool backslash_joins_lines = false)
+      : p_(text.data()), end_(text.data() + text.size()), joins_(backslash_joins_lines) {
+    if (text.substr(0, 3) == "\xEF\xBB\xBF") p_ += 3;  // byte order mark
+  }
+
+  bool at_end() const { return p_ == end_; }
+  long long line() const { return line_; }
+  long long bytes_left() const { return end_ - p_; }
+  const char* place() const { return p_; }
+
+  bool line_done() {
+    while (p_ < end_ && (is_blank(*p_) || joined())) ++p_;
+    return p_ == end_ || *p_ == '\n' || *p_ == '#';
+  }
+  void next_line() {
+    const void* newline =
+        at_end() ? nullptr : std::memchr(p_, '\n', static_cast<size_t>(end_ - p_));
+    if (newline) ++line_;
+    p_ = newline ? static_cast<const char*>(newline) + 1 : end_;
+  }
+  /// Goes on to the next item, over line ends; false at the end of the file.
+  bool find_item() {
+    while (line_done() && !at_end()) next_line();
+    return !at_end();
+  }
+
+  /// The next word of this line, empty if there is none.
+  std::string_view word() {
+    if (line_done()) return {};
+    const char* start = p_;
+    while (p_ < end_ && !is_blank(*p_) && *p_ != '\n') ++p_;
+    return std::string_view(start, static_cast<size_t>(p_ - start));
+  }
+  /// The next number of this line, up to a blank.
+  template <class Number>
+  bool number(Number& value) {
+    return prefix(value) && (p_ == end_ || is_blank(*p_) || *p_ == '\n' || *p_ == '#');
+  }
+  /// The next number of this line, whatever follows it.
+  template <class Number>
+  bool prefix(Number& value) {
+    if (line_done()) return false;
+    const char* stop = parse_at(p_, end_, value);
+    if (stop) p_ = stop;
+    return stop != nullptr;
+  }
+  bool next_is(char c) const { return p_ < end_ && *p_ == c; }
+  bool skip(char c) {
+    const bool found = next_is(c);
+    if (found) ++p_;
+    return found;
+  }
+  bool in_item() const { return p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '#'; }
+
+ private:
+  bool joined() {  // moves to the newline if a backslash takes it back
+    if (!joins_ || *p_ != '\\') return false;
+    const char* q = p_ + 1;
+    if (q < end_ && *q == '\r') ++q;
+    if (q == end_ || *q != '\n') return false;
+    p_ = q;
+    ++line_;
+    return true;
+  }
+
+  const char* p_;
+  const char* end_;
+  long long line_ = 1;
+  bool joins_;
+};
+
+/// What a file holds before it becomes a triangle mesh. Faces are lists of corners one after the
+/// other; ids count from 0 and are not checked yet.
+struct Soup {
+  std::vector<std::array<double, 3>> points;
+  std::vector<std::array<double, 2>> planar;
+  std::vector<long long> corner, corner_planar;  // the second is empty or as long as the first
+  std::vector<std::size_t> face_end;
+  std::vector<long long> face_place;  // the line, or the number in the file, of every face
+  const char* place_name = "line";
+
+  void end_face(long long place) {
+    face_end.push_back(corner.size());
+    face_place.push_back(place);
+  }
+};
+
+inline std::string at(const char* what, long long number, const std::string& message) {
+  return std::string(", ") + what + " " + std::to_string(number) + ": " + message;
+}
+inline std::string at_line(const Scanner& s, const std::string& message) {
+  return at("line", s.line(), message);
+}
+
+inline bool finite(const std::array<double, 3>& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// Three finite numbers of one line. Returns what is wrong, or an empty string.
+inline std::string read_point(Scanner& s, Soup& soup) {
+  std::array<double, 3> p{};
+  for (double& x : p)
+    if (!s.number(x)) return at_line(s, "a vertex needs three numbers");
+  if (!finite(p)) return at_line(s, "a coordinate is not finite");
+  soup.points.push_back(p);
+  return {};
+}
+
+// ==== [2] OBJ ====================================================================================
+
+/// One index of a face: 1 is the first, -1 the last one so far. False if it is no such index.
+inline bool read_obj_index(Scanner& s, std::size_t count, long long& id) {
+  if (!s.in_item() || !s.prefix(id) || id == 0) return false;
+  id = id > 0 ? id - 1 : id + static_cast<long long>(count);
+  return id >= 0;
+}
+
+inline std::string read_obj_face(Scanner& s, Soup& soup) {
+  const long long line = s.line();
+  int n = 0;
+  for (; !s.line_done(); ++n) {
+    long long v = -1, t = -1, normal = 0;
+    bool fine = read_obj_index(s, soup.points.size(), v);
+    if (fine && s.skip('/')) {
+      // The vt and the normal may be missing, and a wrong vt only means that there is none.
+      if (!s.next_is('/') && s.in_item() && !read_obj_index(s, soup.planar.size(), t)) t = -1;
+      if (s.skip('/') && s.in_item()) fine = s.prefix(normal);
+    }
+    if (!fine || s.in_item())
+      return at_line(s, "corner " + std::to_string(n + 1) + " of the face is no valid index");
+    soup.corner.push_back(v);
+    soup.corner_planar.push_back(t);
+  }
+  if (n < 3) return at("line", line, "a face needs at least three corners");
+  soup.end_face(line);
+  return {};
+}
+
+inline std::string read_obj(std::string_view text, Soup& soup) {
+  Scanner s(text, true);
+  std::string error;
+  for (; !s.at_end() && error.empty(); s.next_line()) {
+    const std::string_view key = s.word();
+    if (key == "v") {
+      error = read_point(s, soup);
+    } else if (key == "vt") {
+      std::array<double, 2> p{};
+      if (!s.number(p[0]) || (!s.line_done() && !s.number(p[1])))
+        return at_line(s, "a vt needs numbers");
+      soup.planar.push_back(p);
+    } else if (key == "f") {
+      error = read_obj_face(s, soup);
+    }
+  }
+  return error;
+}
+
+// ==== [3] OFF ====================================================================================
+
+/// The optional first word, such as OFF, COFF or STNOFF.
+inline std::string read_off_header(Scanner& s) {
+  if (!s.find_item()) return ": the file is empty";
+  Scanner ahead = s;
+  const std::string_view word = ahead.word();
+  if (word.size() < 3 || word.substr(word.size() - 3) != "OFF") return {};  // no header word
+  if (word.find_first_not_of("STCNOF") != std::string_view::npos)
+    return at_line(s, "only OFF files of points in space can be read, not " + std::string(word));
+  s.word();
+  ahead = s;
+  if (ahead.word() == "BINARY") return at_line(s, "binary OFF files cannot be read");
+  return {};
+}
+
+inline std::string read_off_face(Scanner& s, Soup& soup) {
+  long long n = 0;
+  if (!s.number(n) || n < 0 || n > s.bytes_left())
+    return at_line(s, "a face needs a number of corners");
+  if (n < 3) return at_line(s, "a face needs at least three corners");
+  for (long long k = 0; k < n; ++k) {
+    long long id = 0;
+    if (!s.number(id))
+      return at_line(s, "corner " + std::to_string(k + 1) + " of the face is no valid index");
+    soup.corner.push_back(id);
+  }
+  soup.end_face(s.line());
+  return {};
+}
+
+inline std::string read_off(std::string_view text, Soup& soup) {
+  Scanner s(text);
+  std::string error = read_off_header(s);
+  if (!error.empty()) return error;
+  long long n[2] = {0, 0};
+  for (long long& count : n)
+    if (!s.find_item() || !s.number(count) || count < 0)
+      return at_line(s, "the numbers of vertices and faces are missing");
+  const char* const names[2] = {"vertices", "faces"};
+  for (int kind = 0; kind < 2; ++kind)
+    for (long long i = 0; i < n[kind]; ++i) {
+      s.next_line();
+      if (!s.find_item())
+        return ": the file ends after " + std::to_string(i) + " of " + std::to_string(n[kind]) +
+               " " + names[kind];
+      error = kind == 0 ? read_point(s, soup) : read_off_face(s, soup);
+      if (!error.empty()) return error;
+    }
+  return {};
+}
+
+// ==== [4] PLY ====================================================================================
+
+struct PlyType {
+  int bytes = 0;  // 0: no type
+  enum class Kind { kSigned, kUnsigned, kFloat } kind = Kind::kSigned;
+};
+
+inline PlyType ply_type(std::string_view name) {
+  using Kind = PlyType::Kind;
+  struct Entry {
+    const char *name, *other;
+    PlyType type;
+  };
+  static const Entry kTypes[] = {
+      {"char", "int8", {1, Kind::kSigned}},    {"uchar", "uint8", {1, Kind::kUnsigned}},
+      {"short", "int16", {2, Kind::kSigned}},  {"ushort", "uint16", {2, Kind::kUnsigned}},
+      {"int", "int32", {4, Kind::kSigned}},    {"uint", "uint32", {4, Kind::kUnsigned}},
+      {"float", "float32", {4, Kind::kFloat}}, {"double", "float64", {8, Kind::kFloat}},
+  };
+  for (const Entry& e : kTypes)
+    if (name == e.name || name == e.other) return e.type;
+  return {};
+}
+
+struct PlyProperty {
+  std::string name;
+  PlyType type, count;  // count is set for lists
+  bool is_list() const { return count.bytes > 0; }
+};
+
+struct PlyElement {
+  std::string name;
+  long long count = 0;
+  std::vector<PlyProperty> properties;
+
+  /// The fewest bytes a row takes: a guard against headers that promise too much.
+  long long least_bytes(bool ascii) const {
+    long long sum = 0;
+    for (const PlyProperty& p : properties)
+      sum += ascii ? 1 : p.is_list() ? p.count.bytes : p.type.bytes;
+    return sum;
+  }
+};
+
+enum class PlyFormat { kNone, kAscii, kLittleEndian, kBigEndian };
+
+struct PlyHeader {
+  PlyFormat format = PlyFormat::kNone;
+  std::vector<PlyElement> elements;
+};
+
+inline std::string read_ply_property(Scanner& s, PlyHeader& header) {
+  if (header.elements.empty()) return at_line(s, "a property must follow an element");
+  PlyProperty p;
+  std::string_view type = s.word();
+  if (type == "list") {
+    p.count = ply_type(s.word());
+    if (!p.is_list() || p.count.kind == PlyType::Kind::kFloat)
+      return at_line(s, "a list needs an integer type for its length");
+    type = s.word();
+  }
+  p.type = ply_type(type);
+  if (p.type.bytes == 0) return at_line(s, "unknown type '" + std::string(type) + "'");
+  p.name = s.word();
+  header.elements.back().properties.push_back(p);
+  return {};
+}
+
+inline std::string read_ply_header_line(Scanner& s, std::string_view key, PlyHeader& header) {
+  if (key == "format") {
+    const std::string_view name = s.word();
+    header.format = name == "ascii"                  ? PlyFormat::kAscii
+                    : name == "binary_little_endian" ? PlyFormat::kLittleEndian
+                    : name == "binary_big_endian"    ? PlyFormat::kBigEndian
+                                                     : PlyFormat::kNone;
+  } else if (key == "element") {
+    PlyElement element;
+    element.name = s.word();
+    if (!s.number(element.count) || element.count < 0)
+      return at_line(s, "an element needs a name and a count");
+    header.elements.push_back(element);
+  } else if (key == "property") {
+    return read_ply_property(s, header);
+  }
+  return {};
+}
+
+inline std::string read_ply_header(Scanner& s, PlyHeader& header) {
+  if (s.word() != "ply") return ": the file does not begin with 'ply'";
+  while (true) {
+    s.next_line();
+    if (s.at_end()) return ": the header does not end";
+    const std::string_view key = s.word();
+    if (key == "end_header") break;
+    const std::string error = read_ply_header_line(s, key, header);
+    if (!error.empty()) return error;
+  }
+  s.next_line();
+  if (header.format == PlyFormat::kNone) return ": the header names no known format";
+  return {};
+}
+
+/// The values behind the header, one after the other, in any of the three formats.
+class PlyValues {
+ public:
+  PlyValues(Scanner s, PlyFormat format)
+      : text_(s), p_(s.place()), end_(p_ + s.bytes_left()), format_(format) {}
+
+  bool ascii() const { return format_ == PlyFormat::kAscii; }
+  long long bytes_left() const { return ascii() ? text_.bytes_left() : end_ - p_; }
+  bool next(const PlyType& type, double& value) {
+    if (ascii()) return text_.find_item() && text_.number(value);
+    if (end_ - p_ < type.bytes) return false;
+    std::uint64_t bits = 0;
+    for (int i = 0; i < type.bytes; ++i) {
+      const int k = format_ == PlyFormat::kLittleEndian ? i : type.bytes - 1 - i;
+      bits |= static_cast<std::uint64_t>(static_cast<unsigned char>(p_[k])) << (8 * i);
+    }
+    p_ += type.bytes;
+    value = decode(bits, type);
+    return true;
+  }
+  /// The next value as a whole number; false also if it is none.
+  bool next(const PlyType& type, long long& value) {
+    double x = 0;
+    if (!next(type, x) || !(std::abs(x) < 9e15) || x != std::floor(x)) return false;
+    value = static_cast<long long>(x);
+    return true;
+  }
+
+ private:
+  static double decode(std::uint64_t bits, const PlyType& type) {
+    if (type.kind == PlyType::Kind::kUnsigned) return static_cast<double>(bits);
+    if (type.kind == PlyType::Kind::kSigned) {
+      const double x = static_cast<double>(bits);
+      const double range = std::ldexp(1.0, 8 * type.bytes);
+      return x < range / 2 ? x : x - range;
+    }
+    if (type.bytes == 8) return from_bits<double>(bits);
+    return static_cast<double>(from_bits<float>(static_cast<std::uint32_t>(bits)));
+  }
+  template <class Float, class Bits>
+  static Float from_bits(Bits bits) {
+    static_assert(sizeof(Float) == sizeof(Bits), "IEEE 754 numbers");
+    Float value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+  }
+
+  Scanner text_;
+  const char* p_;
+  const char* end_;
+  PlyFormat format_;
+};
+
+/// Reads a list; its values are kept as corners if `soup` is given.
+inline bool read_ply_list(PlyValues& values, const PlyProperty& property, Soup* soup) {
+  long long n = 0;
+  if (!values.next(property.count, n) || n < 0 || n > values.bytes_left()) return false;
+  for (long long k = 0; k < n; ++k) {
+    double ignored = 0;
+    long long id = 0;
+    if (!(soup ? values.next(property.type, id) : values.next(property.type, ignored)))
+      return false;
+    if (soup) soup->corner.push_back(id);
+  }
+  return true;
+}
+
+inline bool read_ply_row(PlyValues& values, const PlyElement& element, const PlyProperty* indices,
+                         std::array<double, 3>& point, Soup& soup) {
+  for (const PlyProperty& p : element.properties) {
+    double value = 0;
+    if (p.is_list() ? !read_ply_list(values, p, &p == indices ? &soup : nullptr)
+                    : !values.next(p.type, value))
+      return false;
+    if (p.name.size() == 1 && p.name[0] >= 'x' && p.name[0] <= 'z')
+      point[static_cast<std::size_t>(p.name[0] - 'x')] = value;
+  }
+  return true;
+}
+
+inline std::string read_ply_element(PlyValues& values, const PlyElement& element, Soup& soup) {
+  const bool vertices = element.name == "vertex", faces = element.name == "face";
+  const PlyProperty* indices = nullptr;
+  int coordinates = 0;
+  for (const PlyProperty& p : element.properties) {
+    if (p.is_list() && (p.name == "vertex_indices" || p.name == "vertex_index")) indices = &p;
+    if (!p.is_list() && (p.name == "x" || p.name == "y" || p.name == "z")) ++coordinates;
+  }
+  if (vertices && coordinates != 3) return ": the vertices do not have one x, y and z each";
+  if (faces && !indices) return ": the faces have no list vertex_indices";
+  if (element.properties.empty()) return {};
+  if (element.count > values.bytes_left() / element.least_bytes(values.ascii()) + 1)
+    return ": the header announces " + std::to_string(element.count) + " elements '" +
+           element.name + "', more than the file can hold";
+  for (long long i = 0; i < element.count; ++i) {
+    std::array<double, 3> point{};
+    const std::size_t corners = soup.corner.size();
+    if (!read_ply_row(values, element, faces ? indices : nullptr, point, soup))
+      return at(element.name.c_str(), i, "the data are cut short or not a number");
+    if (vertices && !finite(point)) return at("vertex", i, "a coordinate is not finite");
+    if (vertices) soup.points.push_back(point);
+    if (faces && soup.corner.size() < corners + 3)
+      return at("face", i, "a face needs at least three corners");
+    if (faces) soup.end_face(i);
+  }
+  return {};
+}
+
+inline std::string read_ply(std::string_view text, Soup& soup) {
+  Scanner s(text);
+  PlyHeader header;
+  std::string error = read_ply_header(s, header);
+  if (!error.empty()) return error;
+  PlyValues values(s, header.format);
+  soup.place_name = "face";
+  for (std::size_t i = 0; i < header.elements.size() && error.empty(); ++i)
+    error = read_ply_element(values, header.elements[i], soup);
+  return error;
+}
+
+// ==== [5] POLYGONS TO TRIANGLES ==================================================================
+
+inline double turn(const ism::Vec2& a, const ism::Vec2& b, const ism::Vec2& c) {
+  return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
+}
+
+/// A polygon in space, laid into the plane of its mean normal, about 1 in size.
+inline bool flatten(const Soup& soup, const std::vector<int>& ids, std::vector<ism::Vec2>& flat) {
+  const auto point = [&](std::size_t i) {
+    const std::array<double, 3>& p = soup.points[static_cast<std::size_t>(ids[i])];
+    return ism::Vec3(p[0], p[1], p[2]);
+  };
+  double size = 0;
+  for (std::size_t i = 1; i < ids.size(); ++i)
+    size = (std::max)(size, (point(i) - point(0)).cwiseAbs().maxCoeff());
+  if (!(size > 0) || !std::isfinite(size)) return false;
+  std::vector<ism::Vec3> p(ids.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) p[i] = (point(i) - point(0)) / size;
+  ism::Vec3 normal = ism::Vec3::Zero();  // twice the vector area
+  for (std::size_t i = 0; i < p.size(); ++i) normal += p[i].cross(p[(i + 1) % p.size()]);
+  if (!(normal.norm() > 1e-12)) return false;
+  const ism::Vec3 x = normal.normalized().unitOrthogonal(), y = normal.normalized().cross(x);
+  flat.clear();
+  for (const ism::Vec3& q : p) flat.emplace_back(x.dot(q), y.dot(q));
+  return true;
+}
+
+/// Cuts a polygon into triangles by its ears: corners whose triangle turns left and holds no
+/// other corner, not even on its border. Convexity is not needed, corners may lie on a straight
+/// line, and no triangle is flipped or degenerate. Of a quad this takes the shorter diagonal that
+/// lies inside. Fails for polygons that cross or touch themselves.
+class EarCutter {
+ public:
+  EarCutter(std::vector<ism::Vec2> flat, double tolerance)
+      : flat_(std::move(flat)), tolerance_(tolerance) {}
+
+  bool cut(std::vector<std::array<std::size_t, 3>>& triangles) {
+    std::vector<std::size_t> rest(flat_.size());
+    for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = i;
+    std::size_t from = 0;
+    triangles.clear();
+    while (rest.size() >= 3) {
+      const std::size_t k = find_ear(rest, from);
+      if (k == rest.size()) return false;
+      triangles.push_back(corners(rest, k));
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(k));
+      from = k + 1;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kSmall = 32;  // up to here the shortest diagonal is worth its cost
+
+  static std::array<std::size_t, 3> corners(const std::vector<std::size_t>& rest, std::size_t k) {
+    const std::size_t n = rest.size();
+    return {rest[(k + n - 1) % n], rest[k], rest[(k + 1) % n]};
+  }
+
+  /// The ear of the shortest diagonal; in a large polygon, the first ear from a given corner on.
+  std::size_t find_ear(const std::vector<std::size_t>& rest, std::size_t from) const {
+    const std::size_t n = rest.size();
+    std::size_t best = n;
+    double shortest = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t k = (from + i) % n;
+      const std::array<std::size_t, 3> t = corners(rest, k);
+      const double length = (flat_[t[0]] - flat_[t[2]]).squaredNorm();
+      if (!(length < shortest) || !is_ear(rest, t)) continue;
+      shortest = length;
+      best = k;
+      if (n > kSmall) break;
+    }
+    return best;
+  }
+
+  bool is_ear(const std::vector<std::size_t>& rest, const std::array<std::size_t, 3>& t) const {
+    const ism::Vec2 &a = flat_[t[0]], &b = flat_[t[1]], &c = flat_[t[2]];
+    if (!(turn(a, b, c) > tolerance_)) return false;
+    for (const std::size_t i : rest) {
+      const ism::Vec2& p = flat_[i];
+      if (i != t[0] && i != t[1] && i != t[2] && turn(a, b, p) >= -tolerance_ &&
+          turn(b, c, p) >= -tolerance_ && turn(c, a, p) >= -tolerance_)
+        return false;
+    }
+    return true;
+  }
+
+  std::vector<ism::Vec2> flat_;
+  double tolerance_;
+};
+
+/// Appends the triangles of one polygon. Returns what is wrong, or an empty string.
+inline std::string add_triangles(const Soup& soup, const std::vector<int>& ids,
+                                 std::vector<std::array<int, 3>>& out) {
+  if (ids.size() == 3) {  // degenerate ones are left to ism::validate()
+    out.push_back({ids[0], ids[1], ids[2]});
+    return {};
+  }
+  if (ids.size() > static_cast<std::size_t>(kMaxCorners))
+    return "the face has " + std::to_string(ids.size()) + " corners, at most " +
+           std::to_string(kMaxCorners) + " can be read";
+  std::vector<int> sorted = ids;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
+    return "the face has one vertex twice";
+  std::vector<ism::Vec2> flat;
+  std::vector<std::array<std::size_t, 3>> cut;
+  // Rounding puts corners meant to be on a line beside it, so thin ears are avoided if possible.
+  if (!flatten(soup, ids, flat) ||
+      !(EarCutter(flat, 1e-10).cut(cut) || EarCutter(flat, 0).cut(cut)))
+    return "the face has no area or crosses itself";
+  for (const std::array<std::size_t, 3>& t : cut) out.push_back({ids[t[0]], ids[t[1]], ids[t[2]]});
+  return {};
+}
+
+inline std::string soup_triangles(const Soup& soup, ism::Triangles& triangles) {
+  std::vector<std::array<int, 3>> list;
+  std::vector<int> ids;
+  std::size_t begin = 0;
+  const long long n = static_cast<long long>(soup.points.size());
+  for (std::size_t face = 0; face < soup.face_end.size(); ++face) {
+    const long long place = soup.face_place[face];
+    ids.clear();
+    for (std::size_t k = begin; k < soup.face_end[face]; ++k) {
+      const long long id = soup.corner[k];
+      if (id < 0 || id >= n)
+        return at(soup.place_name, place,
+                  "corner " + std::to_string(k - begin + 1) +
+                      " of the face refers to a vertex that does not exist (there are " +
+                      std::to_string(n) + ")");
+      ids.push_back(static_cast<int>(id));
+    }
+    const std::string error = add_triangles(soup, ids, list);
+    if (!error.empty()) return at(soup.place_name, place, error);
+    begin = soup.face_end[face];
+  }
+  triangles.resize(static_cast<Eigen::Index>(list.size()), 3);
+  for (std::size_t i = 0; i < list.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      triangles(static_cast<Eigen::Index>(i), k) = list[i][static_cast<std::size_t>(k)];
+  return {};
+}
+
+/// The vt of every vertex; no rows unless each vertex has exactly one.
+inline ism::Points2 soup_planar(const Soup& soup) {
+  std::vector<long long> of_vertex(soup.points.size(), -1);
+  for (std::size_t k = 0; k < soup.corner_planar.size(); ++k) {
+    const long long t = soup.corner_planar[k];
+    if (t < 0 || t >= static_cast<long long>(soup.planar.size())) return {};
+    long long& known = of_vertex[static_cast<std::size_t>(soup.corner[k])];
+    if (known >= 0 &&
+        soup.planar[static_cast<std::size_t>(known)] != soup.planar[static_cast<std::size_t>(t)])
+      return {};
+    known = t;
+  }
+  ism::Points2 planar(static_cast<Eigen::Index>(of_vertex.size()), 2);
+  for (std::size_t v = 0; v < of_vertex.size(); ++v) {
+    if (of_vertex[v] < 0) return {};
+    const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(of_vertex[v])];
+    planar.row(static_cast<Eigen::Index>(v)) << p[0], p[1];
+  }
+  return planar;
+}
+
+inline std::string soup_to_mesh(const Soup& soup, ReadResult& result) {
+  if (soup.points.empty()) return ": there are no vertices";
+  if (soup.face_end.empty()) return ": there are no faces";
+  if (soup.points.size() > kMaxElements || soup.corner.size() > kMaxElements)
+    return ": the mesh is too large";
+  result.mesh.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
+  for (std::size_t i = 0; i < soup.points.size(); ++i)
+    result.mesh.vertices.row(static_cast<Eigen::Index>(i)) << soup.points[i][0], soup.points[i][1],
+        soup.points[i][2];
+  const std::string error = soup_triangles(soup, result.mesh.triangles);
+  if (error.empty()) result.planar = soup_planar(soup);
+  return error;
+}
+
+// ==== [6] FILES ==================================================================================
+
+inline std::string lower_extension(const std::string& path) {
+  std::string e = std::filesystem::path(path).extension().string();
+  for (char& c : e)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return e;
+}
+
+/// Reads a file as a whole. Returns what is wrong, or an empty string.
+inline std::string load(const std::string& path, std::string& text) {
+  std::error_code ec;
+  if (!std::filesystem::exists(path, ec)) return ": there is no such file";
+  if (!std::filesystem::is_regular_file(path, ec)) return ": this is not a file";
+  const std::uintmax_t size = std::filesystem::file_size(path, ec);
+  if (!ec && size > kMaxBytes) return ": the file is too large";
+  std::FILE* file = ec ? nullptr : std::fopen(path.c_str(), "rb");
+  if (!file) return ": the file cannot be opened";
+  text.resize(static_cast<std::size_t>(size));
+  text.resize(std::fread(&text[0], 1, text.size(), file));
+  const bool failed = std::ferror(file) != 0;
+  std::fclose(file);
+  return failed ? ": the file cannot be read" : "";
+}
+
+inline void append_number(std::string& text, double x) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, " %.17g", x);
+  for (char* c = buffer; *c; ++c)
+    if (*c == ',') *c = '.';  // the locale's decimal comma
+  text += buffer;
+}
+
+template <class Points>
+void append_points(std::string& text, const char* key, const Points& points) {
+  for (Eigen::Index i = 0; i < points.rows(); ++i) {
+    text += key;
+    for (Eigen::Index k = 0; k < points.cols(); ++k) append_number(text, points(i, k));
+    text += '\n';
+  }
+}
+
+inline void append_corner(std::string& text, int id, bool planar) {
+  const std::string name = std::to_string(id + 1);
+  text += ' ' + name;
+  if (planar) text += '/' + name;
+}
+
+}  // namespace detail
+
+inline bool parse_number(std::string_view text, double& value) {
+  return detail::parse_at(text.data(), text.data() + text.size(), value) ==
+         text.data() + text.size();
+}
+
+inline bool parse_integer(std::string_view text, long long& value) {
+  return detail::parse_at(text.data(), text.data() + text.size(), value) ==
+         text.data() + text.size();
+}
+
+inline ReadResult read_mesh(const std::string& path) {
+  ReadResult result;
+  std::string text;
+  const std::string extension = detail::lower_extension(path);
+  const auto read = extension == ".obj"   ? detail::read_obj
+                    : extension == ".off" ? detail::read_off
+                    : extension == ".ply" ? detail::read_ply
+                                          : nullptr;
+  detail::Soup soup;
+  std::string error = detail::load(path, text);
+  if (error.empty() && !read) error = ": only OBJ, OFF and PLY files can be read";
+  if (error.empty()) error = read(text, soup);
+  if (error.empty()) error = detail::soup_to_mesh(soup, result);
+  result.ok = error.empty();
+  for (char& c : error)
+    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';  // quoted from a broken file
+  if (!result.ok) result.error = path + error;
+  return result;
+}
+
+inline PairsResult read_pairs(const std::string& path) {
+  PairsResult result;
+  std::string text, error = detail::load(path, text);
+  detail::Scanner s(text);
+  while (error.empty() && s.find_item()) {
+    IdPair pair{-1, -1, s.line()};
+    if (s.number(pair.a) && s.number(pair.b) && s.line_done())
+      result.pairs.push_back(pair);
+    else
+      error = detail::at_line(s, "two vertex ids are expected");
+  }
+  result.ok = error.empty();
+  if (!result.ok) result.error = path + error;
+  return result;
+}
+
+inline std::string write_file(const std::string& path, const std::string& text) {
+  const std::string temporary = path + ".tmp";
+  std::error_code ec;
+  std::FILE* file = std::fopen(temporary.c_str(), "wb");
+  if (!file) return path + ": the file cannot be created";
+  bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  written = std::fclose(file) == 0 && written;
+  if (written) std::filesystem::rename(temporary, path, ec);
+  if (written && !ec) return {};
+  std::filesystem::remove(temporary, ec);
+  return path + ": the file cannot be written";
+}
+
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const ism::Triangles& triangles, const ism::Points2& planar) {
+  std::string text = "# " + comment + '\n';
+  detail::append_points(text, "v", vertices);
+  detail::append_points(text, "vt", planar);
+  for (Eigen::Index i = 0; i < triangles.rows(); ++i) {
+    text += 'f';
+    for (int k = 0; k < 3; ++k) detail::append_corner(text, triangles(i, k), planar.rows() > 0);
+    text += '\n';
+  }
+  return text;
+}
+
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons) {
+  std::string text = "# " + comment + '\n';
+  detail::append_points(text, "v", vertices);
+  for (const std::vector<int>& polygon : polygons) {
+    text += 'f';
+    for (const int id : polygon) detail::append_corner(text, id, false);
+    text += '\n';
+  }
+  return text;
+}
+
+}  // namespace mesh_io
+
+#endif  // ISM_EXAMPLES_MESH_IO_HPP

@@ -1,0 +1,273 @@
+// Small triangulated disks for the tests: each as a surface and as an injective planar embedding.
+
+#ifndef ISM_TESTS_SHAPES_HPP
+#define ISM_TESTS_SHAPES_HPP
+
+#include "ism.hpp"
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace shapes {
+
+using ism::Points2;
+using ism::Points3;
+using ism::Triangles;
+using ism::Vec2;
+using ism::Vec3;
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// splitmix64: the same numbers on every platform.
+class Rng {
+ public:
+  explicit Rng(std::uint64_t seed) : state_(seed) {}
+  std::uint64_t next() {
+    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ull);
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+    return z ^ (z >> 31);
+  }
+  int below(int n) { return static_cast<int>(next() % static_cast<std::uint64_t>(n)); }
+  int between(int lo, int hi) { return lo + below(hi - lo + 1); }  // both included
+  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }  // [0, 1)
+  double uniform(double lo, double hi) { return lo + (hi - lo) * uniform(); }
+  Vec2 point(double size) {
+    const double x = uniform(-size, size);
+    return Vec2(x, uniform(-size, size));
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// A disk and one injective embedding of it; row i of plane belongs to row i of mesh.vertices.
+struct Disk {
+  ism::TriangleMesh mesh;
+  Points2 plane;
+  std::string name = {};
+};
+
+/// Collects vertices and triangles of a planar disk.
+class DiskBuilder {
+ public:
+  int vertex(double x, double y) {
+    points_.push_back(Vec2(x, y));
+    return static_cast<int>(points_.size()) - 1;
+  }
+  void triangle(int i, int j, int k) { triangles_.push_back({i, j, k}); }
+  void quad(int i, int j, int k, int l) { triangle(i, j, k), triangle(i, k, l); }
+
+  Disk build() const {
+    Disk disk;
+    disk.plane.resize(static_cast<int>(points_.size()), 2);
+    disk.mesh.triangles.resize(static_cast<int>(triangles_.size()), 3);
+    int row = 0;
+    for (const Vec2& p : points_) disk.plane.row(row++) = p.transpose();
+    row = 0;
+    for (const auto& t : triangles_) disk.mesh.triangles.row(row++) << t[0], t[1], t[2];
+    disk.mesh.vertices = Points3::Zero(disk.plane.rows(), 3);
+    disk.mesh.vertices.leftCols<2>() = disk.plane;
+    return disk;
+  }
+
+ private:
+  std::vector<Vec2> points_;
+  std::vector<std::array<int, 3>> triangles_;
+};
+
+inline Disk triangle(const Vec2& a, const Vec2& b, const Vec2& c) {
+  DiskBuilder builder;
+  for (const Vec2& p : {a, b, c}) builder.vertex(p.x(), p.y());
+  builder.triangle(0, 1, 2);
+  return builder.build();
+}
+
+inline Disk single_triangle() { return triangle({0, 0}, {1, 0}, {0, 1}); }
+
+/// The unit cells (i, j) of an nx×ny grid with keep(i, j), on integer positions; the cells kept
+/// must form a disk.
+template <class Keep>
+Disk cells(int nx, int ny, Keep keep) {
+  DiskBuilder builder;
+  std::vector<int> id(static_cast<std::size_t>((nx + 1) * (ny + 1)), -1);
+  const auto corner = [&](int i, int j) {
+    int& v = id[static_cast<std::size_t>(j * (nx + 1) + i)];
+    if (v < 0) v = builder.vertex(i, j);
+    return v;
+  };
+  for (int j = 0; j < ny; ++j)
+    for (int i = 0; i < nx; ++i)
+      if (keep(i, j))
+        builder.quad(corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
+  return builder.build();
+}
+
+inline Disk grid(int nx, int ny) {
+  return cells(nx, ny, [](int, int) { return true; });
+}
+
+inline Disk strip(int n) { return grid(n, 1); }
+
+/// A bottom row of cells with teeth of the given length on every other cell.
+inline Disk comb(int teeth, int length) {
+  return cells(2 * teeth - 1, length + 1, [](int i, int j) { return j == 0 || i % 2 == 0; });
+}
+
+/// A grid with its interior vertices moved at random by at most `amount` < 0.25 of a cell.
+inline Disk perturbed_grid(int nx, int ny, double amount, Rng& rng) {
+  Disk disk = grid(nx, ny);
+  for (int v = 0; v < disk.plane.rows(); ++v) {
+    const double x = disk.plane(v, 0), y = disk.plane(v, 1);
+    if (x > 0 && x < nx && y > 0 && y < ny) disk.plane.row(v) += rng.point(amount).transpose();
+  }
+  disk.mesh.vertices.leftCols<2>() = disk.plane;
+  return disk;
+}
+
+/// A regular n-gon around an interior vertex 0.
+inline Disk fan(int n) {
+  DiskBuilder builder;
+  builder.vertex(0, 0);
+  for (int i = 0; i < n; ++i)
+    builder.vertex(std::cos(2 * kPi * i / n), std::sin(2 * kPi * i / n));
+  for (int i = 0; i < n; ++i) builder.triangle(0, 1 + i, 1 + (i + 1) % n);
+  return builder.build();
+}
+
+/// Several arms of `length` thin quads around a centre.
+inline Disk limbs(int arms, int length, double width) {
+  DiskBuilder builder;
+  const int centre = builder.vertex(0, 0);
+  std::vector<int> ring;
+  for (int i = 0; i < arms; ++i) {
+    const Vec2 along(std::cos(2 * kPi * i / arms), std::sin(2 * kPi * i / arms));
+    const Vec2 across(-along.y(), along.x());
+    int right = -1, left = -1;
+    for (int k = 0; k <= length; ++k) {
+      const Vec2 p = (1 + 0.5 * k) * along - width * across, q = p + 2 * width * across;
+      const int r = builder.vertex(p.x(), p.y()), l = builder.vertex(q.x(), q.y());
+      if (k == 0) ring.push_back(r), ring.push_back(l);
+      else builder.quad(right, r, l, left);
+      right = r, left = l;
+    }
+  }
+  for (std::size_t i = 0; i < ring.size(); ++i)
+    builder.triangle(centre, ring[i], ring[(i + 1) % ring.size()]);
+  return builder.build();
+}
+
+/// The part of the unit sphere within `angle` of the pole, embedded by distance and direction.
+inline Disk spherical_cap(int rings, int sectors, double angle) {
+  DiskBuilder builder;
+  builder.vertex(0, 0);
+  const auto id = [&](int r, int s) { return 1 + (r - 1) * sectors + s % sectors; };
+  for (int r = 1; r <= rings; ++r)
+    for (int s = 0; s < sectors; ++s) {
+      const double phi = 2 * kPi * s / sectors, rho = angle * r / rings;
+      builder.vertex(rho * std::cos(phi), rho * std::sin(phi));
+    }
+  for (int s = 0; s < sectors; ++s) builder.triangle(0, id(1, s), id(1, s + 1));
+  for (int r = 1; r < rings; ++r)
+    for (int s = 0; s < sectors; ++s)
+      builder.quad(id(r, s), id(r + 1, s), id(r + 1, s + 1), id(r, s + 1));
+  Disk disk = builder.build();
+  for (int v = 0; v < disk.plane.rows(); ++v) {
+    const double rho = disk.plane.row(v).norm();
+    const double stretch = rho > 0 ? std::sin(rho) / rho : 1;
+    disk.mesh.vertices.row(v) << stretch * disk.plane.row(v), std::cos(rho);
+  }
+  return disk;
+}
+
+inline double turn(const Points2& x, int i, int j, int k) {
+  const Vec2 u = (x.row(j) - x.row(i)).transpose(), v = (x.row(k) - x.row(i)).transpose();
+  return u.x() * v.y() - u.y() * v.x();
+}
+
+/// Puts a new vertex into a random triangle, at random barycentric coordinates of at least 0.15.
+inline void split_random_triangle(Disk& disk, Rng& rng) {
+  Triangles& F = disk.mesh.triangles;
+  const int f = rng.below(static_cast<int>(F.rows())), v = static_cast<int>(disk.plane.rows());
+  const double s = rng.uniform(0.15, 0.5), t = rng.uniform(0.15, 0.35);
+  const int i = F(f, 0), j = F(f, 1), k = F(f, 2), n = static_cast<int>(F.rows());
+  disk.plane.conservativeResize(v + 1, Eigen::NoChange);
+  disk.plane.row(v) = (1 - s - t) * disk.plane.row(i) + s * disk.plane.row(j) +
+                      t * disk.plane.row(k);
+  F.conservativeResize(n + 2, Eigen::NoChange);
+  F.row(f) << i, j, v;
+  F.row(n) << j, k, v;
+  F.row(n + 1) << k, i, v;
+}
+
+/// Swaps a random edge for the other diagonal of its quad if that leaves positive triangles.
+inline void flip_random_edge(Disk& disk, Rng& rng) {
+  Triangles& F = disk.mesh.triangles;
+  const int f = rng.below(static_cast<int>(F.rows())), k = rng.below(3);
+  const int u = F(f, k), v = F(f, (k + 1) % 3), w = F(f, (k + 2) % 3);
+  for (int g = 0; g < F.rows(); ++g)
+    for (int l = 0; l < 3; ++l) {
+      if (F(g, l) != v || F(g, (l + 1) % 3) != u) continue;
+      const int o = F(g, (l + 2) % 3);
+      if (turn(disk.plane, w, u, o) < 1e-3 || turn(disk.plane, w, o, v) < 1e-3) return;
+      F.row(f) << w, u, o;
+      F.row(g) << w, o, v;
+      return;
+    }
+}
+
+/// A perturbed grid with further vertices in random triangles and randomly flipped edges: its
+/// triangles are neither regular nor Delaunay.
+inline Disk random_disk(int nx, int ny, Rng& rng) {
+  Disk disk = perturbed_grid(nx, ny, 0.2, rng);
+  for (int i = 0; i < nx * ny / 2; ++i) split_random_triangle(disk, rng);
+  for (int i = 0; i < 4 * nx * ny; ++i) flip_random_edge(disk, rng);
+  disk.mesh.vertices = Points3::Zero(disk.plane.rows(), 3);
+  disk.mesh.vertices.leftCols<2>() = disk.plane;
+  return disk;
+}
+
+/// Bends the surface out of the plane, so that it is no longer isometric to its embedding.
+inline void bend(Disk& disk, double height) {
+  for (int v = 0; v < disk.plane.rows(); ++v)
+    disk.mesh.vertices(v, 2) = height * std::sin(disk.plane(v, 0) + 0.7 * disk.plane(v, 1));
+}
+
+/// M x + t for every row x.
+inline Points2 moved(const Points2& x, const Eigen::Matrix2d& M, const Vec2& t) {
+  return (x * M.transpose()).rowwise() + t.transpose();
+}
+
+inline Eigen::Matrix2d rotation(double angle) {
+  Eigen::Matrix2d R;
+  R << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+  return R;
+}
+
+/// One of each, all valid and all embedded injectively.
+inline std::vector<Disk> all_disks() {
+  Rng rng(7);
+  std::vector<Disk> all;
+  const auto add = [&](const char* name, const Disk& disk) {
+    all.push_back(disk);
+    all.back().name = name;
+  };
+  add("triangle", single_triangle());
+  add("strip", strip(9));
+  add("grid", grid(6, 4));
+  add("comb", comb(4, 3));
+  add("fan", fan(7));
+  add("limbs", limbs(5, 12, 0.05));
+  add("cap", spherical_cap(5, 11, 1.2));
+  add("perturbed grid", perturbed_grid(6, 5, 0.2, rng));
+  add("random disk", random_disk(6, 5, rng));
+  add("bent random disk", random_disk(5, 6, rng));
+  bend(all.back(), 0.4);
+  return all;
+}
+
+}  // namespace shapes
+
+#endif  // ISM_TESTS_SHAPES_HPP

@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Runs ism_map over all pairs of a folder and prints a Markdown table of the results.
+
+A pair is a folder with A.obj, B.obj and, if there are any, landmarks.txt. All options of ism_map
+can be passed through:  table.py --extra "--kappa 0 --iterations 50" --only hand_0
+"""
+
+import argparse
+import concurrent.futures
+import json
+import pathlib
+import shlex
+import subprocess
+import sys
+import tempfile
+
+PROJECT = pathlib.Path(__file__).resolve().parent.parent
+COLUMNS = ["pair", "triangles A / B", "iterations", "status", "distortion", "coverage A",
+           "coverage B", "start landmarks", "embedding s", "derivatives s", "assembly s",
+           "solve s", "search s", "total s"]
+
+
+def read_arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("meshes", nargs="?", type=pathlib.Path,
+                        default=PROJECT.parent / "shared" / "meshes", help="folder of the pairs")
+    parser.add_argument("--program", type=pathlib.Path, default=PROJECT / "build" / "ism_map")
+    parser.add_argument("--extra", default="", help="options passed to ism_map")
+    parser.add_argument("--only", action="append", metavar="NAME",
+                        help="run this pair; can be repeated")
+    parser.add_argument("--no-landmarks", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1, help="runs at a time (1: honest seconds)")
+    parser.add_argument("--json", type=pathlib.Path, metavar="F", help="write all reports to F")
+    parser.add_argument("--out", type=pathlib.Path, help="keep the results in this folder")
+    args = parser.parse_args()
+    if not args.program.exists():
+        parser.error(f"{args.program} is missing, build it first or name it with --program")
+    return args
+
+
+def find_pairs(args):
+    pairs = sorted(p.parent for p in args.meshes.glob("*/A.obj") if (p.parent / "B.obj").exists())
+    if args.only:
+        unknown = set(args.only) - {p.name for p in pairs}
+        if unknown:
+            sys.exit(f"table.py: no pair {', '.join(sorted(unknown))} in {args.meshes}")
+        pairs = [p for p in pairs if p.name in args.only]
+    if not pairs:
+        sys.exit(f"table.py: no pairs in {args.meshes}")
+    return pairs
+
+
+def run(pair, folder, args):
+    """The report of one run; {"error": sentence} if there is none."""
+    command = [args.program, pair / "A.obj", pair / "B.obj", "-o", folder, "--quiet"]
+    if (pair / "landmarks.txt").exists() and not args.no_landmarks:
+        command += ["--landmarks", pair / "landmarks.txt"]
+    command += shlex.split(args.extra)
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
+    if done.returncode != 0:
+        words = done.stderr.strip().splitlines() or ["no message"]
+        return {"error": f"exit code {done.returncode}: {words[-1]}"}
+    return json.loads((folder / "report.json").read_text())
+
+
+def number(value, digits):
+    return "-" if value is None else f"{value:.{digits}f}"  # JSON null: not finite
+
+
+def row(name, report):
+    if "error" in report:
+        return [name, "", "", report["error"]] + [""] * (len(COLUMNS) - 4)
+    start, final, seconds = report["start"], report["final"], report["seconds"]
+    phases = ["embedding", "derivatives", "assembly", "solve", "search", "total"]
+    return [name, f'{report["a"]["triangles"]} / {report["b"]["triangles"]}',
+            str(final["iterations"]), report["status"], number(final["mean_distortion"], 4),
+            number(final["coverage_a"], 4), number(final["coverage_b"], 4),
+            number(start["landmark_distance"], 4)] + [number(seconds[p], 1) for p in phases]
+
+
+def print_row(cells):
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def main():
+    args = read_arguments()
+    pairs = find_pairs(args)
+    reports = {}
+    with tempfile.TemporaryDirectory() as scratch, \
+            concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
+        out = args.out or pathlib.Path(scratch)
+        runs = [pool.submit(run, pair, out / pair.name, args) for pair in pairs]
+        print_row(COLUMNS)
+        print_row(["---"] + ["---:"] * 2 + ["---"] + ["---:"] * (len(COLUMNS) - 4))
+        for pair, running in zip(pairs, runs):
+            reports[pair.name] = running.result()
+            print_row(row(pair.name, reports[pair.name]))
+    if args.json:
+        args.json.write_text(json.dumps(reports, indent=1) + "\n")
+    return 1 if any("error" in r for r in reports.values()) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

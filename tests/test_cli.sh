@@ -1,0 +1,192 @@
+#!/usr/bin/env bash
+# The command line from outside: test_cli.sh <ism_map> <quick_start>
+# Bad input must give exit code 2, one sentence and no output folder; a good run must give all
+# files, and its results must be a start from which nothing changes.
+set -euo pipefail
+
+ism_map="$1"
+quick_start="$2"
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+
+fail() {
+  echo "FAILED: $*" >&2
+  exit 1
+}
+
+# grid N BUMP: an N×N grid of quads as OBJ, on the height field BUMP·x²y.
+grid() {
+  awk -v n="$1" -v bump="$2" 'BEGIN {
+    for (j = 0; j <= n; ++j) for (i = 0; i <= n; ++i)
+      printf "v %.6f %.6f %.6f\n", i / n, j / n, bump * (i / n)^2 * (j / n)
+    for (j = 0; j < n; ++j) for (i = 0; i < n; ++i) {
+      v = 1 + i + j * (n + 1)
+      print "f", v, v + 1, v + n + 2, v + n + 1
+    }
+  }'
+}
+
+grid 8 0 >a.obj
+grid 10 0.5 >b.obj
+printf '# corners\n0 0\n80 120 # opposite\n8 10\n' >marks.txt
+
+# ---- Bad input -----------------------------------------------------------------------------------
+
+# refused SENTENCE ARGUMENT...: the arguments are refused with just this sentence.
+refused() {
+  local sentence="ism_map: $1" code=0
+  shift
+  "$ism_map" "$@" >stdout.txt 2>stderr.txt || code=$?
+  [ "$code" = 2 ] || fail "exit code $code instead of 2: $*"
+  [ ! -s stdout.txt ] || fail "output on stdout: $*"
+  [ "$(cat stderr.txt)" = "$sentence" ] || fail "$* said: $(cat stderr.txt), not: $sentence"
+  [ ! -e out ] || fail "an output folder appeared: $*"
+}
+
+refused "two meshes are needed: ism_map A.obj B.obj -o OUT"
+refused "two meshes are needed: ism_map A.obj B.obj -o OUT" a.obj -o out
+refused "two meshes are expected, 'c.obj' is one too many" a.obj b.obj c.obj -o out
+refused "a folder for the results is needed: -o OUT" a.obj b.obj
+refused "unknown option '--kapa', --help lists them" a.obj b.obj -o out --kapa 2
+refused "--kappa needs a value" a.obj b.obj -o out --kappa
+refused "--kappa needs a number, not 'two'" a.obj b.obj -o out --kappa two
+refused "--kappa needs a number, not 'nan'" a.obj b.obj -o out --kappa nan
+refused "--tolerance needs a number, not '1e-4x'" a.obj b.obj -o out --tolerance 1e-4x
+refused "--iterations needs a whole number from 0, not '-1'" a.obj b.obj -o out --iterations -1
+refused "--iterations needs a whole number from 0, not '1.5'" a.obj b.obj -o out --iterations 1.5
+refused "--threads needs a whole number from 0, not ''" a.obj b.obj -o out --threads ""
+refused "--variant must be pn, spn or full, not 'PN'" a.obj b.obj -o out --variant PN
+refused "the only preset is paper, not 'fast'" a.obj b.obj -o out --preset fast
+refused "-o needs a name" a.obj b.obj -o ""
+
+refused "none.obj: there is no such file" none.obj b.obj -o out
+refused ".: this is not a file" a.obj . -o out
+echo "v 0 0 x" >bad.obj
+refused "bad.obj, line 1: a vertex needs three numbers" a.obj bad.obj -o out
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n' >bad.obj
+missing="corner 3 of the face refers to a vertex that does not exist (there are 3)"
+refused "bad.obj, line 4: $missing" a.obj bad.obj -o out
+
+# invalid IDS ARGUMENT...: refused with one line that names the file and these ids.
+invalid() {
+  local pattern="$1" code=0
+  shift
+  "$ism_map" "$@" -o out >stdout.txt 2>stderr.txt || code=$?
+  [ "$code" = 2 ] || fail "exit code $code instead of 2: $*"
+  [ "$(wc -l <stderr.txt)" = 1 ] || fail "more than one line: $(cat stderr.txt)"
+  grep -Eq "^ism_map: .*$pattern" stderr.txt || fail "$* said: $(cat stderr.txt), not: $pattern"
+  [ ! -e out ] || fail "an output folder appeared: $*"
+}
+
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n' >closed.obj
+invalid "closed.obj: .*(closed|boundary)" a.obj closed.obj
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 0 -1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n' >fan.obj
+invalid "fan.obj: .*0-1.*0, 1, 2" fan.obj b.obj
+printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n' >flat.obj
+invalid "flat.obj: .*0" flat.obj b.obj
+{ cat a.obj && echo "v 9 9 9"; } >loose.obj
+invalid "loose.obj: .*81" loose.obj b.obj
+
+echo "0 121" >marks_bad.txt
+refused "marks_bad.txt, line 1: B has no vertex 121, its ids are 0 to 120" \
+  a.obj b.obj -o out --landmarks marks_bad.txt
+echo "-1 0" >marks_bad.txt
+refused "marks_bad.txt, line 1: A has no vertex -1, its ids are 0 to 80" \
+  a.obj b.obj -o out --landmarks marks_bad.txt
+printf '1 2\n\n3 4\n1 5\n' >marks_bad.txt
+refused "marks_bad.txt, line 4: vertex 1 of A is in two landmarks" \
+  a.obj b.obj -o out --landmarks marks_bad.txt
+printf '1 2\n3 2\n' >marks_bad.txt
+refused "marks_bad.txt, line 2: vertex 2 of B is in two landmarks" \
+  a.obj b.obj -o out --landmarks marks_bad.txt
+echo "1 2 3" >marks_bad.txt
+refused "marks_bad.txt, line 1: two vertex ids are expected" \
+  a.obj b.obj -o out --landmarks marks_bad.txt
+refused "none.txt: there is no such file" a.obj b.obj -o out --landmarks none.txt
+
+refused "none/A.obj: there is no such file" a.obj b.obj -o out --initial none
+mkdir start && cp a.obj start/A.obj && cp b.obj start/B.obj
+refused "start/A.obj: not every vertex has one vt of its own" a.obj b.obj -o out --initial start
+grid 1 0 | sed 's/^f.*/vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1\/1 2\/2 4\/3 3\/4/' >start/A.obj
+refused "start/A.obj: 4 vertices, but the mesh has 81" a.obj b.obj -o out --initial start
+touch file
+refused "-o file: $PWD/file is not a folder" a.obj b.obj -o file
+refused "-o file/x: $PWD/file is not a folder" a.obj b.obj -o file/x
+cp start/B.obj B.obj
+refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
+invalid "" a.obj b.obj --kappa -1
+
+"$ism_map" --help | grep -q -- --landmarks || fail "--help does not help"
+
+# ---- A good run ----------------------------------------------------------------------------------
+
+files="A.obj A_on_B.obj B.obj B_on_A.obj meta_A.obj meta_B.obj report.json"
+"$ism_map" a.obj b.obj -o out/one --landmarks marks.txt --iterations 5 >stdout.txt 2>stderr.txt ||
+  fail "a good run: $(cat stderr.txt)"
+[ "$(cd out/one && echo *)" = "$files" ] || fail "the files are $(cd out/one && echo *)"
+grep -q "2 is an isometry" stdout.txt || fail "no summary: $(cat stdout.txt)"
+grep -q "^iteration   1 " stderr.txt || fail "no progress: $(cat stderr.txt)"
+if grep -q nan out/one/*; then fail "NaN in a result"; fi
+[ "$(grep -c '^vt ' out/one/A.obj)" = 81 ] || fail "A.obj needs a vt for every vertex"
+[ "$(grep -c '^v ' out/one/B_on_A.obj)" = 121 ] || fail "B_on_A.obj must keep the ids of B"
+diff <(grep '^f' out/one/meta_A.obj) <(grep '^f' out/one/meta_B.obj) >/dev/null ||
+  fail "the faces of the meta mesh differ"
+if command -v python3 >/dev/null; then
+  python3 -c 'import json; r = json.load(open("out/one/report.json"));
+assert r["status"] and r["iterations"][0]["iteration"] == 0
+assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.json"
+fi
+
+# The start given back, without an iteration: the same positions, bit by bit. A second time over
+# the same folder.
+for round in 1 2; do
+  "$ism_map" a.obj b.obj -o out/two --initial out/one --iterations 0 --quiet >stdout.txt \
+    2>stderr.txt || fail "round $round from own positions: $(cat stderr.txt)"
+  cmp out/one/A.obj out/two/A.obj || fail "--initial changed A"
+  cmp out/one/B.obj out/two/B.obj || fail "--initial changed B"
+done
+if [ -s stdout.txt ] || [ -s stderr.txt ]; then fail "--quiet is not quiet"; fi
+
+"$ism_map" a.obj b.obj -o out/three --start-only --quiet || fail "--start-only"
+"$ism_map" a.obj b.obj -o out/four --preset paper --kappa 1 --variant spn --threads 1 \
+  --keep-scale --tolerance 1e-3 --iterations 2 --quiet || fail "a run with all options"
+grep -q '"coverage_weight": 1,' out/four/report.json || fail "--kappa must refine the preset"
+grep -q '"omega_start": 1000000000,' out/four/report.json || fail "--preset paper"
+
+# Swapped planar positions of two vertices are no embedding.
+mkdir flipped && cp out/one/B.obj flipped/
+awk '/^vt/ { if (++n == 41) { keep = $0; next } if (n == 42) { print; print keep; next } } 1' \
+  out/one/A.obj >flipped/A.obj
+rm -rf out.keep && mv out out.keep
+invalid "" a.obj b.obj --initial flipped
+mv out.keep out
+
+# interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
+interrupted() {
+  "$ism_map" big_a.obj big_b.obj -o "$1" --landmarks big_marks.txt --tolerance 0 \
+    --iterations 100000 >stdout.txt 2>stderr.txt &
+  local pid=$! code=0
+  until grep -q "$2" stderr.txt || ! kill -0 "$pid" 2>/dev/null; do sleep 0.02; done
+  kill -INT "$pid" 2>/dev/null || true
+  wait "$pid" || code=$?
+  return "$code"
+}
+
+grid 40 0 >big_a.obj
+grid 50 0.9 >big_b.obj
+printf '0 0\n1680 2600\n1640 2550\n' >big_marks.txt
+interrupted out/five "^iteration   2 " || fail "Ctrl-C: exit code $?, $(tail -n 1 stderr.txt)"
+[ "$(cd out/five && echo *)" = "$files" ] || fail "Ctrl-C: the files are $(echo out/five/*)"
+grep -Eq '"status": "(cancelled|stalled|converged)' out/five/report.json || fail "Ctrl-C: status"
+code=0
+interrupted out/six . || code=$?  # mostly before there is a map
+if [ "$code" != 0 ]; then
+  [ "$code" = 1 ] || fail "an early Ctrl-C: exit code $code, $(tail -n 1 stderr.txt)"
+  [ ! -e out/six ] || fail "an early Ctrl-C wrote $(echo out/six/*)"
+  grep -q "^ism_map: cancelled before" stderr.txt || fail "an early Ctrl-C said $(cat stderr.txt)"
+fi
+
+"$quick_start" a.obj b.obj | grep -q "vertex 0 of A" || fail "quick_start"
+
+echo "all command line tests passed"

@@ -1,0 +1,446 @@
+// The sparse factorisation against Eigen's, and its promises on order, inertia and threads.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace ism::detail;
+using Eigen::Matrix2d;
+using Eigen::VectorXd;
+using ism::Points2;
+using shapes::Rng;
+using Sparse = Eigen::SparseMatrix<double>;
+using Edges = std::set<std::pair<int, int>>;  // of vertices, smaller first
+
+BlockPattern pattern_of(int n, const Edges& edges) {
+  BlockPattern pattern;
+  auto edge = edges.begin();  // ordered by first vertex, then second
+  for (int r = 0; r < n; ++r) {
+    pattern.start.push_back(pattern.column.size());
+    pattern.column.push_back(r);
+    for (; edge != edges.end() && edge->first == r; ++edge) pattern.column.push_back(edge->second);
+  }
+  pattern.start.push_back(pattern.column.size());
+  return pattern;
+}
+
+/// Couplings of a mesh's vertices: along edges, and also over two edges if `wide`.
+Edges mesh_edges(const shapes::Disk& disk, bool wide) {
+  std::vector<std::set<int>> near(static_cast<std::size_t>(disk.plane.rows()));
+  for (int f = 0; f < disk.mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 9; ++k)
+      near[static_cast<std::size_t>(disk.mesh.triangles(f, k / 3))].insert(
+          disk.mesh.triangles(f, k % 3));
+  Edges edges;
+  for (std::size_t u = 0; u < near.size(); ++u)
+    for (int v : near[u]) {
+      const int i = static_cast<int>(u);
+      if (v > i) edges.insert({i, v});
+      if (!wide) continue;
+      for (int w : near[static_cast<std::size_t>(v)])
+        if (w > i) edges.insert({i, w});
+    }
+  return edges;
+}
+
+/// Every vertex of an n×n lattice coupled to all others at most `reach` away in x and y.
+Edges lattice_edges(int n, int reach) {
+  Edges edges;
+  const auto near = [&](int i, int j) { return std::abs(i - j) <= reach; };
+  for (int i = 0; i < n * n; ++i)
+    for (int j = i + 1; j < n * n; ++j)
+      if (near(i % n, j % n) && near(i / n, j / n)) edges.insert({i, j});
+  return edges;
+}
+
+Points2 lattice_points(int n) {
+  Points2 x(n * n, 2);
+  for (int i = 0; i < n * n; ++i) x.row(i) << i % n, i / n;
+  return x;
+}
+
+Points2 random_points(int n, Rng& rng) {
+  Points2 x(n, 2);
+  for (int i = 0; i < n; ++i) x.row(i) = rng.point(1).transpose();
+  return x;
+}
+
+Edges random_edges(int n, int count, Rng& rng) {
+  Edges edges;
+  for (int k = 0; k < count; ++k) {
+    const int i = rng.below(n), j = rng.below(n);
+    if (i != j) edges.insert({std::min(i, j), std::max(i, j)});
+  }
+  return edges;
+}
+
+/// Random blocks; each diagonal entry exceeds the others of its row, with the sign of `sign(v)`.
+template <class Sign>
+BlockValues dominant_values(const BlockPattern& pattern, Rng& rng, Sign sign) {
+  BlockValues values(pattern.blocks(), Matrix2d::Zero());
+  VectorXd row_sum = VectorXd::Zero(2 * pattern.rows());
+  for (int r = 0; r < pattern.rows(); ++r)
+    for (int b = pattern.start[r] + 1; b < pattern.start[r + 1]; ++b) {
+      for (int k = 0; k < 4; ++k) values[b](k) = rng.uniform(-1, 1);
+      row_sum.segment<2>(2 * r) += values[b].cwiseAbs().rowwise().sum();
+      row_sum.segment<2>(2 * pattern.column[b]) += values[b].cwiseAbs().colwise().sum().transpose();
+    }
+  for (int r = 0; r < pattern.rows(); ++r) {
+    Matrix2d& D = values[pattern.start[r]];
+    D(0, 1) = D(1, 0) = rng.uniform(-0.5, 0.5);
+    for (int c = 0; c < 2; ++c) D(c, c) = sign(r) * (row_sum(2 * r + c) + rng.uniform(0.6, 1.6));
+  }
+  return values;
+}
+
+BlockValues positive_values(const BlockPattern& pattern, Rng& rng) {
+  return dominant_values(pattern, rng, [](int) { return 1; });
+}
+
+BlockValues indefinite_values(const BlockPattern& pattern, Rng& rng) {
+  return dominant_values(pattern, rng, [&](int) { return rng.below(2) ? 1 : -1; });
+}
+
+/// Both triangles of H + ωQ as one of Eigen's sparse matrices.
+Sparse assembled(const BlockPattern& pattern, const ShiftedMatrix& matrix) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int r = 0; r < pattern.rows(); ++r)
+    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
+      const int c = pattern.column[b];
+      const Matrix2d block = matrix.block(b);
+      for (int i = 0; i < 2; ++i)
+        for (int j = 0; j < 2; ++j) {
+          entries.emplace_back(2 * r + i, 2 * c + j, block(i, j));
+          if (c != r) entries.emplace_back(2 * c + j, 2 * r + i, block(i, j));
+        }
+    }
+  Sparse A(2 * pattern.rows(), 2 * pattern.rows());
+  A.setFromTriplets(entries.begin(), entries.end());
+  return A;
+}
+
+Executor executor(int threads) {
+  ism::Options options;
+  options.threads = threads;
+  return Executor(options);
+}
+
+VectorXd random_vector(int n, Rng& rng) {
+  VectorXd b(n);
+  for (int i = 0; i < n; ++i) b(i) = rng.uniform(-1, 1);
+  return b;
+}
+
+int eigen_negative_pivots(const Sparse& A) {
+  const Eigen::SimplicialLDLT<Sparse> reference(A);
+  REQUIRE(reference.info() == Eigen::Success);
+  return static_cast<int>((reference.vectorD().array() < 0).count());
+}
+
+/// Factorises, solves, and compares residual and inertia with Eigen's LDLT.
+void check_solve(const BlockPattern& pattern, const Points2& positions,
+                 const std::vector<ShiftedMatrix>& family) {
+  Rng rng(99);
+  const LdltSymbolic symbolic = NestedDissection(pattern, positions).build();
+  Array<ShiftedMatrix> matrices;
+  for (const ShiftedMatrix& m : family) matrices.push_back(m);
+  Array<LdltFactor> factors;
+  ldlt_factorize(symbolic, matrices, executor(1), factors);
+  REQUIRE(factors.size() == matrices.size());
+  for (int m = 0; m < matrices.size(); ++m) {
+    REQUIRE(factors[m].ok);
+    const Sparse A = assembled(pattern, matrices[m]);
+    CHECK(factors[m].negative == eigen_negative_pivots(A));
+    const VectorXd b = random_vector(2 * pattern.rows(), rng);
+    const VectorXd x = ldlt_solve(symbolic, factors[m], b);
+    CHECK((A * x - b).norm() <= 1e-12 * b.norm());
+  }
+}
+
+/// Positive definite and indefinite values on one pattern.
+void check_pattern(const BlockPattern& pattern, const Points2& positions, std::uint64_t seed) {
+  Rng rng(seed);
+  const BlockValues positive = positive_values(pattern, rng);
+  const BlockValues indefinite = indefinite_values(pattern, rng);
+  check_solve(pattern, positions, {{&positive, nullptr, 0}});
+  check_solve(pattern, positions, {{&indefinite, nullptr, 0}});
+}
+
+/// Counts violations of what the elimination needs: an order of all vertices, fronts that cut it
+/// into consecutive ranges, children before parents, rows below the own vertices, and every
+/// block of the pattern in exactly one front.
+int symbolic_faults(const BlockPattern& pattern, const LdltSymbolic& s) {
+  const int n = pattern.rows();
+  int faults = s.order.size() != n || s.place.size() != n;
+  std::vector<int> sorted(s.order.begin(), s.order.end());
+  std::sort(sorted.begin(), sorted.end());
+  for (int i = 0; i < n; ++i) {
+    faults += sorted[static_cast<std::size_t>(i)] != i;
+    faults += s.place[s.order[i]] != i;
+  }
+  std::vector<int> uses(static_cast<std::size_t>(pattern.blocks()), 0);
+  int covered = 0;
+  for (int k = 0; k < s.fronts.size(); ++k) {
+    const Front& f = s.fronts[k];
+    faults += f.begin != covered;
+    covered = f.end;
+    faults += f.parent >= 0 && f.parent <= k;
+    for (int child : f.children) faults += child >= k || s.fronts[child].parent != k;
+    faults += f.parent < 0 && !f.rows.empty();
+    for (int r = 0; r < f.rows.size(); ++r) {
+      faults += f.rows[r] < f.end || (r > 0 && f.rows[r] <= f.rows[r - 1]);
+      if (f.parent < 0) continue;
+      const Front& up = s.fronts[f.parent];
+      const int local = f.parent_row[r];
+      const int row = local < up.own() ? up.begin + local : up.rows[local - up.own()];
+      faults += row != f.rows[r];
+    }
+    for (const Front::Entry& e : f.entries) ++uses[static_cast<std::size_t>(e.block)];
+  }
+  faults += covered != n;
+  for (int count : uses) faults += count != 1;
+  return faults;
+}
+
+bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(a.size());
+  return a.rows() == b.rows() && a.cols() == b.cols() &&
+         (bytes == 0 || std::memcmp(a.data(), b.data(), bytes) == 0);
+}
+
+/// Runs tasks backwards: any order must give the same result.
+void run_backwards(int n, const std::function<void(int)>& task) {
+  for (int i = n - 1; i >= 0; --i) task(i);
+}
+
+}  // namespace
+
+TEST_CASE("nested dissection orders all vertices and puts every block into one front") {
+  Rng rng(1);
+  for (const shapes::Disk& disk : shapes::all_disks())
+    for (bool wide : {false, true}) {
+      CAPTURE(disk.name);
+      CAPTURE(wide);
+      const int n = static_cast<int>(disk.plane.rows());
+      const BlockPattern pattern = pattern_of(n, mesh_edges(disk, wide));
+      CHECK(symbolic_faults(pattern, NestedDissection(pattern, disk.plane).build()) == 0);
+      const Points2 elsewhere = random_points(n, rng);  // positions that say nothing
+      CHECK(symbolic_faults(pattern, NestedDissection(pattern, elsewhere).build()) == 0);
+    }
+}
+
+TEST_CASE("nested dissection fills a lattice about as little as Eigen's minimum degree") {
+  for (int n : {20, 50}) {
+    const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 1));
+    const LdltSymbolic s = NestedDissection(pattern, lattice_points(n)).build();
+    double filled = 0;
+    for (const Front& f : s.fronts) filled += 2.0 * f.own() * (2 * f.rows.size() + f.own());
+    Rng rng(2);
+    const BlockValues values = positive_values(pattern, rng);
+    const Eigen::SimplicialLDLT<Sparse> reference(assembled(pattern, {&values, nullptr, 0}));
+    const double expected = static_cast<double>(reference.matrixL().nestedExpression().nonZeros());
+    CAPTURE(n);
+    CHECK(filled < 2 * expected);
+  }
+}
+
+TEST_CASE("systems on meshes are solved as well as by Eigen") {
+  std::uint64_t seed = 3;
+  for (const shapes::Disk& disk : shapes::all_disks())
+    for (bool wide : {false, true}) {
+      CAPTURE(disk.name);
+      CAPTURE(wide);
+      const int n = static_cast<int>(disk.plane.rows());
+      check_pattern(pattern_of(n, mesh_edges(disk, wide)), disk.plane, ++seed);
+    }
+}
+
+TEST_CASE("systems on lattices with wide stencils are solved") {
+  for (int reach : {1, 2, 3}) {
+    CAPTURE(reach);
+    check_pattern(pattern_of(20 * 20, lattice_edges(20, reach)), lattice_points(20), 20);
+  }
+}
+
+TEST_CASE("random patterns with meaningless positions are solved") {
+  Rng rng(4);
+  for (int i = 0; i < 30; ++i) {
+    const int n = rng.between(2, 120);
+    const BlockPattern pattern = pattern_of(n, random_edges(n, rng.between(0, 3 * n), rng));
+    const Points2 positions = random_points(n, rng);
+    CHECK(symbolic_faults(pattern, NestedDissection(pattern, positions).build()) == 0);
+    check_pattern(pattern, positions, 5);
+  }
+}
+
+TEST_CASE("patterns of several components are solved") {
+  Edges edges = lattice_edges(12, 1);
+  for (const auto& edge : lattice_edges(12, 1)) edges.insert({edge.first + 144, edge.second + 144});
+  Points2 positions(288, 2);
+  positions << lattice_points(12), lattice_points(12);
+  SUBCASE("on top of each other") {}
+  SUBCASE("side by side") { positions.bottomRows<144>().array() += 100; }
+  SUBCASE("with loose vertices") { edges.erase(edges.begin(), edges.lower_bound({60, 0})); }
+  SUBCASE("diagonal") { edges.clear(); }
+  const BlockPattern pattern = pattern_of(288, edges);
+  CHECK(symbolic_faults(pattern, NestedDissection(pattern, positions).build()) == 0);
+  check_pattern(pattern, positions, 6);
+}
+
+TEST_CASE("one vertex and a few vertices are solved") {
+  Rng rng(7);
+  for (int n = 1; n <= 30; ++n) {
+    CAPTURE(n);
+    Edges complete;
+    for (int i = 0; i < n; ++i)
+      for (int j = i + 1; j < n; ++j) complete.insert({i, j});
+    const Points2 positions = random_points(n, rng);
+    check_pattern(pattern_of(n, complete), positions, 8);
+    check_pattern(pattern_of(n, {}), positions, 9);
+  }
+}
+
+TEST_CASE("equal positions do no harm") {
+  const Edges edges = lattice_edges(15, 1);
+  const BlockPattern pattern = pattern_of(225, edges);
+  Points2 positions = Points2::Constant(225, 2, 0.25);
+  SUBCASE("all in one place") {}
+  SUBCASE("on a line") { positions.col(0) = lattice_points(15).col(0); }
+  SUBCASE("in a few places") { positions = (lattice_points(15) / 5).array().floor(); }
+  CHECK(symbolic_faults(pattern, NestedDissection(pattern, positions).build()) == 0);
+  check_pattern(pattern, positions, 10);
+}
+
+TEST_CASE("several shifted matrices are factorised side by side") {
+  Rng rng(11);
+  const BlockPattern pattern = pattern_of(225, lattice_edges(15, 2));
+  const BlockValues H = indefinite_values(pattern, rng), Q = positive_values(pattern, rng);
+  const BlockValues other = positive_values(pattern, rng);
+  check_solve(pattern, lattice_points(15),
+              {{&H, &Q, 0}, {&H, &Q, 100}, {&H, nullptr, 7}, {&other, &Q, 1e6}, {&H, &Q, -100}});
+}
+
+TEST_CASE("the inertia is that of the eigenvalues") {
+  Rng rng(12);
+  const BlockPattern pattern = pattern_of(49, lattice_edges(7, 1));
+  for (int i = 0; i < 10; ++i) {
+    const BlockValues values = indefinite_values(pattern, rng);
+    const Array<ShiftedMatrix> matrices(1, {&values, nullptr, 0});
+    const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(7)).build();
+    Array<LdltFactor> factors;
+    ldlt_factorize(symbolic, matrices, executor(1), factors);
+    const Eigen::MatrixXd dense = assembled(pattern, matrices[0]);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense);
+    CHECK(factors[0].ok);
+    CHECK(factors[0].negative == (eigen.eigenvalues().array() < 0).count());
+    CHECK(factors[0].negative > 0);
+  }
+}
+
+TEST_CASE("a zero or non-finite pivot is reported, for its matrix only") {
+  Rng rng(13);
+  const BlockPattern pattern = pattern_of(144, lattice_edges(12, 1));
+  const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(12)).build();
+  const BlockValues good = positive_values(pattern, rng);
+  for (int v : {0, 5, 77, 143})
+    for (double bad : {0.0, std::numeric_limits<double>::quiet_NaN(),
+                       std::numeric_limits<double>::infinity()}) {
+      CAPTURE(v);
+      CAPTURE(bad);
+      BlockValues broken = good;
+      if (bad == 0) {  // a vertex without any stiffness
+        for (int r = 0; r < 144; ++r)
+          for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b)
+            if (r == v || pattern.column[b] == v) broken[b].setZero();
+      } else {
+        broken[pattern.start[v]](1, 1) = bad;
+      }
+      Array<ShiftedMatrix> matrices;
+      matrices.push_back({&good, nullptr, 0});
+      matrices.push_back({&broken, nullptr, 0});
+      matrices.push_back({&good, nullptr, 0});
+      Array<LdltFactor> factors;
+      ldlt_factorize(symbolic, matrices, executor(1), factors);
+      CHECK(factors[0].ok);
+      CHECK(!factors[1].ok);
+      CHECK(factors[2].ok);
+    }
+}
+
+TEST_CASE("a singular matrix whose last pivot cancels exactly is reported") {
+  // The graph Laplacian of a path has rows that add up to 0; all pivots are exact in binary.
+  const BlockPattern pattern = pattern_of(2, {{0, 1}});
+  BlockValues values(3, Matrix2d::Identity());
+  values[1] = -Matrix2d::Identity();
+  const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(2).topRows(2)).build();
+  Array<LdltFactor> factors;
+  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&values, nullptr, 0}), executor(1), factors);
+  CHECK(!factors[0].ok);
+  values[2] *= 2;
+  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&values, nullptr, 0}), executor(1), factors);
+  CHECK(factors[0].ok);  // the same memory, and nothing left of the failure
+  CHECK(factors[0].negative == 0);
+}
+
+TEST_CASE("memory used again holds nothing of the last factorisation, and no update matrices") {
+  Rng rng(15);
+  const BlockPattern pattern = pattern_of(225, lattice_edges(15, 1));
+  const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(15)).build();
+  const BlockValues first = indefinite_values(pattern, rng), second = positive_values(pattern, rng);
+  Array<LdltFactor> factors, fresh;
+  ldlt_factorize(symbolic, Array<ShiftedMatrix>(2, {&first, nullptr, 0}), executor(1), factors);
+  CHECK(factors[0].negative > 0);
+  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&second, nullptr, 0}), executor(1), factors);
+  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&second, nullptr, 0}), executor(1), fresh);
+  REQUIRE(factors.size() == 1);
+  CHECK(factors[0].negative == 0);
+  int different = 0, kept = 0;
+  for (int k = 0; k < symbolic.fronts.size(); ++k) {
+    different += !same_bits(factors[0].panel[k], fresh[0].panel[k]);
+    kept += factors[0].update[k].size() > 0;
+  }
+  CHECK(different == 0);
+  CHECK(kept == 0);
+}
+
+TEST_CASE("factors and solutions are the same bits for any number of threads") {
+  Rng rng(14);
+  const int n = 40;
+  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));
+  const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(n)).build();
+  const BlockValues H = indefinite_values(pattern, rng), Q = positive_values(pattern, rng);
+  const VectorXd b = random_vector(2 * n * n, rng);
+  Array<ShiftedMatrix> matrices;
+  for (double omega : {0.5, 1.0, 2.0}) matrices.push_back({&H, &Q, omega});
+  Array<LdltFactor> one;
+  ldlt_factorize(symbolic, matrices, executor(1), one);
+  ism::Options backwards;
+  backwards.parallel_for = run_backwards;
+  for (const Executor& other : {executor(2), executor(4), Executor(backwards)}) {
+    Array<LdltFactor> factors;
+    ldlt_factorize(symbolic, matrices, other, factors);
+    for (int m = 0; m < 3; ++m) {
+      int different = 0;
+      for (int k = 0; k < symbolic.fronts.size(); ++k)
+        different += !same_bits(one[m].panel[k], factors[m].panel[k]);
+      CHECK(different == 0);
+      CHECK(factors[m].negative == one[m].negative);
+      CHECK(same_bits(ldlt_solve(symbolic, one[m], b), ldlt_solve(symbolic, factors[m], b)));
+    }
+  }
+}

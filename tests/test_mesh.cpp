@@ -1,0 +1,503 @@
+// Half-edges, rest frames and validation.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using ism::Problem;
+using ism::TriangleMesh;
+using ism::Vec3;
+using ism::detail::build_half_edges;
+using ism::detail::HalfEdgeMesh;
+using ism::detail::Surface;
+using Kind = ism::Problem::Kind;
+
+HalfEdgeMesh half_edges(const shapes::Disk& disk) {
+  return build_half_edges(static_cast<int>(disk.plane.rows()), disk.mesh.triangles);
+}
+
+int count_boundary(const HalfEdgeMesh& m) {
+  return static_cast<int>(std::count(m.twin.begin(), m.twin.end(), -1));
+}
+
+TriangleMesh mesh(std::initializer_list<Vec3> points,
+                  std::initializer_list<std::array<int, 3>> triangles) {
+  TriangleMesh result;
+  result.vertices.resize(static_cast<int>(points.size()), 3);
+  result.triangles.resize(static_cast<int>(triangles.size()), 3);
+  int row = 0;
+  for (const Vec3& p : points) result.vertices.row(row++) = p.transpose();
+  row = 0;
+  for (const auto& t : triangles) result.triangles.row(row++) << t[0], t[1], t[2];
+  return result;
+}
+
+/// n points no three of which are collinear, on a curve in space.
+ism::Points3 points_on_curve(int n) {
+  ism::Points3 points(n, 3);
+  for (int i = 0; i < n; ++i) points.row(i) << i, i * i, 0.1 * i * i * i;
+  return points;
+}
+
+TriangleMesh on_curve(std::initializer_list<std::array<int, 3>> triangles) {
+  TriangleMesh result = mesh({}, triangles);
+  result.vertices = points_on_curve(triangles.size() == 0 ? 0 : result.triangles.maxCoeff() + 1);
+  return result;
+}
+
+std::vector<Problem> of_kind(const std::vector<Problem>& problems, Kind kind) {
+  std::vector<Problem> found;
+  for (const Problem& p : problems)
+    if (p.kind == kind) found.push_back(p);
+  return found;
+}
+
+/// True if every problem is of this kind, and the ids of all of them are these.
+bool only(const std::vector<Problem>& problems, Kind kind, std::vector<std::vector<int>> ids) {
+  std::vector<std::vector<int>> found;
+  for (const Problem& p : problems) {
+    if (p.kind != kind || p.message.empty()) return false;
+    found.push_back(p.ids);
+    std::sort(found.back().begin(), found.back().end());
+  }
+  std::sort(found.begin(), found.end());
+  std::sort(ids.begin(), ids.end());
+  return found == ids;
+}
+
+bool mentions(const Problem& problem, const std::string& text) {
+  return problem.message.find(text) != std::string::npos;
+}
+
+/// Triangles of a torus of nx×ny quads, without the last `holes` triangles.
+TriangleMesh torus(int nx, int ny, int holes) {
+  TriangleMesh result;
+  result.vertices.resize(nx * ny, 3);
+  result.triangles.resize(2 * nx * ny - holes, 3);
+  int row = 0;
+  for (int i = 0; i < nx; ++i)
+    for (int j = 0; j < ny; ++j) {
+      const double u = 2 * shapes::kPi * i / nx, v = 2 * shapes::kPi * j / ny;
+      result.vertices.row(i * ny + j) << (2 + std::cos(v)) * std::cos(u),
+          (2 + std::cos(v)) * std::sin(u), std::sin(v);
+      const int a = i * ny + j, b = (i + 1) % nx * ny + j;
+      const int c = (i + 1) % nx * ny + (j + 1) % ny, d = i * ny + (j + 1) % ny;
+      result.triangles.row(row++) << a, b, c;
+      if (row < result.triangles.rows()) result.triangles.row(row++) << a, c, d;
+    }
+  return result;
+}
+
+TriangleMesh tetrahedron() {
+  return mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+              {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}});
+}
+
+/// A ring of n quads between two circles, both of them boundary.
+TriangleMesh annulus(int n) {
+  TriangleMesh result;
+  result.vertices.resize(2 * n, 3);
+  result.triangles.resize(2 * n, 3);
+  for (int i = 0; i < n; ++i) {
+    const double angle = 2 * shapes::kPi * i / n;
+    const Vec3 p(std::cos(angle), std::sin(angle), 0);
+    result.vertices.row(i) = p.transpose();
+    result.vertices.row(n + i) = 2 * p.transpose();
+    const int j = (i + 1) % n;
+    result.triangles.row(2 * i) << i, n + i, n + j;
+    result.triangles.row(2 * i + 1) << i, n + j, j;
+  }
+  return result;
+}
+
+}  // namespace
+
+// ---- half-edges ----
+
+TEST_CASE("next and prev run around the half-edges of one face") {
+  using ism::detail::next;
+  using ism::detail::prev;
+  for (int h = 0; h < 12; ++h) {
+    CHECK(next(h) / 3 == h / 3);
+    CHECK(next(h) != h);
+    CHECK(next(next(next(h))) == h);
+    CHECK(prev(next(h)) == h);
+    CHECK(next(prev(h)) == h);
+  }
+}
+
+TEST_CASE("twins are mutual and run the other way") {
+  for (const shapes::Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const HalfEdgeMesh m = half_edges(disk);
+    int wrong = 0, edges = 0;
+    for (int h = 0; h < 3 * m.n_faces; ++h) {
+      wrong += m.tail[h] != disk.mesh.triangles(h / 3, h % 3);
+      wrong += m.tip(h) != disk.mesh.triangles(h / 3, (h + 1) % 3);
+      edges += m.twin[h] < h;
+      if (m.twin[h] < 0) continue;
+      wrong += m.twin[h] == h || m.twin[m.twin[h]] != h;
+      wrong += m.tail[m.twin[h]] != m.tip(h) || m.tip(m.twin[h]) != m.tail[h];
+    }
+    CHECK(wrong == 0);
+    CHECK(m.n_vertices - edges + m.n_faces == 1);
+  }
+}
+
+TEST_CASE("the boundary loop is closed, complete and counter-clockwise") {
+  for (const shapes::Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const HalfEdgeMesh m = half_edges(disk);
+    const int n = m.boundary.size();
+    CHECK(n == count_boundary(m));
+    double loop_area = 0, mesh_area = 0;
+    int wrong = 0;
+    for (int i = 0; i < n; ++i) {
+      const int h = m.boundary[i];
+      wrong += m.twin[h] >= 0 || m.tip(h) != m.tail[m.boundary[(i + 1) % n]];
+      loop_area += ism::detail::cross(disk.plane.row(m.tail[h]), disk.plane.row(m.tip(h))) / 2;
+    }
+    for (int f = 0; f < m.n_faces; ++f)
+      mesh_area += shapes::turn(disk.plane, m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)) / 2;
+    CHECK(wrong == 0);
+    CHECK(loop_area > 0);
+    CHECK(loop_area == doctest::Approx(mesh_area).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("turning from the outgoing half-edge visits every face of a vertex once") {
+  for (const shapes::Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const HalfEdgeMesh m = half_edges(disk);
+    std::vector<std::set<int>> faces(static_cast<std::size_t>(m.n_vertices));
+    for (int h = 0; h < 3 * m.n_faces; ++h)
+      faces[static_cast<std::size_t>(m.tail[h])].insert(h / 3);
+    std::set<int> rim;
+    for (int h : m.boundary) rim.insert(m.tail[h]);
+    int wrong = 0;
+    for (int v = 0; v < m.n_vertices; ++v) {
+      const auto& expected = faces[static_cast<std::size_t>(v)];
+      std::set<int> visited;
+      int h = m.out[v], steps = 0;
+      for (; h >= 0 && steps < 1000; ++steps) {
+        wrong += m.tail[h] != v;
+        visited.insert(h / 3);
+        h = m.turn(h);
+        if (h == m.out[v]) break;
+      }
+      wrong += visited != expected;
+      wrong += m.on_boundary(v) != (rim.count(v) == 1);
+      wrong += m.on_boundary(v) != (h < 0);
+    }
+    CHECK(wrong == 0);
+  }
+}
+
+TEST_CASE("half-edges of a closed mesh have no boundary") {
+  const TriangleMesh closed = tetrahedron();
+  const HalfEdgeMesh m = build_half_edges(4, closed.triangles);
+  CHECK(m.boundary.empty());
+  CHECK(count_boundary(m) == 0);
+}
+
+// ---- rest frames and scale ----
+
+TEST_CASE("the rest frame is isometric to the triangle") {
+  shapes::Rng rng(1);
+  for (int i = 0; i < 200; ++i) {
+    const double size = std::ldexp(1.0, rng.between(-30, 30));
+    Vec3 p[3];
+    for (Vec3& q : p) q = size * Vec3(rng.uniform(), rng.uniform(), rng.uniform());
+    const Vec3 u = p[1] - p[0], v = p[2] - p[0];
+    const Eigen::Matrix2d R = ism::detail::rest_frame(p[0], p[1], p[2]);
+    const double tolerance = 1e-13 * size * size;
+    CHECK(R(1, 0) == 0);
+    CHECK(std::abs(R.col(0).squaredNorm() - u.squaredNorm()) < tolerance);
+    CHECK(std::abs(R.col(1).squaredNorm() - v.squaredNorm()) < tolerance);
+    CHECK(std::abs(R.col(0).dot(R.col(1)) - u.dot(v)) < tolerance);
+    CHECK(R.determinant() > 0);
+    CHECK(std::abs(R.determinant() - u.cross(v).norm()) < tolerance);
+  }
+}
+
+TEST_CASE("a surface keeps inverse rest frames and areas of its faces") {
+  for (const shapes::Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const Surface s = ism::detail::build_surface(disk.mesh, true);
+    double total = 0, worst = 0;
+    for (int f = 0; f < s.mesh.n_faces; ++f) {
+      const Vec3 a = disk.mesh.vertices.row(disk.mesh.triangles(f, 0));
+      const Vec3 b = disk.mesh.vertices.row(disk.mesh.triangles(f, 1));
+      const Vec3 c = disk.mesh.vertices.row(disk.mesh.triangles(f, 2));
+      const double area = (b - a).cross(c - a).norm() / 2;
+      Eigen::Matrix<double, 3, 2> edges;
+      edges << b - a, c - a;
+      // edges R⁻¹ is an isometry of the plane into space.
+      const Eigen::Matrix<double, 3, 2> J = edges * s.rest_inverse[f];
+      const Eigen::Matrix2d metric = J.transpose() * J;
+      worst = std::max(worst, (metric - Eigen::Matrix2d::Identity()).norm());
+      worst = std::max(worst, std::abs(s.area[f] - area) / area);
+      total += area;
+    }
+    CHECK(worst < 1e-9);
+    CHECK(s.total_area == doctest::Approx(total).epsilon(1e-13));
+    CHECK(s.scale == 1);
+    CHECK(s.vertices == disk.mesh.vertices);
+  }
+}
+
+TEST_CASE("a surface is scaled to unit area whatever its unit") {
+  for (shapes::Disk& disk : shapes::all_disks())
+    for (double unit : {1e-6, 1.0, 1e6}) {
+      CAPTURE(disk.name);
+      CAPTURE(unit);
+      const double area = ism::detail::surface_area(disk.mesh);
+      TriangleMesh given = disk.mesh;
+      given.vertices *= unit;
+      const Surface s = ism::detail::build_surface(given, false);
+      CHECK(s.total_area == doctest::Approx(1).epsilon(1e-12));
+      CHECK(s.scale == doctest::Approx(1 / (unit * std::sqrt(area))).epsilon(1e-12));
+      CHECK((s.vertices - s.scale * given.vertices).norm() < 1e-13);
+    }
+}
+
+// ---- validation ----
+
+TEST_CASE("valid disks have no problems, in any unit and place") {
+  for (shapes::Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    CHECK(ism::validate(disk.mesh).empty());
+    TriangleMesh other = disk.mesh;
+    for (double unit : {1e-9, 1e9}) {
+      other.vertices = unit * disk.mesh.vertices;
+      CHECK(ism::validate(other).empty());
+    }
+    other.vertices = disk.mesh.vertices.rowwise() + Eigen::RowVector3d(100, -50, 7);
+    CHECK(ism::validate(other).empty());
+  }
+}
+
+TEST_CASE("an empty mesh is reported") {
+  CHECK(only(ism::validate(TriangleMesh{}), Kind::kEmpty, {{}}));
+  TriangleMesh points_only;
+  points_only.vertices = points_on_curve(3);
+  CHECK(only(ism::validate(points_only), Kind::kEmpty, {{}}));
+  TriangleMesh triangles_only = on_curve({{0, 1, 2}});
+  triangles_only.vertices.resize(0, 3);
+  CHECK(only(ism::validate(triangles_only), Kind::kEmpty, {{}}));
+}
+
+TEST_CASE("triangles with ids outside the vertices are reported by their ids") {
+  TriangleMesh m = on_curve({{0, 1, 2}, {2, 1, 3}, {2, 3, 4}});
+  m.triangles(1, 2) = 5;
+  m.triangles(2, 0) = -1;
+  const auto problems = ism::validate(m);
+  CHECK(only(problems, Kind::kIndexOutOfRange, {{1}, {2}}));
+  REQUIRE(problems.size() == 2);
+  CHECK(mentions(problems[0], "triangle 1"));
+  CHECK(mentions(problems[0], "vertex 5"));
+  CHECK(mentions(problems[1], "vertex -1"));
+  m.triangles(2, 0) = std::numeric_limits<int>::max();
+  m.triangles(1, 2) = std::numeric_limits<int>::min();
+  CHECK(only(ism::validate(m), Kind::kIndexOutOfRange, {{1}, {2}}));
+}
+
+TEST_CASE("coordinates that are not finite are reported by vertex") {
+  TriangleMesh m = shapes::grid(3, 3).mesh;
+  m.vertices(2, 0) = std::numeric_limits<double>::quiet_NaN();
+  m.vertices(5, 1) = std::numeric_limits<double>::infinity();
+  m.vertices(7, 2) = -std::numeric_limits<double>::infinity();
+  const auto problems = ism::validate(m);
+  CHECK(only(problems, Kind::kNonFiniteCoordinate, {{2}, {5}, {7}}));
+  REQUIRE(problems.size() == 3);
+  CHECK(mentions(problems[0], "vertex 2"));
+}
+
+TEST_CASE("triangles without area are reported") {
+  TriangleMesh m = shapes::grid(2, 2).mesh;
+  SUBCASE("because a vertex repeats") {
+    m.triangles(3, 1) = m.triangles(3, 0);
+    const auto found = of_kind(ism::validate(m), Kind::kDegenerateTriangle);
+    CHECK(only(found, Kind::kDegenerateTriangle, {{3}}));
+  }
+  SUBCASE("because two vertices coincide") {
+    m = mesh({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {1, 1, 0}}, {{0, 1, 2}, {0, 2, 3}});
+    CHECK(only(ism::validate(m), Kind::kDegenerateTriangle, {{1}}));
+  }
+  SUBCASE("because its corners are collinear") {
+    m = mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 3, 0}}, {{0, 1, 2}, {0, 2, 3}});
+    CHECK(only(ism::validate(m), Kind::kDegenerateTriangle, {{1}}));
+  }
+  SUBCASE("because everything is in one point") {
+    m.vertices.setZero();
+    CHECK(ism::validate(m).size() == 8);
+    CHECK(of_kind(ism::validate(m), Kind::kDegenerateTriangle).size() == 8);
+  }
+}
+
+TEST_CASE("a triangle given twice is reported as a pair") {
+  const TriangleMesh m = on_curve({{0, 1, 2}, {2, 1, 3}, {3, 2, 1}});
+  const auto problems = of_kind(ism::validate(m), Kind::kRepeatedTriangle);
+  CHECK(only(problems, Kind::kRepeatedTriangle, {{1, 2}}));
+  const TriangleMesh reversed = on_curve({{0, 1, 2}, {0, 2, 1}});
+  CHECK(only(of_kind(ism::validate(reversed), Kind::kRepeatedTriangle), Kind::kRepeatedTriangle,
+             {{0, 1}}));
+}
+
+TEST_CASE("an edge of three triangles is reported with its triangles") {
+  const TriangleMesh m = on_curve({{0, 1, 2}, {1, 0, 3}, {0, 1, 4}});
+  const auto problems = of_kind(ism::validate(m), Kind::kNonManifoldEdge);
+  CHECK(only(problems, Kind::kNonManifoldEdge, {{0, 1, 2}}));
+  REQUIRE(problems.size() == 1);
+  CHECK(mentions(problems[0], "0-1"));
+}
+
+TEST_CASE("neighbours of opposite orientation are reported as a pair") {
+  const TriangleMesh m = on_curve({{0, 1, 2}, {1, 2, 3}});
+  const auto problems = of_kind(ism::validate(m), Kind::kInconsistentOrientation);
+  CHECK(only(problems, Kind::kInconsistentOrientation, {{0, 1}}));
+  REQUIRE(problems.size() == 1);
+  CHECK(mentions(problems[0], "1-2"));
+}
+
+TEST_CASE("one reversed triangle inside a grid is reported against all of its neighbours") {
+  TriangleMesh m = shapes::grid(4, 4).mesh;
+  const int f = 13;
+  std::swap(m.triangles(f, 0), m.triangles(f, 1));
+  const auto problems = of_kind(ism::validate(m), Kind::kInconsistentOrientation);
+  CHECK(problems.size() == 3);
+  for (const Problem& p : problems) CHECK(std::count(p.ids.begin(), p.ids.end(), f) == 1);
+}
+
+TEST_CASE("a Möbius strip is reported") {
+  TriangleMesh m;
+  const int n = 8;
+  m.vertices.resize(2 * n, 3);
+  m.triangles.resize(2 * n, 3);
+  for (int i = 0; i < n; ++i) {
+    const double u = 2 * shapes::kPi * i / n;
+    for (int side = 0; side < 2; ++side) {
+      const double r = 2 + (side - 0.5) * std::cos(u / 2);
+      m.vertices.row(2 * i + side) << r * std::cos(u), r * std::sin(u),
+          (side - 0.5) * std::sin(u / 2);
+    }
+    const bool last = i == n - 1;  // the strip closes with a twist
+    const int c = last ? 1 : 2 * i + 2, d = last ? 0 : 2 * i + 3;
+    m.triangles.row(2 * i) << 2 * i, c, d;
+    m.triangles.row(2 * i + 1) << 2 * i, d, 2 * i + 1;
+  }
+  const auto problems = of_kind(ism::validate(m), Kind::kInconsistentOrientation);
+  CHECK(only(problems, Kind::kInconsistentOrientation, {{1, 2 * n - 2}}));
+}
+
+TEST_CASE("vertices with one fan are not blamed for the orientation of its triangles") {
+  const TriangleMesh one_fan = on_curve({{0, 1, 2}, {0, 3, 2}});
+  CHECK(only(ism::validate(one_fan), Kind::kInconsistentOrientation, {{0, 1}}));
+}
+
+TEST_CASE("a vertex where two fans meet is reported") {
+  const TriangleMesh bow_tie = on_curve({{0, 1, 2}, {2, 3, 4}});
+  CHECK(only(ism::validate(bow_tie), Kind::kNonManifoldVertex, {{2}}));
+  TriangleMesh tetrahedra = tetrahedron();  // two closed surfaces with a common vertex
+  tetrahedra.vertices.conservativeResize(7, Eigen::NoChange);
+  tetrahedra.vertices.bottomRows<3>() = -tetrahedra.vertices.middleRows<3>(1);
+  tetrahedra.triangles.conservativeResize(8, Eigen::NoChange);
+  tetrahedra.triangles.bottomRows<4>() << 0, 4, 5, 0, 6, 4, 4, 6, 5, 5, 6, 0;
+  CHECK(only(ism::validate(tetrahedra), Kind::kNonManifoldVertex, {{0}}));
+}
+
+TEST_CASE("vertices without triangles are reported") {
+  TriangleMesh m = on_curve({{0, 1, 2}, {2, 1, 4}});
+  CHECK(only(ism::validate(m), Kind::kUnreferencedVertex, {{3}}));
+  m.vertices = points_on_curve(7);
+  const auto problems = ism::validate(m);
+  CHECK(only(problems, Kind::kUnreferencedVertex, {{3}, {5}, {6}}));
+  REQUIRE(problems.size() == 3);
+  CHECK(mentions(problems[0], "vertex 3"));
+}
+
+TEST_CASE("several components are counted") {
+  const auto problems =
+      of_kind(ism::validate(on_curve({{0, 1, 2}, {3, 4, 5}, {6, 7, 8}})), Kind::kSeveralComponents);
+  REQUIRE(problems.size() == 1);
+  CHECK(mentions(problems[0], "3 components"));
+}
+
+TEST_CASE("closed meshes are reported") {
+  CHECK(only(ism::validate(tetrahedron()), Kind::kClosed, {{}}));
+  CHECK(only(ism::validate(torus(5, 4, 0)), Kind::kClosed, {{}}));
+}
+
+TEST_CASE("several boundary loops are reported by a vertex of each") {
+  const int n = 9;
+  const auto problems = ism::validate(annulus(n));
+  REQUIRE(problems.size() == 1);
+  CHECK(problems[0].kind == Kind::kSeveralBoundaries);
+  REQUIRE(problems[0].ids.size() == 2);
+  const bool first_is_inner = problems[0].ids[0] < n;
+  CHECK(first_is_inner != (problems[0].ids[1] < n));
+}
+
+TEST_CASE("a handle is reported by the Euler characteristic") {
+  const auto problems = ism::validate(torus(5, 4, 1));
+  CHECK(only(problems, Kind::kWrongEulerCharacteristic, {{}}));
+  REQUIRE(problems.size() == 1);
+  CHECK(mentions(problems[0], "-1"));
+}
+
+TEST_CASE("at most twenty problems of a kind are reported, and other kinds still are") {
+  TriangleMesh m = shapes::grid(10, 10).mesh;
+  SUBCASE("coordinates and indices") {
+    m.vertices.topRows(30).setConstant(std::numeric_limits<double>::quiet_NaN());
+    m.triangles.col(0).tail(25).setConstant(1000);
+    const auto problems = ism::validate(m);
+    CHECK(of_kind(problems, Kind::kNonFiniteCoordinate).size() == 20);
+    CHECK(of_kind(problems, Kind::kIndexOutOfRange).size() == 20);
+    CHECK(problems.size() == 40);
+  }
+  SUBCASE("triangles and vertices") {
+    const int n = static_cast<int>(m.vertices.rows()), f = static_cast<int>(m.triangles.rows());
+    m.vertices.conservativeResize(n + 50, Eigen::NoChange);
+    m.vertices.bottomRows(50).setOnes();
+    m.triangles.conservativeResize(f + 50, Eigen::NoChange);
+    m.triangles.bottomRows(50) = m.triangles.topRows(50);
+    const auto problems = ism::validate(m);
+    CHECK(of_kind(problems, Kind::kUnreferencedVertex).size() == 20);
+    CHECK(of_kind(problems, Kind::kRepeatedTriangle).size() == 20);
+    CHECK(of_kind(problems, Kind::kNonManifoldEdge).size() == 20);
+  }
+}
+
+TEST_CASE("random triangle soups are never taken for disks they are not") {
+  shapes::Rng rng(3);
+  int valid = 0;
+  for (int i = 0; i < 3000; ++i) {
+    TriangleMesh m;
+    const int n = rng.between(3, 6), faces = rng.between(1, 5);
+    m.vertices = points_on_curve(n);
+    m.triangles.resize(faces, 3);
+    for (int f = 0; f < faces; ++f)
+      for (int k = 0; k < 3; ++k) m.triangles(f, k) = rng.below(n);
+    if (!ism::validate(m).empty()) continue;
+    ++valid;
+    const HalfEdgeMesh h = build_half_edges(n, m.triangles);
+    const int edges = (3 * faces + h.boundary.size()) / 2;
+    CHECK(n - edges + faces == 1);
+    CHECK(h.boundary.size() == count_boundary(h));
+    std::set<int> rim;
+    for (int e : h.boundary) rim.insert(h.tail[e]);
+    CHECK(static_cast<int>(rim.size()) == h.boundary.size());
+  }
+  CHECK(valid > 20);
+}

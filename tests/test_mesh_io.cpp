@@ -1,0 +1,492 @@
+// Reading and writing of mesh files (examples/mesh_io.hpp).
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <clocale>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "ism.hpp"
+#include "mesh_io.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder of this test case, removed at its end.
+class Folder {
+ public:
+  Folder() {
+    static int count = 0;
+    const auto tick = std::chrono::steady_clock::now().time_since_epoch().count();
+    path_ = fs::temp_directory_path() /
+            ("ism_mesh_io_" + std::to_string(tick) + '_' + std::to_string(count++));
+    fs::create_directories(path_);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() {
+    std::error_code ec;
+    fs::remove_all(path_, ec);
+  }
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  fs::path path_;
+};
+
+mesh_io::ReadResult read_text(const std::string& name, const std::string& text) {
+  const Folder folder;
+  std::ofstream(folder.file(name), std::ios::binary) << text;
+  mesh_io::ReadResult result = mesh_io::read_mesh(folder.file(name));
+  const std::size_t slash = result.error.find(name);
+  if (slash != std::string::npos) result.error = result.error.substr(slash);
+  return result;
+}
+
+std::vector<std::vector<int>> rows(const ism::Triangles& t) {
+  std::vector<std::vector<int>> list;
+  for (Eigen::Index i = 0; i < t.rows(); ++i) list.push_back({t(i, 0), t(i, 1), t(i, 2)});
+  return list;
+}
+
+/// Signed areas of the triangles of a mesh in the plane z = 0; their smallest and their sum.
+struct Areas {
+  double least, sum;
+};
+Areas planar_areas(const ism::TriangleMesh& m) {
+  Areas result{1e300, 0};
+  for (Eigen::Index i = 0; i < m.triangles.rows(); ++i) {
+    const ism::Vec3 a = m.vertices.row(m.triangles(i, 0)), b = m.vertices.row(m.triangles(i, 1)),
+                    c = m.vertices.row(m.triangles(i, 2));
+    const double area = (b - a).cross(c - a).z() / 2;
+    result.least = (std::min)(result.least, area);
+    result.sum += area;
+  }
+  return result;
+}
+
+/// One polygon in the plane as an OBJ file.
+mesh_io::ReadResult read_polygon(const std::vector<std::array<double, 2>>& corners) {
+  std::string text, face = "f";
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    text += "v " + std::to_string(corners[i][0]) + ' ' + std::to_string(corners[i][1]) + " 0\n";
+    face += ' ' + std::to_string(i + 1);
+  }
+  return read_text("p.obj", text + face + '\n');
+}
+
+const std::string kSquare = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+template <class T>
+void put(std::string& text, T value, bool big_endian) {
+  char bytes[sizeof(T)];
+  std::memcpy(bytes, &value, sizeof value);  // the tests run on little-endian machines
+  if (big_endian) std::reverse(bytes, bytes + sizeof bytes);
+  text.append(bytes, sizeof bytes);
+}
+
+/// A square of two triangles with properties before, between and behind the needed ones.
+std::string binary_ply(bool big_endian) {
+  std::string text = std::string("ply\nformat ") +
+                     (big_endian ? "binary_big_endian" : "binary_little_endian") +
+                     " 1.0\ncomment a square\nelement camera 1\nproperty short k\n"
+                     "element vertex 4\nproperty uchar red\nproperty float x\nproperty double y\n"
+                     "property list uchar int16 more\nproperty float32 z\n"
+                     "element face 2\nproperty float quality\n"
+                     "property list uint8 uint32 vertex_index\nproperty uchar flag\nend_header\n";
+  put<std::int16_t>(text, -7, big_endian);
+  for (int v = 0; v < 4; ++v) {
+    put<std::uint8_t>(text, 200, big_endian);
+    put<float>(text, v == 1 || v == 2 ? 1.0f : 0.0f, big_endian);
+    put<double>(text, v >= 2 ? 1.5 : 0.0, big_endian);
+    put<std::uint8_t>(text, static_cast<std::uint8_t>(v), big_endian);
+    for (int k = 0; k < v; ++k) put<std::int16_t>(text, 5, big_endian);
+    put<float>(text, -0.25f, big_endian);
+  }
+  for (std::uint32_t f = 0; f < 2; ++f) {
+    put<float>(text, 0.5f, big_endian);
+    put<std::uint8_t>(text, 3, big_endian);
+    for (const std::uint32_t v : {0u, f + 1, f + 2}) put<std::uint32_t>(text, v, big_endian);
+    put<std::uint8_t>(text, 1, big_endian);
+  }
+  return text;
+}
+
+}  // namespace
+
+TEST_CASE("OBJ: all forms of a face, negative indices, comments, CRLF and continued lines") {
+  const mesh_io::ReadResult r = read_text(
+      "m.obj",
+      "\xEF\xBB\xBF# made by hand\r\nmtllib x.mtl\r\no thing\r\nv 0 0 0 1 0.5 0.5 0.5\r\n"
+      "v +1 0 -0.0\r\nv 1. 1 0 # corner\r\nv .0 1e0 0\r\nvt 0 0\r\nvn 0 0 1\r\ns off\r\n"
+      "f 1/1/1 2/1/1 3/1/1\r\nf 1//1 \\\r\n 3//1 4//1\r\nv 2 0 0\nf -1 3 2/1\nf 2/1 1/ 5");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.rows() == 5);
+  CHECK(r.mesh.vertices.row(2) == Eigen::RowVector3d(1, 1, 0));
+  CHECK(rows(r.mesh.triangles) ==
+        std::vector<std::vector<int>>{{0, 1, 2}, {0, 2, 3}, {4, 2, 1}, {1, 0, 4}});
+  CHECK(r.planar.rows() == 0);
+}
+
+TEST_CASE("OBJ: faces may come before their vertices") {
+  const mesh_io::ReadResult r = read_text("m.obj", "f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");
+  REQUIRE(r.ok);
+  CHECK(r.mesh.triangles.rows() == 1);
+}
+
+TEST_CASE("OBJ: one vt per vertex is read, whatever its order; seams are not") {
+  mesh_io::ReadResult r = read_text(
+      "m.obj", kSquare + "vt 9 9\nvt 3 0.5\nvt 1\nvt 7 7\nvt 7 7\nf 1/3 2/1 3/2\nf 1/3 3/2 4/4\n");
+  REQUIRE(r.ok);
+  ism::Points2 expected(4, 2);
+  expected << 1, 0, 9, 9, 3, 0.5, 7, 7;
+  CHECK(r.planar == expected);
+  // Equal values at different places in the file are no seam.
+  r = read_text("m.obj", kSquare + "vt 0 1\nvt 2 2\nvt 0 1\nf 1/1 2/2 3/2\nf 1/3 3/2 4/2\n");
+  CHECK(r.planar.rows() == 4);
+  r = read_text("m.obj", kSquare + "vt 0 1\nvt 2 2\nf 1/1 2/2 3/2\nf 1/2 3/2 4/2\n");
+  CHECK(r.ok);
+  CHECK(r.planar.rows() == 0);
+  r = read_text("m.obj", kSquare + "vt 0 1\nf 1/1 2/1 3/1\n");  // vertex 4 has none
+  CHECK(r.ok);
+  CHECK(r.planar.rows() == 0);
+  r = read_text("m.obj", kSquare + "vt 0 1\nf 1/1 2/5 3/1\nf 1/1 3/1 4/1\n");  // no fifth vt
+  CHECK(r.ok);
+  CHECK(r.planar.rows() == 0);
+}
+
+TEST_CASE("OFF: header variants, comments, colours and missing headers") {
+  const std::string body =
+      "# c\n 4 2 0\n0 0 0 255 0 0\n\n1 0 0\n1 1 0 # d\n0 1 0\n"
+      "3 0 1 2 0.5 0.5 0.5\n3 0 2 3\n";
+  for (const char* header : {"OFF\n", "COFF\n", "NOFF \n", "STCNOFF\r\n", "", "OFF\t"}) {
+    CAPTURE(header);
+    const mesh_io::ReadResult r = read_text("m.OFF", header + body);
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.vertices.rows() == 4);
+    CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}, {0, 2, 3}});
+  }
+  CHECK(read_text("m.off", "4OFF\n1 0 0\n").error ==
+        "m.off, line 1: only OFF files of points in space can be read, not 4OFF");
+  CHECK(read_text("m.off", "OFF BINARY\n").error ==
+        "m.off, line 1: binary OFF files cannot be read");
+}
+
+TEST_CASE("PLY: ascii, any layout") {
+  const mesh_io::ReadResult r = read_text(
+      "m.ply",
+      "ply\r\nformat ascii 1.0\r\ncomment c \\\r\nelement vertex 4\r\nproperty float nx\r\n"
+      "property float z\r\nproperty float x\r\nproperty float y\r\nelement face 1\r\n"
+      "property list uchar int vertex_indices\r\nproperty list uchar float texcoord\r\n"
+      "element edge 1\r\nproperty int a\r\nend_header\r\n9 0.5 0 0\r\n9 0.5 1 0\r\n"
+      "9 0.5 1 1\r\n9 0.5 0 1\r\n4 0 1 2 3 2 0.1 0.2\r\n5\r\n");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.row(2) == Eigen::RowVector3d(1, 1, 0.5));
+  CHECK(r.mesh.triangles.rows() == 2);
+}
+
+TEST_CASE("PLY: binary, both byte orders, all properties skipped that are not needed") {
+  for (const bool big_endian : {false, true}) {
+    const mesh_io::ReadResult r = read_text("m.ply", binary_ply(big_endian));
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.vertices.row(2) == Eigen::RowVector3d(1, 1.5, -0.25));
+    CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}, {0, 2, 3}});
+  }
+}
+
+TEST_CASE("polygons: a quad is cut along its shorter diagonal") {
+  mesh_io::ReadResult r = read_polygon({{0, 0}, {3, 0}, {4, 1}, {1, 1}});
+  REQUIRE(r.ok);
+  CHECK(r.mesh.triangles.rows() == 2);
+  for (const std::vector<int>& t : rows(r.mesh.triangles)) {
+    CHECK(std::count(t.begin(), t.end(), 1) == 1);
+    CHECK(std::count(t.begin(), t.end(), 3) == 1);
+  }
+  r = read_polygon({{1, 0}, {4, 0}, {3, 1}, {0, 1}});
+  for (const std::vector<int>& t : rows(r.mesh.triangles))
+    CHECK(std::count(t.begin(), t.end(), 0) == 1);
+}
+
+TEST_CASE("polygons: concave ones and straight corners give positive triangles that add up") {
+  struct Case {
+    const char* name;
+    std::vector<std::array<double, 2>> corners;
+    double area;
+  };
+  const std::vector<Case> cases = {
+      {"dart", {{0, 0}, {2, -1}, {0, 3}, {-2, -1}}, 6},
+      {"dart whose shorter diagonal is outside", {{0, 0}, {1, 5}, {0, 1}, {-1, 5}}, 1},
+      {"quad with a straight corner", {{0, 0}, {1, 0}, {2, 0}, {0, 2}}, 2},
+      {"square with all edges halved",
+       {{0, 0}, {1, 0}, {2, 0}, {2, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}},
+       4},
+      {"L", {{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}}, 3},
+      {"comb",
+       {{0, 0},
+        {5, 0},
+        {5, 3},
+        {4, 3},
+        {4, 1},
+        {3, 1},
+        {3, 3},
+        {2, 3},
+        {2, 1},
+        {1, 1},
+        {1, 3},
+        {0, 3}},
+       11},
+  };
+  for (const Case& c : cases) {
+    CAPTURE(c.name);
+    const mesh_io::ReadResult r = read_polygon(c.corners);
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.triangles.rows() == static_cast<Eigen::Index>(c.corners.size()) - 2);
+    CHECK(planar_areas(r.mesh).least > 0.01);
+    CHECK(planar_areas(r.mesh).sum == doctest::Approx(c.area));
+  }
+}
+
+TEST_CASE("polygons: random stars of many corners, also tilted in space") {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform(0.2, 1.0);
+  for (const int n : {5, 8, 31, 60, 900}) {
+    std::vector<std::array<double, 2>> corners;
+    double area = 0;
+    for (int i = 0; i < n; ++i) {
+      const double angle = 6.283185307179586 * i / n, radius = 100 * uniform(random);
+      corners.push_back({radius * std::cos(angle), radius * std::sin(angle)});
+    }
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const std::array<double, 2>&p = corners[i], &q = corners[(i + 1) % corners.size()];
+      area += (p[0] * q[1] - p[1] * q[0]) / 2;
+    }
+    const mesh_io::ReadResult r = read_polygon(corners);
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.triangles.rows() == n - 2);
+    CHECK(planar_areas(r.mesh).least > 0);
+    CHECK(planar_areas(r.mesh).sum == doctest::Approx(area));
+  }
+  const mesh_io::ReadResult dart =
+      read_text("m.obj", "v 5 0 0\nv 7 -1 -1.5\nv 5 3 4.5\nv 3 -1 -1.5\nf 1 2 3 4\n");  // z = 1.5 y
+  REQUIRE(dart.ok);
+  CHECK(planar_areas(dart.mesh).least > 1);
+}
+
+TEST_CASE("polygons that cannot be cut are reported, not guessed") {
+  const std::string bad = "p.obj, line 5: the face has no area or crosses itself";
+  CHECK(read_polygon({{0, 0}, {1, 1}, {1, 0}, {0, 1}}).error == bad);  // bow tie
+  CHECK(read_polygon({{0, 0}, {1, 0}, {2, 0}, {3, 0}}).error == bad);
+  CHECK(read_polygon({{1, 1}, {1, 1}, {1, 1}, {1, 1}}).error == bad);
+  CHECK(read_polygon({{0, 0}, {1, 0}, {1, 0}, {0, 1}}).error == bad);
+  CHECK(read_text("p.obj", kSquare + "f 1 2 3 2\n").error ==
+        "p.obj, line 5: the face has one vertex twice");
+  std::string many = kSquare + "f";
+  for (int i = 0; i < 1001; ++i) many += " 1";
+  CHECK(read_text("p.obj", many).error ==
+        "p.obj, line 5: the face has 1001 corners, at most 1000 can be read");
+}
+
+TEST_CASE("every fault is one sentence with the file and the place") {
+  struct Case {
+    const char *name, *text, *error;
+  };
+  const Case cases[] = {
+      {"a.obj", "", "a.obj: there are no vertices"},
+      {"a.obj", "v 0 0 0\n", "a.obj: there are no faces"},
+      {"a.obj", "v 0 0\n", "a.obj, line 1: a vertex needs three numbers"},
+      {"a.obj", "v 0 x 0\n", "a.obj, line 1: a vertex needs three numbers"},
+      {"a.obj", "v 0 1,5 0\n", "a.obj, line 1: a vertex needs three numbers"},
+      {"a.obj", "\nv 0 nan 0\n", "a.obj, line 2: a coordinate is not finite"},
+      {"a.obj", "v 0 -inf 0\n", "a.obj, line 1: a coordinate is not finite"},
+      {"a.obj", "v 0 1e999 0\n", "a.obj, line 1: a vertex needs three numbers"},
+      {"a.obj", "v 0 0 0\nf 1 1\n", "a.obj, line 2: a face needs at least three corners"},
+      {"a.obj", "v 0 0 0\nf 1 0 1\n", "a.obj, line 2: corner 2 of the face is no valid index"},
+      {"a.obj", "v 0 0 0\nf 1 1.5 1\n", "a.obj, line 2: corner 2 of the face is no valid index"},
+      {"a.obj", "v 0 0 0\nf -2 1 1\n", "a.obj, line 2: corner 1 of the face is no valid index"},
+      {"a.obj", "v 0 0 0\nf 1 1 99999999999999999999\n",
+       "a.obj, line 2: corner 3 of the face is no valid index"},
+      {"a.obj", "v 0 0 0\nf 1 1/1/1/1 1\n",
+       "a.obj, line 2: corner 2 of the face is no valid index"},
+      {"a.obj", "v 0 0 0\nf 1 1 4294967297\n",
+       "a.obj, line 2: corner 3 of the face refers to a vertex that does not exist (there are 1)"},
+      {"a.obj", "vt x\n", "a.obj, line 1: a vt needs numbers"},
+      {"a.off", "", "a.off: the file is empty"},
+      {"a.off", "OFF\n3 x 0\n", "a.off, line 2: the numbers of vertices and faces are missing"},
+      {"a.off", "OFF\n-3 1 0\n", "a.off, line 2: the numbers of vertices and faces are missing"},
+      {"a.off", "OFF\n4000000000000 1 0\n0 0 0\n",
+       "a.off: the file ends after 1 of 4000000000000 vertices"},
+      {"a.off", "OFF\n1 2 0\n0 0 0\n3 0 0 0\n", "a.off: the file ends after 1 of 2 faces"},
+      {"a.off", "OFF\n1 1 0\n0 0 0\n3 0 0\n",
+       "a.off, line 4: corner 3 of the face is no valid index"},
+      {"a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 -1\n",
+       "a.off, line 4: corner 3 of the face refers to a vertex that does not exist (there are 1)"},
+      {"a.off", "OFF\n1 1 0\n0 0 0\n4000000000 0 0 0\n",
+       "a.off, line 4: a face needs a number of corners"},
+      {"a.ply", "", "a.ply: the file does not begin with 'ply'"},
+      {"a.ply", "ply\nformat ascii 1.0\n", "a.ply: the header does not end"},
+      {"a.ply", "ply\nformat klingon 1.0\nend_header\n", "a.ply: the header names no known format"},
+      {"a.ply", "ply\nproperty int x\n", "a.ply, line 2: a property must follow an element"},
+      {"a.ply", "ply\nelement vertex\n", "a.ply, line 2: an element needs a name and a count"},
+      {"a.ply", "ply\nelement vertex 1\nproperty quad x\n", "a.ply, line 3: unknown type 'quad'"},
+      {"a.ply", "ply\nelement vertex 1\nproperty list float int x\n",
+       "a.ply, line 3: a list needs an integer type for its length"},
+      {"a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nend_header\n1\n",
+       "a.ply: the vertices do not have one x, y and z each"},
+      {"a.ply", "ply\nformat ascii 1.0\nelement face 1\nproperty int x\nend_header\n1\n",
+       "a.ply: the faces have no list vertex_indices"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n"
+       "end_header\n3 0 1 1.5\n",
+       "a.ply, face 0: the data are cut short or not a number"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n"
+       "end_header\n-3 0 1 2\n",
+       "a.ply, face 0: the data are cut short or not a number"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n"
+       "end_header\n2 0 1\n",
+       "a.ply, face 0: a face needs at least three corners"},
+      {"a.ply",
+       "ply\nformat binary_little_endian 1.0\nelement vertex 9000000000000000000\n"
+       "property float x\nproperty float y\nproperty float z\nend_header\n",
+       "a.ply: the header announces 9000000000000000000 elements 'vertex', more than the file can "
+       "hold"},
+      {"a.ply", "ply\nformat ascii 1.0\nelement nothing 9000000000000000000\nend_header\n",
+       "a.ply: there are no vertices"},
+      {"a.stl", "solid", "a.stl: only OBJ, OFF and PLY files can be read"},
+      {"a", "v 0 0 0", "a: only OBJ, OFF and PLY files can be read"},
+  };
+  for (const Case& c : cases) {
+    CAPTURE(c.text);
+    const mesh_io::ReadResult r = read_text(c.name, c.text);
+    CHECK(!r.ok);
+    CHECK(r.error == c.error);
+  }
+  CHECK(mesh_io::read_mesh("no/such/file.obj").error == "no/such/file.obj: there is no such file");
+  const Folder folder;
+  fs::create_directory(folder.file("d.obj"));
+  CHECK(mesh_io::read_mesh(folder.file("d.obj")).error ==
+        folder.file("d.obj") + ": this is not a file");
+}
+
+TEST_CASE("truncated and damaged files end with a sentence or a mesh, never otherwise") {
+  const std::string obj = kSquare + "vt 0 0\nvt 1 0\nf 1/1/1 2/2 3//4 \\\n4\nf -1 -2 -3\n";
+  const std::string off = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n3 0 2 3 255 0 0\n";
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  const std::vector<std::pair<std::string, std::string>> files = {
+      {"m.obj", obj}, {"m.off", off}, {"m.ply", ply}, {"m.ply", binary_ply(false)}};
+  std::mt19937 random(7);
+  for (const auto& file : files) {
+    const std::string& whole = file.second;
+    for (std::size_t n = 0; n < whole.size(); ++n) {
+      const mesh_io::ReadResult r = read_text(file.first, whole.substr(0, n));
+      CHECK(r.ok == r.error.empty());
+    }
+    for (int round = 0; round < 500; ++round) {
+      std::string damaged = whole;
+      for (unsigned k = 0; k <= random() % 4; ++k)
+        damaged[random() % damaged.size()] =
+            random() % 2 ? static_cast<char>(random() % 256) : "-/#9e.\n 0"[random() % 9];
+      const mesh_io::ReadResult r = read_text(file.first, damaged);
+      CHECK(r.ok == r.error.empty());
+      for (Eigen::Index i = 0; i < r.mesh.triangles.rows() && r.ok; ++i) {
+        CHECK(r.mesh.triangles.row(i).minCoeff() >= 0);
+        CHECK(r.mesh.triangles.row(i).maxCoeff() < r.mesh.vertices.rows());
+      }
+    }
+  }
+}
+
+TEST_CASE("writing and reading back gives the same bits") {
+  std::mt19937_64 random(3);
+  ism::TriangleMesh mesh;
+  mesh.vertices.resize(300, 3);
+  mesh.triangles.resize(100, 3);
+  ism::Points2 planar(300, 2);
+  const auto any_double = [&] {
+    while (true) {
+      const std::uint64_t bits = random();
+      double x = 0;
+      std::memcpy(&x, &bits, sizeof x);
+      if (std::isfinite(x)) return x;
+    }
+  };
+  for (Eigen::Index i = 0; i < 300; ++i) {
+    for (int k = 0; k < 3; ++k) mesh.vertices(i, k) = any_double();
+    for (int k = 0; k < 2; ++k) planar(i, k) = any_double();
+    mesh.triangles(i / 3, i % 3) = static_cast<int>((7 * i) % 300);
+  }
+  mesh.vertices.row(0) << 5e-324, -0.0, 1.7976931348623157e308;
+  const Folder folder;
+  const std::string file = folder.file("m.obj");
+  REQUIRE(mesh_io::write_file(file,
+                              mesh_io::obj_text("x", mesh.vertices, mesh.triangles, planar)) == "");
+  const mesh_io::ReadResult r = mesh_io::read_mesh(file);
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(std::memcmp(r.mesh.vertices.data(), mesh.vertices.data(), 900 * sizeof(double)) == 0);
+  REQUIRE(r.planar.rows() == 300);
+  CHECK(std::memcmp(r.planar.data(), planar.data(), 600 * sizeof(double)) == 0);
+  CHECK(r.mesh.triangles == mesh.triangles);
+  CHECK(!fs::exists(file + ".tmp"));
+}
+
+TEST_CASE("polygons are written with their corners; a failed write leaves nothing") {
+  ism::Points3 points(2, 3);
+  points << 0, 1, 2, 3, 4, 0.5;
+  const std::vector<std::vector<int>> polygons = {{0, 1, 0}, {1, 0, 1, 0}};
+  CHECK(mesh_io::obj_text("c", points, polygons) ==
+        "# c\nv 0 1 2\nv 3 4 0.5\nf 1 2 1\nf 2 1 2 1\n");
+  CHECK(mesh_io::write_file("no/such/folder/x.obj", "") ==
+        "no/such/folder/x.obj: the file cannot be created");
+  const Folder folder;
+  fs::create_directories(folder.file("x.obj/y"));  // a folder in the way
+  CHECK(mesh_io::write_file(folder.file("x.obj"), "") ==
+        folder.file("x.obj") + ": the file cannot be written");
+  CHECK(!fs::exists(folder.file("x.obj.tmp")));
+}
+
+TEST_CASE("the locale's decimal comma changes nothing") {
+  const char* old = nullptr;
+  for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8"})
+    if (!old) old = std::setlocale(LC_ALL, name);
+  if (!old) MESSAGE("no locale with a decimal comma is installed");
+  ism::Points3 points(1, 3);
+  points << 0.5, 1.25, -1e30;
+  CHECK(mesh_io::obj_text("c", points, std::vector<std::vector<int>>()) ==
+        "# c\nv 0.5 1.25 -1e+30\n");
+  CHECK(read_text("m.obj", "v 0.5 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").mesh.vertices(0, 0) == 0.5);
+  std::setlocale(LC_ALL, "C");
+}
+
+TEST_CASE("pairs of ids, with comments; all else is an error with its line") {
+  const Folder folder;
+  const auto read = [&](const std::string& text) {
+    std::ofstream(folder.file("l.txt"), std::ios::binary) << text;
+    return mesh_io::read_pairs(folder.file("l.txt"));
+  };
+  const mesh_io::PairsResult r = read("# thumb\n1 2\r\n\n  33\t-4 # tip\n");
+  REQUIRE(r.ok);
+  REQUIRE(r.pairs.size() == 2);
+  CHECK(r.pairs[1].a == 33);
+  CHECK(r.pairs[1].b == -4);
+  CHECK(r.pairs[1].line == 4);
+  CHECK(read("").ok);
+  for (const char* bad :
+       {"1\n", "1 2 3\n", "1 x\n", "1.5 2\n", "1,2\n", "1 99999999999999999999\n"})
+    CHECK(read(bad).error == folder.file("l.txt") + ", line 1: two vertex ids are expected");
+}
