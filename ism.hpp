@@ -1,6 +1,57 @@
+// ism.hpp - distortion-minimizing injective maps between surfaces
+//
+// Given two triangle meshes A and B of disk topology, computes a map Φ from A to B that is
+// continuous, injective, symmetric in A and B, and of low distortion. It implements
+//
+//   Patrick Schmidt, Janis Born, Marcel Campen, Leif Kobbelt:
+//   Distortion-Minimizing Injective Maps Between Surfaces.
+//   ACM Transactions on Graphics 38(6), 2019.
+//
+// Both meshes are embedded in one plane, by f and by g; then Φ = g⁻¹ ∘ f. The unknowns are the
+// planar positions of all vertices. The objective is the symmetric Dirichlet energy of Φ, summed
+// exactly over the polygons of the overlay of f(A) and g(B). "§" and "Eq." in the comments below
+// mean sections and equations of that paper.
+//
+// QUICK START
+//
+//   #include "ism.hpp"  // C++17; needs Eigen 3 and nothing else
+//
+//   ism::TriangleMesh a, b;                                  // fill vertices and triangles
+//   std::vector<ism::Landmark> landmarks = {{17, 4}, {32, 90}};  // optional
+//   ism::Result result = ism::compute_map(a, b, landmarks);
+//   if (ism::is_usable(result.status)) {
+//     ism::SurfaceMap map(a, b, result.f, result.g);
+//     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
+//   }
+//
+// INPUT      Each mesh is a manifold, consistently oriented disk: one component, one boundary
+//            loop, no handles. validate() names what is wrong. Cut a hole into a closed mesh.
+// PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
+//            f and g are positive, angles around interior vertices add up to 2π, boundaries are
+//            simple. Exact predicates decide this on the very coordinates that are returned.
+// NOT KEPT   The result is a local minimum; where A and B overlap in the plane is where they are
+//            mapped, the rest is not covered (IterationLog::coverage_a). Landmarks guide the start
+//            only.
+// THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
+//            threads, so results are the same bits for any number. Options::parallel_for plugs in
+//            a job system of your own.
+// ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
+//            the ids of offending elements.
+//
+// MACROS     ISM_NO_THREADS   builds without <thread>
+//            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
+//
+// CONTENTS   [1] version and configuration   [2] public API        [3] notation
+//            [4] small helpers               [5] exact predicates  [6] half-edge mesh
+//            [7] overlay                     [8] energies          [9] sparse LDLT
+//            [10] objective and its quadratic model                [11] line search
+//            [12] the loop (Algorithm 1)     [13] initial embedding
+//            [14] entry points               [15] map evaluation and meta mesh
+//
+// LICENSE    MIT, see the end of the file.
+
 #ifndef ISM_HPP
 #define ISM_HPP
-
 
 // ==== [1] VERSION AND CONFIGURATION ==============================================================
 
@@ -42,9 +93,9 @@ namespace ism {
 
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
-using Points2 = Eigen::Matrix<double, Eigen::Dynamic, 2>;   // one planar point per row
-using Points3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;   // one point in space per row
-using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3>;    // three 0-based vertex ids per row
+using Points2 = Eigen::Matrix<double, Eigen::Dynamic, 2>;  // one planar point per row
+using Points3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;  // one point in space per row
+using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3>;   // three 0-based vertex ids per row
 
 /// A triangle mesh as plain arrays. Triangles are counter-clockwise seen from outside.
 struct TriangleMesh {
@@ -149,20 +200,20 @@ using ParallelFor = std::function<void(int n, const std::function<void(int)>& ta
 
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
-  /// κ ≥ 0: reward for covered area (DESIGN: E_ρ gains -κ(1/f + 1/g) a). 0 is the paper's objective,
+  /// κ ≥ 0: reward for covered area, E gains -κ (area A' + area B'). 0 is the paper's objective,
   /// whose global minimum is the empty overlap; 2 makes an isometry neither gain nor lose by
   /// shrinking; above 2 coverage is preferred to low distortion.
   double coverage_weight = 2.0;
   /// ω_R > 0 of §5. The paper's 1e-8 lets triangles outside the overlap degenerate to slivers, at
   /// which E_Φ then meets a wall; 3e-4 keeps them in shape and ended lower on most pairs.
   double barrier_weight = 3e-4;
-  double spd_epsilon = 1e-3;     // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
+  double spd_epsilon = 1e-3;  // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
   Variant variant = Variant::kFull;
-  int history_length = 6;      // ≥ 1, §5.3
-  double history_decay = 0.5;  // in (0, 1], §5.3
-  double omega_start = 1e4;    // > 0, first ω_L of §5.4
-  double omega_factor = 4.0;   // α > 1 of §5.4
-  double omega_least = 1e-4;   // ≥ 0, ω_L is not lowered further, where it hardly acts
+  int history_length = 6;           // ≥ 1, §5.3
+  double history_decay = 0.5;       // in (0, 1], §5.3
+  double omega_start = 1e4;         // > 0, first ω_L of §5.4
+  double omega_factor = 4.0;        // α > 1 of §5.4
+  double omega_least = 1e-4;        // ≥ 0, ω_L is not lowered further, where it hardly acts
   double max_displacement = 0.2;    // no vertex moves further in a step, in radii of the domain
   double max_coverage_loss = 0.05;  // largest loss of covered area a step may cost, of either mesh
   int max_iterations = 400;
@@ -170,8 +221,8 @@ struct Options {
   /// of E + κ (area A + area B) per iteration.
   double tolerance = 1e-4;
   int window = 5;
-  bool keep_scale = false;  // false: both meshes are scaled to area 1 first
-  int threads = 0;          // 0: as many as the machine has; results do not depend on it
+  bool keep_scale = false;   // false: both meshes are scaled to area 1 first
+  int threads = 0;           // 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each step of either phase, from the calling thread; return false to cancel.
   std::function<bool(const Progress&)> progress;
@@ -207,11 +258,11 @@ struct Embedding {
 /// The outcome of compute_map(). Positions are valid whenever is_usable(status).
 struct Result {
   Status status = Status::kConverged;
-  std::string message;   // a sentence for the user
-  std::vector<int> ids;  // ids the message speaks of
-  Points2 f, g;          // final planar positions
-  Embedding start;       // what the optimisation started from
-  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  std::string message;            // a sentence for the user
+  std::vector<int> ids;           // ids the message speaks of
+  Points2 f, g;                   // final planar positions
+  Embedding start;                // what the optimisation started from
+  IterationLog initial;           // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> log;  // one entry per iteration
   double seconds = 0;             // optimisation alone
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
@@ -259,7 +310,7 @@ struct MapData;
 ///
 ///   ism::SurfaceMap map(a, b, result.f, result.g);
 ///   ism::MappedPoint image = map.forward_vertex(7);
-///   if (image.covered) std::cout << map.position_on_b(image.point).transpose();
+///   if (image.covered) use(map.position_on_b(image.point));
 ///
 /// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
 class SurfaceMap {
@@ -288,6 +339,24 @@ class SurfaceMap {
 };
 
 }  // namespace ism
+
+// ==== [3] NOTATION ===============================================================================
+//
+//   A, B          the meshes; a, b in names. f, g their embeddings, rows of Points2
+//   x             all unknowns (Eq. 5): vertex i of A is row i, vertex i of B row #V_A + i
+//   tA, tB        triangles of A and B; ta, tb their ids
+//   ρ             a polygon f(tA) ∩ g(tB) of the meta mesh; a its planar area
+//   R             rest shape of a triangle in its own plane (columns b - a, c - a); J = [..] R⁻¹
+//   F, G          the Jacobians J_f, J_g of a pair tA, tB; in formulas f, g are their determinants
+//   N             ‖adj(G) F‖², which both Dirichlet terms of ρ share
+//   E_ρ           a N (f⁻³ + g⁻³) - κ a (1/f + 1/g), one summand of E_Φ (Eq. 4) and of -κ area
+//   E             E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
+//   g, H, H_+     gradient, Hessian, projected Hessian of E
+//   d, s, s_max   direction, step, step at which the first triangle degenerates
+//   ω_L, L, M     preconditioner weight, Laplacian, mass matrix (§5.4)
+//   perp(d)       d turned by -90 degrees; cross(a, b) = a_x b_y - a_y b_x
+//
+
 // ==== [4] SMALL HELPERS ==========================================================================
 
 namespace ism {
@@ -364,7 +433,8 @@ class Timer {
 /// and write to places of their own, so results are the same bits for any number of threads.
 class Executor {
  public:
-  explicit Executor(const Options& options) : threads_(options.threads), hook_(options.parallel_for) {
+  explicit Executor(const Options& options)
+      : threads_(options.threads), hook_(options.parallel_for) {
 #ifndef ISM_NO_THREADS
     if (threads_ <= 0) threads_ = static_cast<int>(std::thread::hardware_concurrency());
 #endif
@@ -381,8 +451,7 @@ class Executor {
 
   /// task(begin, end) over [0, n) in blocks of a fixed size.
   void run_blocks(int n, int block, const std::function<void(int, int)>& task) const {
-    run((n + block - 1) / block,
-        [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
+    run((n + block - 1) / block, [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
   }
 
  private:
@@ -405,7 +474,8 @@ class Executor {
 
 }  // namespace detail
 }  // namespace ism
-// ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ===============
+
+// ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ================
 //
 // Purpose:    the sign of the area of a planar triangle, never wrong; and the same with ties
 //             broken by a symbolic perturbation, never zero.
@@ -418,8 +488,8 @@ namespace ism {
 namespace detail {
 
 constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of
-                                                     // such numbers and their tails do not underflow
-constexpr double kLargest = 0x1p400;  // 2^400
+                                       // such numbers and their tails do not underflow
+constexpr double kLargest = 0x1p400;   // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
 
@@ -509,6 +579,7 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 
 }  // namespace detail
 }  // namespace ism
+
 // ==== [6] HALF-EDGE MESH =========================================================================
 //
 // Purpose:    connectivity of a triangulated disk, its validation, and the isometric rest frame of
@@ -599,11 +670,11 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
 /// A half-edge mesh with the intrinsic geometry the energies need.
 struct Surface {
   HalfEdgeMesh mesh;
-  Points3 vertices;                      // scaled to total area 1 unless asked otherwise
-  double scale = 1;                      // scaled = scale · given
+  Points3 vertices;  // scaled to total area 1 unless asked otherwise
+  double scale = 1;  // scaled = scale · given
   double total_area = 0;
-  Array<double> area;                    // #F
-  Array<Eigen::Matrix2d> rest_inverse;   // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
+  Array<double> area;                   // #F
+  Array<Eigen::Matrix2d> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
 };
 
 /// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
@@ -704,8 +775,8 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
       list.add(Problem::Kind::kDegenerateTriangle,
                "triangle " + std::to_string(f) + " uses a vertex twice", {f});
     else if (!(twice_area > kThinnest * longest * longest))
-      list.add(Problem::Kind::kDegenerateTriangle,
-               "triangle " + std::to_string(f) + " has no area", {f});
+      list.add(Problem::Kind::kDegenerateTriangle, "triangle " + std::to_string(f) + " has no area",
+               {f});
   }
 }
 
@@ -743,8 +814,8 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
   });
 }
 
-/// Vertices no triangle uses, and vertices whose triangles form more than one fan. The latter can be
-/// told only if triangles and edges are in order.
+/// Vertices no triangle uses, and vertices whose triangles form more than one fan. The latter can
+/// be told only if triangles and edges are in order.
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
@@ -850,6 +921,7 @@ inline std::vector<Problem> validate(const TriangleMesh& mesh) {
 }
 
 }  // namespace ism
+
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
 //
 // Purpose:    the meta mesh of two planar embeddings as polygons ρ = f(t_A) ∩ g(t_B), and the exact
@@ -976,9 +1048,12 @@ inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
   const BoundaryTree tree(m, x);
   tree.for_each_pair(tree, [&](int i, int j) {
     if (i >= j || !simple) return;
-    if (j == i + 1) simple = !turns_back(p(i), p(j), p(j + 1));
-    else if (i == 0 && j == n - 1) simple = !turns_back(p(j), p(0), p(1));
-    else simple = !segments_touch(p(i), p(i + 1), p(j), p(j + 1));
+    if (j == i + 1)
+      simple = !turns_back(p(i), p(j), p(j + 1));
+    else if (i == 0 && j == n - 1)
+      simple = !turns_back(p(j), p(0), p(1));
+    else
+      simple = !segments_touch(p(i), p(i + 1), p(j), p(j + 1));
   });
   return simple;
 }
@@ -1040,8 +1115,10 @@ inline EdgePiece edge_piece(std::size_t i, const Sides& own, const Sides& other)
   for (std::size_t k = 0; k < 3; ++k) {
     const bool crossed = own[i][k] != own[j][k] && other[k][i] != other[(k + 1) % 3][i];
     if (!crossed) continue;
-    if (own[j][k]) starts = true;
-    else ends = true, piece.leaves_through = static_cast<int>(k);
+    if (own[j][k])
+      starts = true;
+    else
+      ends = true, piece.leaves_through = static_cast<int>(k);
   }
   piece.exists = starts && ends;
   return piece;
@@ -1130,8 +1207,9 @@ class OverlayBuilder {
 
  private:
   void add(int ta, int tb) {
-    const std::uint64_t key = static_cast<std::uint64_t>(ta) * static_cast<std::uint64_t>(b_.n_faces) +
-                              static_cast<std::uint64_t>(tb);
+    const std::uint64_t key =
+        static_cast<std::uint64_t>(ta) * static_cast<std::uint64_t>(b_.n_faces) +
+        static_cast<std::uint64_t>(tb);
     if (!overlay_.visited.insert(key)) return;
     OverlayPolygon p = intersect(labelled(a_, f_, ta, 0), labelled(b_, g_, tb, a_.n_vertices));
     if (p.count == 0) return;
@@ -1147,8 +1225,10 @@ class OverlayBuilder {
       const int e = p.piece(k);
       const int twin = e < 3 ? a_.twin[3 * p.ta + e] : b_.twin[3 * p.tb + e - 3];
       if (twin < 0) continue;
-      if (e < 3) add(twin / 3, p.tb);
-      else add(p.ta, twin / 3);
+      if (e < 3)
+        add(twin / 3, p.tb);
+      else
+        add(p.ta, twin / 3);
     }
   }
 
@@ -1196,6 +1276,7 @@ inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfE
 
 }  // namespace detail
 }  // namespace ism
+
 // ==== [8] ENERGIES (paper §4.1, §4.2, §4.4, §5.1) ================================================
 //
 // Purpose:    value, gradient and Hessian of the distortion of one meta mesh polygon and of one
@@ -1214,7 +1295,6 @@ using Mat8 = Eigen::Matrix<double, 8, 8>;
 using Vec12 = Eigen::Matrix<double, 12, 1>;
 using Mat12 = Eigen::Matrix<double, 12, 12>;
 using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
-
 
 // ---- geometry of a polygon ----
 
@@ -1364,7 +1444,8 @@ inline Mat12 polygon_area_hessian(const PolygonShape& shape, const SixPoints& x)
 // ---- distortion density w(F, G) ----
 
 /// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2) of the triangle in columns first .. first + 2 of x.
-inline Eigen::Matrix2d jacobian(const SixPoints& x, int first, const Eigen::Matrix2d& rest_inverse) {
+inline Eigen::Matrix2d jacobian(const SixPoints& x, int first,
+                                const Eigen::Matrix2d& rest_inverse) {
   Eigen::Matrix2d edges;
   edges.col(0) = x.col(first + 1) - x.col(first);
   edges.col(1) = x.col(first + 2) - x.col(first);
@@ -1487,8 +1568,8 @@ inline PolygonDerivatives polygon_derivatives(const OverlayPolygon& p, const Six
   const PolygonShape shape = polygon_shape(p, x);
   const double a = polygon_area(shape, x);
   const Vec12 da = polygon_area_gradient(shape, x);
-  const DensityDerivatives w = density_derivatives(jacobian(x, 0, rest_inverse_a),
-                                                   jacobian(x, 3, rest_inverse_b), kappa);
+  const DensityDerivatives w =
+      density_derivatives(jacobian(x, 0, rest_inverse_a), jacobian(x, 3, rest_inverse_b), kappa);
   const Eigen::Matrix<double, 8, 12> C = jacobian_matrix(rest_inverse_a, rest_inverse_b);
   const Vec12 dw = C.transpose() * w.gradient;
   PolygonDerivatives result;
@@ -1522,7 +1603,8 @@ inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
   const Eigen::Vector4d df = det_gradient(J);
   const double e_f = -2 * S * i2 * i, e_ff = 6 * S * i2 * i2, e_Sf = -2 * i2 * i;
   const Eigen::Vector4d g = (1 + i2) * dS + e_f * df;
-  Eigen::Matrix4d H = e_ff * df * df.transpose() + e_Sf * (dS * df.transpose() + df * dS.transpose());
+  Eigen::Matrix4d H =
+      e_ff * df * df.transpose() + e_Sf * (dS * df.transpose() + df * dS.transpose());
   H.diagonal().array() += 2 * (1 + i2);
   H(0, 3) += e_f, H(3, 0) += e_f;
   H(1, 2) -= e_f, H(2, 1) -= e_f;
@@ -1537,16 +1619,148 @@ inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
   return result;
 }
 
-/// V max(D, ε) Vᵀ of a symmetric matrix (§5.1, [Teran et al. 2005]).
+// ---- projection to s.p.d. matrices (§5.1) ----
+
+/// Eigenvalues and eigenvectors of a small symmetric matrix by Householder tridiagonalisation and
+/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Plain loops: they compile in
+/// a moment, and the rotations act on whole rows.
+template <int N>
+struct SymmetricEigen {
+  using Vector = Eigen::Matrix<double, N, 1>;
+  using Rows = Eigen::Matrix<double, N, N, Eigen::RowMajor>;
+  Vector value;
+  Rows vector;     // row i belongs to value[i]
+  bool ok = true;  // false if the iteration did not settle, as for non-finite input
+
+  explicit SymmetricEigen(const Eigen::Matrix<double, N, N>& A) {
+    Rows a = A;
+    tridiagonalize(a);
+    for (int l = 0; l < N && ok; ++l) ok = settle(l);
+  }
+
+ private:
+  Vector below;  // subdiagonal of the tridiagonal matrix
+
+  /// a = Q T Qᵀ by reflections I - β v vᵀ; `vector` becomes Qᵀ.
+  void tridiagonalize(Rows& a) {
+    Rows v;  // v(k, i) for i > k
+    Vector beta;
+    for (int k = 0; k < N; ++k) {
+      value[k] = a(k, k);
+      below[k] = 0;
+      beta[k] = 0;
+      if (k + 1 == N) break;
+      double norm2 = 0, tail2 = 0;
+      for (int i = k + 1; i < N; ++i) norm2 += a(i, k) * a(i, k);
+      for (int i = k + 2; i < N; ++i) tail2 += a(i, k) * a(i, k);
+      below[k] = a(k + 1, k);
+      if (tail2 == 0) continue;
+      below[k] = -std::copysign(std::sqrt(norm2), a(k + 1, k));
+      for (int i = k + 1; i < N; ++i) v(k, i) = a(i, k);
+      v(k, k + 1) -= below[k];
+      beta[k] = -1 / (below[k] * v(k, k + 1));  // 2 / vᵀv
+      reflect(a, k, v, beta[k]);
+    }
+    accumulate(v, beta);
+  }
+
+  /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
+  static void reflect(Rows& a, int k, const Rows& v, double beta) {
+    Vector w;
+    double vp = 0;
+    for (int i = k + 1; i < N; ++i) {
+      double sum = 0;
+      for (int j = k + 1; j < N; ++j) sum += a(i, j) * v(k, j);
+      w[i] = beta * sum;
+      vp += v(k, i) * w[i];
+    }
+    for (int i = k + 1; i < N; ++i) w[i] -= 0.5 * beta * vp * v(k, i);
+    for (int i = k + 1; i < N; ++i)
+      for (int j = k + 1; j < N; ++j) a(i, j) -= v(k, i) * w[j] + w[i] * v(k, j);
+  }
+
+  /// vector = Qᵀ, the product of the reflections.
+  void accumulate(const Rows& v, const Vector& beta) {
+    vector.setIdentity();
+    for (int k = N - 3; k >= 0; --k) {
+      if (beta[k] == 0) continue;
+      for (int i = k + 1; i < N; ++i) {
+        double sum = 0;
+        for (int j = k + 1; j < N; ++j) sum += vector(i, j) * v(k, j);
+        for (int j = k + 1; j < N; ++j) vector(i, j) -= beta[k] * sum * v(k, j);
+      }
+    }
+  }
+
+  /// The first negligible subdiagonal entry from l on.
+  int split(int l) const {
+    constexpr double kNegligible = std::numeric_limits<double>::epsilon();
+    int m = l;
+    while (m + 1 < N &&
+           std::abs(below[m]) > kNegligible * (std::abs(value[m]) + std::abs(value[m + 1])))
+      ++m;
+    return m;
+  }
+
+  /// QL sweeps with Wilkinson's shift until value[l] stands alone.
+  bool settle(int l) {
+    constexpr int kMostSweeps = 50;
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+      const int m = split(l);
+      if (m == l) return true;
+      const double half = (value[l + 1] - value[l]) / (2 * below[l]);
+      double g =
+          value[m] - value[l] + below[l] / (half + std::copysign(std::sqrt(half * half + 1), half));
+      double s = 1, c = 1, p = 0;
+      int i = m - 1;
+      for (; i >= l; --i) {
+        const double f = s * below[i], b = c * below[i], r = std::sqrt(f * f + g * g);
+        below[i + 1] = r;
+        if (r == 0) break;
+        s = f / r;
+        c = g / r;
+        g = value[i + 1] - p;
+        const double t = (value[i] - g) * s + 2 * c * b;
+        p = s * t;
+        value[i + 1] = g + p;
+        g = c * t - b;
+        rotate(i, c, s);
+      }
+      below[m] = 0;
+      if (i >= l) {  // the sweep split the matrix early
+        value[i + 1] -= p;
+        continue;
+      }
+      value[l] -= p;
+      below[l] = g;
+    }
+    return false;
+  }
+
+  void rotate(int i, double c, double s) {
+    for (int k = 0; k < N; ++k) {
+      const double x = vector(i, k), y = vector(i + 1, k);
+      vector(i + 1, k) = s * x + c * y;
+      vector(i, k) = c * x - s * y;
+    }
+  }
+};
+
+/// Raises the eigenvalues of a symmetric matrix to at least ε [Teran et al. 2005].
 template <int N>
 inline void project_spd(Eigen::Matrix<double, N, N>& H, double epsilon) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> eigen(H);
-  const Eigen::Matrix<double, N, 1> d = eigen.eigenvalues().cwiseMax(epsilon);
-  H = eigen.eigenvectors() * d.asDiagonal() * eigen.eigenvectors().transpose();
+  const SymmetricEigen<N> eigen(H);
+  for (int k = 0; k < N; ++k) {
+    const double lift = epsilon - eigen.value[k];
+    if (!(lift > 0)) continue;
+    for (int j = 0; j < N; ++j)
+      for (int i = 0; i < N; ++i) H(i, j) += lift * eigen.vector(k, i) * eigen.vector(k, j);
+  }
 }
 
 }  // namespace detail
 }  // namespace ism
+
 // ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
 //
 // Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
@@ -1591,9 +1805,9 @@ struct Front {
 
 /// The elimination order and the fronts; depends on the pattern and the positions only.
 struct LdltSymbolic {
-  Array<int> order;    // order[i] is the vertex eliminated as the i-th
-  Array<int> place;    // its inverse
-  Array<Front> fronts; // children before parents
+  Array<int> order;     // order[i] is the vertex eliminated as the i-th
+  Array<int> place;     // its inverse
+  Array<Front> fronts;  // children before parents
 };
 
 /// Builds an LdltSymbolic by recursive bisection: the median line along x or y, whichever leaves
@@ -1656,8 +1870,8 @@ class NestedDissection {
     const int axis = best_axis(begin, middle, end);
     split(begin, middle, end, axis);
     const bool from_left = smaller_side_is_left(begin, middle, end);
-    const int left_end = from_left ? move_separator(begin, middle, true) : middle;
-    const int right_end = from_left ? end : move_separator(middle, end, false);
+    const int left_end = from_left ? move_separator(begin, middle) : middle;
+    const int right_end = from_left ? end : move_separator(middle, end);
     if (from_left) std::rotate(at(left_end), at(middle), at(end));  // separator to the back
     const int separator = from_left ? left_end + (end - middle) : right_end;
     const int left = dissect(begin, left_end, depth + 1);
@@ -1703,9 +1917,9 @@ class NestedDissection {
 
   /// Moves the vertices of [begin, end) that touch the other side to the back, keeping order;
   /// returns where they start.
-  int move_separator(int begin, int end, bool) {
-    int* first = std::stable_partition(at(begin), at(end),
-                                       [&](int v) { return !touches_other_side(v); });
+  int move_separator(int begin, int end) {
+    int* first =
+        std::stable_partition(at(begin), at(end), [&](int v) { return !touches_other_side(v); });
     return static_cast<int>(first - at(0));
   }
 
@@ -1833,8 +2047,10 @@ inline void extend_add(const Front& child, const Eigen::MatrixXd& from, int own,
     for (int r = c; r < n; ++r) {
       const int pr = child.parent_row[r];
       const auto block = from.block<2, 2>(2 * r, 2 * c);
-      if (pc < own) panel.block<2, 2>(2 * pr, 2 * pc) += block;
-      else update.block<2, 2>(2 * (pr - own), 2 * (pc - own)) += block;
+      if (pc < own)
+        panel.block<2, 2>(2 * pr, 2 * pc) += block;
+      else
+        update.block<2, 2>(2 * (pr - own), 2 * (pc - own)) += block;
     }
   }
 }
@@ -1862,8 +2078,10 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
   for (const Front::Entry& e : front.entries) {
     const Eigen::Matrix2d block = matrix.block(e.block);
     auto target = panel.block<2, 2>(2 * e.row, 2 * e.column);
-    if (e.transposed) target += block.transpose();
-    else target += block;
+    if (e.transposed)
+      target += block.transpose();
+    else
+      target += block;
   }
   for (int child : front.children) {
     extend_add(symbolic.fronts[child], factor.update[child], own, panel, update);
@@ -1952,13 +2170,14 @@ inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor
 
 }  // namespace detail
 }  // namespace ism
-// ==== [10] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) =================
+
+// ==== [10] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) ==================
 //
 // Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian, assembled
 //             without triplets; their blend with earlier ones; the squared Laplacian.
 // Invariants: vertex i of A is row i, vertex i of B is row #V_A + i. Couplings within a mesh have a
-//             fixed pattern, couplings between the meshes follow the polygons. Sums run in the order
-//             of polygons and faces, never of threads.
+//             fixed pattern, couplings between the meshes follow the polygons. Sums run in the
+//             order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
 namespace ism {
@@ -2233,7 +2452,8 @@ class ModelBuilder {
       model.gradient.segment<2>(2 * u) += face.gradient.segment<2>(2 * i);
       for (int j = 0; j < 3; ++j) {
         const int v = first + s.mesh.corner(f, j);
-        if (u <= v) model.within[find_block(within_, u, v)] += face.hessian.block<2, 2>(2 * i, 2 * j);
+        if (u <= v)
+          model.within[find_block(within_, u, v)] += face.hessian.block<2, 2>(2 * i, 2 * j);
       }
     }
   }
@@ -2339,8 +2559,7 @@ inline Array<SparseRow> cotangent_matrix(const Surface& s) {
   };
   for (int h = 0; h < s.mesh.tail.size(); ++h) {
     const int u = s.mesh.tail[h], v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
-    const double half =
-        0.5 * cotangent(s.vertices.row(w), s.vertices.row(u), s.vertices.row(v));
+    const double half = 0.5 * cotangent(s.vertices.row(w), s.vertices.row(u), s.vertices.row(v));
     add(u, v, -half), add(v, u, -half);
     add(u, u, half), add(v, v, half);
   }
@@ -2517,8 +2736,7 @@ inline RigidMotion rigid_motion(double angle, const Vec2& from, const Vec2& to) 
 }
 
 inline Points2 transformed(const Points2& x, const RigidMotion& motion) {
-  const Points2 y =
-      (x * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
+  const Points2 y = (x * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
   return y.unaryExpr([](double c) { return flush_tiny(c); });
 }
 
@@ -2565,7 +2783,8 @@ inline Points2 moved(const Points2& x, const Points2& d, double s) {
 
 }  // namespace detail
 }  // namespace ism
-// ==== [11] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) ======================
+
+// ==== [11] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) =====================================
 //
 // Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
 //             decision which of them are injective and improve E enough.
@@ -2590,7 +2809,6 @@ struct Trial {
   int direction = 0;
   double step = 0;
   bool accepted = false;
-  int why = 0; double gain=0;
   Iterate x;
 };
 
@@ -2635,16 +2853,10 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
       t.x.f = moved(from.f, d.f, t.step);
       t.x.g = moved(from.g, d.g, t.step);
       t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
-      t.why = 0;
-      if (!all_triangles_positive(pair.a.mesh, t.x.f)||!all_triangles_positive(pair.b.mesh, t.x.g)) t.why=1;
-      else if (!angle_sums_are_full(pair.a.mesh, t.x.f)||!angle_sums_are_full(pair.b.mesh, t.x.g)) t.why=2;
-      else if (!boundary_is_simple(pair.a.mesh, t.x.f)) t.why=3; else if(!boundary_is_simple(pair.b.mesh, t.x.g)) t.why=4;
       if (!t.accepted) return;
       evaluate(pair, weights, t.x);
-      if (!is_acceptable(pair, rules, from, d, t.step, t.x)) { t.why = t.x.energy <= from.energy + rules.armijo * t.step * d.slope ? 6 : 5; t.gain=(from.energy-t.x.energy)/(-t.step*d.slope);}
       t.accepted = is_acceptable(pair, rules, from, d, t.step, t.x);
     });
-    if (getenv("WHY")) { fprintf(stderr,"why "); for (int i=0;i<n;i++) fprintf(stderr,"%d", trials[i].why); fprintf(stderr,"\n"); }
     int best = -1;
     for (int i = 0; i < n; ++i)
       if (trials[i].accepted && (best < 0 || trials[i].x.energy < trials[best].x.energy)) best = i;
@@ -2655,6 +2867,7 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
 
 }  // namespace detail
 }  // namespace ism
+
 // ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start.
@@ -2712,8 +2925,7 @@ inline Anchors choose_anchors(const Surface& b) {
 inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
                             Points2& g) {
   const Vec2 origin = row2(g, anchors.center), axis = row2(g, anchors.rim) - origin;
-  const RigidMotion motion =
-      rigid_motion(-std::atan2(axis.y(), axis.x()), origin, Vec2::Zero());
+  const RigidMotion motion = rigid_motion(-std::atan2(axis.y(), axis.x()), origin, Vec2::Zero());
   const Points2 new_f = transformed(f, motion);
   Points2 new_g = transformed(g, motion);
   new_g.row(anchors.center).setZero();
@@ -2762,9 +2974,12 @@ class Optimizer {
     start(result);
     while (result.status == Status::kIterationLimit &&
            static_cast<int>(result.log.size()) < options_.max_iterations) {
-      if (!iterate(result)) result.status = Status::kStalled;
-      else if (!report(result)) result.status = Status::kCancelled;
-      else if (converged(result)) result.status = Status::kConverged;
+      if (!iterate(result))
+        result.status = Status::kStalled;
+      else if (!report(result))
+        result.status = Status::kCancelled;
+      else if (converged(result))
+        result.status = Status::kConverged;
     }
     result.f = x_.f;
     result.g = x_.g;
@@ -2782,8 +2997,7 @@ class Optimizer {
     radius_ = domain_radius(x_.f, x_.g);
     evaluate(pair_, weights_, x_);
     result.initial = describe(pair_, x_);
-    result.status =
-        x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
+    result.status = x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
   }
 
   /// One iteration; false if no step was found.
@@ -2862,8 +3076,8 @@ class Optimizer {
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
-      if (factors_[k].ok) set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient),
-                                        directions[k]);
+      if (factors_[k].ok)
+        set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient), directions[k]);
     });
     return directions;
   }
@@ -2877,8 +3091,8 @@ class Optimizer {
     direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
                                     max_step(pair_.b.mesh, x_.g, direction.g));
     const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
-    direction.first_step = (std::min)(0.99 * direction.max_step,
-                                      options_.max_displacement * radius_ / longest);
+    direction.first_step =
+        (std::min)(0.99 * direction.max_step, options_.max_displacement * radius_ / longest);
   }
 
   void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
@@ -2940,6 +3154,7 @@ class Optimizer {
 
 }  // namespace detail
 }  // namespace ism
+
 // ==== [13] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
@@ -2965,8 +3180,8 @@ struct Collapse {
 /// A triangle mesh under decimation: faces keep their ids, dead faces keep their corners.
 struct DynamicMesh {
   Array<std::array<int, 3>> face;
-  Array<char> alive;                      // per face
-  Array<Array<int>> faces_of;             // per vertex, living faces
+  Array<char> alive;                        // per face
+  Array<Array<int>> faces_of;               // per vertex, living faces
   Array<int> boundary_next, boundary_prev;  // per vertex, -1 off the boundary
   int boundary_length = 0;
 
@@ -2988,9 +3203,7 @@ struct DynamicMesh {
   }
 
   bool on_boundary(int v) const { return boundary_next[v] >= 0; }
-  bool has(int f, int v) const {
-    return face[f][0] == v || face[f][1] == v || face[f][2] == v;
-  }
+  bool has(int f, int v) const { return face[f][0] == v || face[f][1] == v || face[f][2] == v; }
 
   /// The neighbours of u, each once, ascending.
   Array<int> neighbours(int u) const {
@@ -3147,8 +3360,8 @@ class Decimation {
   }
 
   bool shape_allows(int u, int v) const {
-    constexpr double kTurn = 0.2;       // least cosine between old and new normal
-    constexpr double kQuality = 0.15;   // least 4√3 area / Σ length² unless it was worse before
+    constexpr double kTurn = 0.2;      // least cosine between old and new normal
+    constexpr double kQuality = 0.15;  // least 4√3 area / Σ length² unless it was worse before
     constexpr double kThinnest = 1e-10;  // and always
     for (int f : mesh_.faces_of[u]) {
       if (mesh_.has(f, v)) continue;
@@ -3227,9 +3440,7 @@ class FlatNewton {
   }
 
  private:
-  int first_row(std::size_t k) const {
-    return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices;
-  }
+  int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
 
   void add_springs_to_pattern() {
     std::vector<std::pair<int, int>> extra;
@@ -3485,8 +3696,7 @@ class Hierarchy {
     std::vector<Vec2> kernel = {lo, Vec2(hi.x(), lo.y()), hi, Vec2(lo.x(), hi.y())};
     for (int f : mesh_.faces_of[u]) {
       const auto edge = opposite(f, u);
-      const std::vector<Vec2> rest =
-          clip(kernel, row2(x_, edge.first), row2(x_, edge.second));
+      const std::vector<Vec2> rest = clip(kernel, row2(x_, edge.first), row2(x_, edge.second));
       if (rest.size() >= 3) kernel = rest;  // else rounding: keep what there is
     }
     Vec2 center = Vec2::Zero();
@@ -3588,7 +3798,9 @@ class PairEmbedder {
     for (double weight = 1; weight < kStiffest; weight *= 10) relax(a, b, weight);
     while (relax(a, b, kStiffest), !a.is_full() || !b.is_full()) {
       if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
-                    std::to_string(b.active()) + " vertices", result)) return;
+                    std::to_string(b.active()) + " vertices",
+                result))
+        return;
       if (!grow(a, "A", result) || !grow(b, "B", result)) return;
     }
     result.f = a.positions();
@@ -3614,7 +3826,8 @@ class PairEmbedder {
     const int stuck = h.refine(2 * h.active());
     return stuck < 0 || fail(result, Status::kNumericalFailure,
                              "rounding leaves no room for vertex " + std::to_string(stuck) +
-                                 " of mesh " + name + " in the plane", {stuck});
+                                 " of mesh " + name + " in the plane",
+                             {stuck});
   }
 
   /// Embeds one surface freely up to the coarse level.
@@ -3714,7 +3927,12 @@ class PairEmbedder {
 
 }  // namespace detail
 }  // namespace ism
-// ---- entry points ----
+
+// ==== [14] ENTRY POINTS ==========================================================================
+//
+// Purpose:    checks the input, runs the parts above in order, and words the outcome.
+// Invariants: nothing is computed on input that fails a check.
+// Fails:      with the status, message and ids of the first check that does.
 
 namespace ism {
 namespace detail {
@@ -3739,11 +3957,13 @@ bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
     if (l.a < 0 || l.a >= used_a.size())
       return fail(output, Status::kInvalidLandmarks,
                   name + "mesh A has no vertex " + std::to_string(l.a) + ", it has " +
-                      std::to_string(used_a.size()) + " vertices, counted from 0", {l.a});
+                      std::to_string(used_a.size()) + " vertices, counted from 0",
+                  {l.a});
     if (l.b < 0 || l.b >= used_b.size())
       return fail(output, Status::kInvalidLandmarks,
                   name + "mesh B has no vertex " + std::to_string(l.b) + ", it has " +
-                      std::to_string(used_b.size()) + " vertices, counted from 0", {l.b});
+                      std::to_string(used_b.size()) + " vertices, counted from 0",
+                  {l.b});
     if (used_a[l.a]++)
       return fail(output, Status::kInvalidLandmarks,
                   name + "vertex " + std::to_string(l.a) + " of A is in another landmark", {l.a});
@@ -3757,7 +3977,8 @@ bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
 template <class Output>
 bool check_options(const Options& o, Output& output) {
   const auto require = [&](bool good, const char* rule) {
-    return good || fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
+    return good ||
+           fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
   };
   return require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
                  "coverage_weight must be at least 0") &&
@@ -3787,7 +4008,8 @@ bool check_input(const TriangleMesh& a, const TriangleMesh& b,
          check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
 }
 
-inline double largest_landmark_distance(const Embedding& e, const std::vector<Landmark>& landmarks) {
+inline double largest_landmark_distance(const Embedding& e,
+                                        const std::vector<Landmark>& landmarks) {
   double largest = 0;
   for (const Landmark& l : landmarks)
     largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
@@ -3823,12 +4045,18 @@ inline void given_positions(const SurfacePair& pair, const Options& options, Emb
 
 inline const char* explain(Status s) {
   switch (s) {
-    case Status::kConverged: return "the energy has settled";
-    case Status::kIterationLimit: return "stopped at the iteration limit; more would help";
-    case Status::kStalled: return "no injective step lowers the energy";
-    case Status::kCancelled: return "cancelled; this is the last injective iterate";
-    case Status::kNoOverlap: return "the two embeddings do not overlap at the start";
-    default: return "";
+    case Status::kConverged:
+      return "the energy has settled";
+    case Status::kIterationLimit:
+      return "stopped at the iteration limit; more would help";
+    case Status::kStalled:
+      return "no injective step lowers the energy";
+    case Status::kCancelled:
+      return "cancelled; this is the last injective iterate";
+    case Status::kNoOverlap:
+      return "the two embeddings do not overlap at the start";
+    default:
+      return "";
   }
 }
 
@@ -3836,24 +4064,34 @@ inline const char* explain(Status s) {
 
 inline const char* to_string(Status s) {
   switch (s) {
-    case Status::kConverged: return "converged";
-    case Status::kIterationLimit: return "iteration limit";
-    case Status::kStalled: return "stalled";
-    case Status::kCancelled: return "cancelled";
-    case Status::kAborted: return "aborted";
-    case Status::kInvalidMesh: return "invalid mesh";
-    case Status::kInvalidLandmarks: return "invalid landmarks";
-    case Status::kInvalidOptions: return "invalid options";
-    case Status::kInvalidPositions: return "invalid positions";
-    case Status::kNoOverlap: return "no overlap";
-    case Status::kNumericalFailure: return "numerical failure";
+    case Status::kConverged:
+      return "converged";
+    case Status::kIterationLimit:
+      return "iteration limit";
+    case Status::kStalled:
+      return "stalled";
+    case Status::kCancelled:
+      return "cancelled";
+    case Status::kAborted:
+      return "aborted";
+    case Status::kInvalidMesh:
+      return "invalid mesh";
+    case Status::kInvalidLandmarks:
+      return "invalid landmarks";
+    case Status::kInvalidOptions:
+      return "invalid options";
+    case Status::kInvalidPositions:
+      return "invalid positions";
+    case Status::kNoOverlap:
+      return "no overlap";
+    case Status::kNumericalFailure:
+      return "numerical failure";
   }
   return "unknown";
 }
 
 inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
-                                   const std::vector<Landmark>& landmarks,
-                                   const Options& options) {
+                                   const std::vector<Landmark>& landmarks, const Options& options) {
   Embedding embedding;
   if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
@@ -3889,7 +4127,8 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
 }
 
 }  // namespace ism
-// ==== [14] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
+
+// ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
 // Purpose:    Φ and Φ⁻¹ at points of the surfaces; the meta mesh lifted to both.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
@@ -4075,10 +4314,12 @@ class MetaMeshBuilder {
   Corner vertex_corner(const OverlayPolygon& p, int e, const SixPoints& x) const {
     const Vec2 point = x.col(e);
     if (e < 3)
-      return {Key(0, data_.a.corner(p.ta, e), 0), at_corner(p.ta, e),
+      return {Key(0, data_.a.corner(p.ta, e), 0),
+              at_corner(p.ta, e),
               {p.tb, barycentric(point, x.col(3), x.col(4), x.col(5))}};
     return {Key(1, data_.b.corner(p.tb, e - 3), 0),
-            {p.ta, barycentric(point, x.col(0), x.col(1), x.col(2))}, at_corner(p.tb, e - 3)};
+            {p.ta, barycentric(point, x.col(0), x.col(1), x.col(2))},
+            at_corner(p.tb, e - 3)};
   }
 
   Corner crossing_corner(const OverlayPolygon& p, const Piece& before, const Piece& piece) const {
@@ -4149,4 +4390,29 @@ inline Vec3 SurfaceMap::position_on_b(const SurfacePoint& p) const {
 inline MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
 
 }  // namespace ism
+
+// ==== [16] LICENSE ===============================================================================
+//
+// MIT License
+//
+// Copyright (c) 2026 the authors of ism.hpp
+//
+// Permission is hereby granted, free of charge, to any person obtaining a copy
+// of this software and associated documentation files (the "Software"), to deal
+// in the Software without restriction, including without limitation the rights
+// to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+// copies of the Software, and to permit persons to whom the Software is
+// furnished to do so, subject to the following conditions:
+//
+// The above copyright notice and this permission notice shall be included in all
+// copies or substantial portions of the Software.
+//
+// THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+// IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
+// FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
+// AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+// LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
+// OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
+// SOFTWARE.
+
 #endif  // ISM_HPP

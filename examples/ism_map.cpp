@@ -399,6 +399,7 @@ std::string json_options(const Arguments& args) {
       .add("history_decay", o.history_decay)
       .add("omega_start", o.omega_start)
       .add("omega_factor", o.omega_factor)
+      .add("omega_least", o.omega_least)
       .add("max_displacement", o.max_displacement)
       .add("max_coverage_loss", o.max_coverage_loss)
       .add("max_iterations", o.max_iterations)
@@ -585,8 +586,6 @@ int run(Arguments& args) {
   const ism::Result result = compute(args, input);
   if (!ism::is_usable(result.status))
     return fail(exit_code(result.status, !args.initial.empty()), result.message);
-  if (result.f.rows() != input.a.vertices.rows())
-    return fail(kComputationFailed, "cancelled before there was a map, nothing is written");
   seconds.add(result);
 
   start = Clock::now();
