@@ -2820,7 +2820,8 @@ struct StepRules {
 
 inline bool is_acceptable(const SurfacePair& pair, const StepRules& rules, const Iterate& from,
                           const Direction& d, double step, const Iterate& to) {
-  return to.energy <= from.energy + rules.armijo * step * d.slope &&
+  return to.area_a > 0 && to.area_b > 0 &&
+         to.energy <= from.energy + rules.armijo * step * d.slope &&
          from.area_a - to.area_a <= rules.max_coverage_loss * pair.a.total_area &&
          from.area_b - to.area_b <= rules.max_coverage_loss * pair.b.total_area;
 }
@@ -2975,7 +2976,7 @@ class Optimizer {
     while (result.status == Status::kIterationLimit &&
            static_cast<int>(result.log.size()) < options_.max_iterations) {
       if (!iterate(result))
-        result.status = Status::kStalled;
+        result.status = stationary_ ? Status::kConverged : Status::kStalled;
       else if (!report(result))
         result.status = Status::kCancelled;
       else if (converged(result))
@@ -3000,7 +3001,7 @@ class Optimizer {
     result.status = x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
   }
 
-  /// One iteration; false if no step was found.
+  /// One iteration; false if no step was found or none is left to find.
   bool iterate(Result& result) {
     IterationLog log;
     Timer timer;
@@ -3012,6 +3013,8 @@ class Optimizer {
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 10 to 16
       timer.lap();
+      stationary_ = is_stationary(directions);
+      if (stationary_) return false;
       if (!directions.empty())
         best = line_search(pair_, weights_, rules_, x_, directions, executor_, trials_);
       log.seconds_search += timer.lap();
@@ -3022,6 +3025,15 @@ class Optimizer {
       if (history_.size() == 1) return false;
       reset_history(log);
     }
+  }
+
+  /// True if all directions promise less than the rounding errors of E.
+  bool is_stationary(const Array<Direction>& directions) const {
+    constexpr double kRounding = 1e-14;
+    const double scale = x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b);
+    return !directions.empty() &&
+           std::all_of(directions.begin(), directions.end(),
+                       [&](const Direction& d) { return -d.slope <= kRounding * scale; });
   }
 
   void remember(QuadraticModel model) {
@@ -3145,6 +3157,7 @@ class Optimizer {
   int history_length_;
   double omega_;
   double radius_ = 1;
+  bool stationary_ = false;
   std::vector<FixedUnknown> fixed_;
   Iterate x_;
   Array<QuadraticModel> history_;  // newest first
@@ -3440,6 +3453,12 @@ class FlatNewton {
   }
 
  private:
+  /// Nothing but the step keeps a boundary from itself, so a level ends after a few collisions, and
+  /// the steps that meet one are cut short: gaps that close further from level to level would leave
+  /// no room for vertices that return.
+  static constexpr int kMostCollisions = 3;
+  enum class Outcome { kAccepted, kRejected, kCollision };
+
   int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
 
   void add_springs_to_pattern() {
@@ -3482,23 +3501,29 @@ class FlatNewton {
       direction[k] = columns.middleCols(first_row(k), x[k].rows()).transpose();
       s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
     }
-    for (int i = 0; i < kMostTrials; ++i, s *= 0.6)
-      if (try_step(direction, s, slope, x, energy)) return true;
+    for (int i = 0; i < kMostTrials; ++i) {
+      const Outcome outcome = try_step(direction, s, slope, x, energy);
+      if (outcome == Outcome::kAccepted) return true;
+      if (outcome == Outcome::kCollision && ++collisions_ > kMostCollisions) return false;
+      s *= outcome == Outcome::kCollision ? 0.2 : 0.6;
+    }
     return false;
   }
 
-  bool try_step(const std::vector<Points2>& direction, double s, double slope,
-                std::vector<Points2>& x, double& energy) const {
+  Outcome try_step(const std::vector<Points2>& direction, double s, double slope,
+                   std::vector<Points2>& x, double& energy) const {
     std::vector<Points2> y(x.size());
     for (std::size_t k = 0; k < x.size(); ++k) {
       y[k] = moved(x[k], direction[k], s);
-      if (!is_injective(problem_.surfaces[k]->mesh, y[k])) return false;
+      const HalfEdgeMesh& m = problem_.surfaces[k]->mesh;
+      if (is_injective(m, y[k])) continue;
+      return boundary_is_simple(m, y[k]) ? Outcome::kRejected : Outcome::kCollision;
     }
     const double e = value(y);
-    if (!(e <= energy + 1e-4 * s * slope)) return false;
+    if (!(e <= energy + 1e-4 * s * slope)) return Outcome::kRejected;
     x = y;
     energy = e;
-    return true;
+    return Outcome::kAccepted;
   }
 
   void assemble(const std::vector<Points2>& x) {
@@ -3546,6 +3571,7 @@ class FlatNewton {
   Eigen::VectorXd gradient_;
   Array<TriangleDerivatives> terms_;
   Array<LdltFactor> factors_;
+  int collisions_ = 0;
 };
 
 // ---- one surface across all resolutions ----
@@ -3653,7 +3679,7 @@ class Hierarchy {
       const Collapse c = collapses_.back();
       collapses_.pop_back();
       mesh_.undo(c);
-      if (!place(c.u, c.v)) return c.u;
+      if (!place(c)) return c.u;
     }
     return -1;
   }
@@ -3667,19 +3693,45 @@ class Hierarchy {
   }
 
   /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
-  /// so points between v and the centre of the kernel are in the kernel too.
-  bool place(int u, int v) {
+  /// so points between v and the centre of the kernel are in the kernel too. On the boundary other
+  /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
+  /// triangle, close to the middle of that edge.
+  bool place(const Collapse& c) {
+    const Vec2 corner = row2(x_, c.v);
+    if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
+    if (!mesh_.on_boundary(c.u)) return false;
+    if (!c.changed.empty()) return place_on_ray(c.u, corner, fan_center(c));
+    const Vec2 p = row2(x_, mesh_.boundary_prev[c.u]), q = row2(x_, mesh_.boundary_next[c.u]);
+    const Vec2 middle = 0.5 * (p + q);
+    return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
+  }
+
+  bool place_on_ray(int u, const Vec2& from, const Vec2& to) {
     constexpr int kMostHalvings = 60;
-    const Vec2 center = kernel_center(u);
-    const Vec2 corner = row2(x_, v);
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      x_.row(u) = (corner + t * (center - corner)).transpose();
+      x_.row(u) = (from + t * (to - from)).transpose();
       if (!fits(u)) continue;
       relax(u);
       return true;
     }
     return false;
+  }
+
+  /// The centre of the largest triangle that v had in the place of u.
+  Vec2 fan_center(const Collapse& c) const {
+    const Vec2 corner = row2(x_, c.v);
+    double largest = -kInfinity;
+    Vec2 center = corner;
+    for (int f : c.changed) {
+      const auto edge = opposite(f, c.u);
+      const Vec2 p = row2(x_, edge.first), q = row2(x_, edge.second);
+      const double area = cross(p - corner, q - corner);
+      if (area <= largest) continue;
+      largest = area;
+      center = (corner + p + q) / 3;
+    }
+    return center;
   }
 
   Vec2 kernel_center(int u) const {

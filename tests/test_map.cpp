@@ -1,0 +1,417 @@
+// The map as a function in both directions, and the meta mesh.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using ism::MappedPoint;
+using ism::MetaMesh;
+using ism::Points2;
+using ism::Points3;
+using ism::Status;
+using ism::SurfaceMap;
+using ism::SurfacePoint;
+using ism::TriangleMesh;
+using ism::Vec2;
+using ism::Vec3;
+using shapes::Disk;
+using shapes::Rng;
+
+SurfaceMap map_of(const Disk& a, const Disk& b) {
+  return SurfaceMap(a.mesh, b.mesh, a.plane, b.plane);
+}
+
+/// Two bent random disks, the second one turned and shifted; they overlap partially, in a disk.
+std::pair<Disk, Disk> random_pair(std::uint64_t seed) {
+  Rng rng(seed);
+  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 4, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.3);
+  b.plane = shapes::moved(b.plane, shapes::rotation(0.35), Vec2(0.83, -0.37));
+  return {a, b};
+}
+
+int n_faces(const Disk& disk) { return static_cast<int>(disk.mesh.triangles.rows()); }
+int n_vertices(const Disk& disk) { return static_cast<int>(disk.plane.rows()); }
+
+SurfacePoint random_point(const Disk& disk, Rng& rng) {
+  Vec3 weights(rng.uniform(0.01, 1), rng.uniform(0.01, 1), rng.uniform(0.01, 1));
+  weights /= weights.sum();
+  return {rng.below(n_faces(disk)), weights};
+}
+
+Vec2 planar(const Disk& disk, const SurfacePoint& p) {
+  Vec2 x = Vec2::Zero();
+  for (int k = 0; k < 3; ++k)
+    x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
+  return x;
+}
+
+/// The least barycentric coordinate of x in any face of a disk: how deep inside the best one.
+double deepest(const Disk& disk, const Vec2& x) {
+  double best = -1e300;
+  for (int f = 0; f < n_faces(disk); ++f) {
+    Vec2 p[3];
+    for (int k = 0; k < 3; ++k) p[k] = disk.plane.row(disk.mesh.triangles(f, k)).transpose();
+    const double area = ism::detail::cross(p[1] - p[0], p[2] - p[0]);
+    double least = 1;
+    for (int k = 0; k < 3; ++k)
+      least = std::min(least, ism::detail::cross(p[(k + 1) % 3] - p[k], x - p[k]) / area);
+    best = std::max(best, least);
+  }
+  return best;
+}
+
+void check_surface_point(const Disk& disk, const SurfacePoint& p) {
+  REQUIRE(p.face >= 0);
+  REQUIRE(p.face < n_faces(disk));
+  CHECK(p.barycentric.minCoeff() >= 0);
+  CHECK(p.barycentric.sum() == doctest::Approx(1).epsilon(1e-14));
+}
+
+// ---- meta mesh ----
+
+Vec3 vector_area(const Points3& x, const std::vector<int>& polygon) {
+  Vec3 sum = Vec3::Zero();
+  const Vec3 p = x.row(polygon[0]);
+  for (std::size_t i = 1; i + 1 < polygon.size(); ++i) {
+    const Vec3 u = x.row(polygon[i]), v = x.row(polygon[i + 1]);
+    sum += 0.5 * (u - p).cross(v - p);
+  }
+  return sum;
+}
+
+double area_on(const Points3& x, const MetaMesh& mesh) {
+  double sum = 0;
+  for (const std::vector<int>& polygon : mesh.polygons) sum += vector_area(x, polygon).norm();
+  return sum;
+}
+
+double area_of(const TriangleMesh& mesh) { return ism::detail::surface_area(mesh); }
+
+/// The covered areas as the objective counts them.
+ism::detail::Iterate covered(const Disk& a, const Disk& b) {
+  const ism::detail::SurfacePair pair = {ism::detail::build_surface(a.mesh, true),
+                                         ism::detail::build_surface(b.mesh, true)};
+  ism::detail::Iterate x;
+  x.f = a.plane;
+  x.g = b.plane;
+  ism::detail::evaluate(pair, ism::detail::Weights(), x);
+  return x;
+}
+
+std::set<std::pair<int, int>> check_directed_edges(const MetaMesh& mesh) {
+  std::set<std::pair<int, int>> edges;
+  for (const std::vector<int>& polygon : mesh.polygons) {
+    CHECK(polygon.size() >= 3);
+    CHECK(polygon.size() <= 6);
+    for (std::size_t i = 0; i < polygon.size(); ++i) {
+      const int u = polygon[i], v = polygon[(i + 1) % polygon.size()];
+      CHECK(u != v);
+      CHECK(u >= 0);
+      CHECK(u < mesh.on_a.rows());
+      CHECK(edges.insert({u, v}).second);  // else two polygons disagree about the orientation
+    }
+  }
+  return edges;
+}
+
+int euler_characteristic(const MetaMesh& mesh) {
+  std::set<int> used;
+  std::set<std::pair<int, int>> edges;
+  for (const auto& e : check_directed_edges(mesh)) {
+    used.insert(e.first);
+    edges.insert(std::minmax(e.first, e.second));
+  }
+  CHECK(static_cast<int>(used.size()) == mesh.on_a.rows());
+  return static_cast<int>(used.size()) - static_cast<int>(edges.size()) +
+         static_cast<int>(mesh.polygons.size());
+}
+
+void check_meta_mesh(const Disk& a, const Disk& b, int expected_characteristic) {
+  const MetaMesh mesh = map_of(a, b).meta_mesh();
+  REQUIRE(!mesh.polygons.empty());
+  REQUIRE(mesh.on_b.rows() == mesh.on_a.rows());
+  REQUIRE(mesh.face_a.size() == mesh.polygons.size());
+  REQUIRE(mesh.face_b.size() == mesh.polygons.size());
+  CHECK(euler_characteristic(mesh) == expected_characteristic);
+  CHECK(mesh.on_a.allFinite());
+  CHECK(mesh.on_b.allFinite());
+  const ism::detail::Iterate x = covered(a, b);
+  CHECK(area_on(mesh.on_a, mesh) == doctest::Approx(x.area_a).epsilon(1e-10));
+  CHECK(area_on(mesh.on_b, mesh) == doctest::Approx(x.area_b).epsilon(1e-10));
+}
+
+/// Distance of p from the plane and the inside of a triangle of a mesh, as a barycentric excess.
+double outside(const TriangleMesh& mesh, int face, const Vec3& p) {
+  Vec3 q[3];
+  for (int k = 0; k < 3; ++k) q[k] = mesh.vertices.row(mesh.triangles(face, k));
+  const Vec3 n = (q[1] - q[0]).cross(q[2] - q[0]);
+  double excess = std::abs(n.dot(p - q[0])) / n.squaredNorm();
+  for (int k = 0; k < 3; ++k)
+    excess = std::max(excess, -n.dot((q[(k + 1) % 3] - q[k]).cross(p - q[k])) / n.squaredNorm());
+  return excess;
+}
+
+void check_unusable(const SurfaceMap& map, Status status, const std::string& what) {
+  CAPTURE(what);
+  CAPTURE(map.message());
+  CHECK(map.status() == status);
+  CHECK(map.message().find(what) != std::string::npos);
+  CHECK_FALSE(map.forward({0, Vec3::Constant(1.0 / 3)}).covered);
+  CHECK_FALSE(map.backward({0, Vec3::Constant(1.0 / 3)}).covered);
+  CHECK_FALSE(map.forward_vertex(0).covered);
+  CHECK_FALSE(map.backward_vertex(0).covered);
+  for (const MappedPoint& p : map.forward_vertices()) CHECK_FALSE(p.covered);
+  for (const MappedPoint& p : map.backward_vertices()) CHECK_FALSE(p.covered);
+  CHECK(map.meta_mesh().polygons.empty());
+  CHECK(map.meta_mesh().on_a.rows() == 0);
+}
+
+}  // namespace
+
+// ---- points ----
+
+TEST_CASE("mapping forward and backward returns the point, and outside there is no image") {
+  for (std::uint64_t seed : {41u, 42u, 43u}) {
+    const auto [a, b] = random_pair(seed);
+    const SurfaceMap map = map_of(a, b);
+    REQUIRE(map.status() == Status::kConverged);
+    Rng rng(seed);
+    int inside = 0, apart = 0;
+    for (int i = 0; i < 400; ++i) {
+      const SurfacePoint p = random_point(a, rng);
+      const double depth = deepest(b, planar(a, p));
+      if (std::abs(depth) < 1e-9) continue;  // on the rim of B up to rounding
+      const MappedPoint image = map.forward(p);
+      CHECK(image.covered == (depth > 0));
+      if (!image.covered) {
+        ++apart;
+        continue;
+      }
+      ++inside;
+      check_surface_point(b, image.point);
+      CHECK((planar(b, image.point) - planar(a, p)).norm() < 1e-12);
+      const MappedPoint back = map.backward(image.point);
+      REQUIRE(back.covered);
+      check_surface_point(a, back.point);
+      CHECK((map.position_on_a(back.point) - map.position_on_a(p)).norm() < 1e-9);
+    }
+    CHECK(inside > 50);
+    CHECK(apart > 20);
+  }
+}
+
+TEST_CASE("mapping backward and forward returns the point") {
+  const auto [a, b] = random_pair(44);
+  const SurfaceMap map = map_of(a, b);
+  Rng rng(44);
+  int inside = 0;
+  for (int i = 0; i < 400; ++i) {
+    const SurfacePoint p = random_point(b, rng);
+    const double depth = deepest(a, planar(b, p));
+    if (std::abs(depth) < 1e-9) continue;
+    const MappedPoint image = map.backward(p);
+    CHECK(image.covered == (depth > 0));
+    if (!image.covered) continue;
+    ++inside;
+    const MappedPoint back = map.forward(image.point);
+    REQUIRE(back.covered);
+    CHECK((map.position_on_b(back.point) - map.position_on_b(p)).norm() < 1e-9);
+  }
+  CHECK(inside > 50);
+}
+
+TEST_CASE("vertices are mapped where they lie in the plane") {
+  const auto [a, b] = random_pair(45);
+  const SurfaceMap map = map_of(a, b);
+  const std::vector<MappedPoint> forward = map.forward_vertices();
+  const std::vector<MappedPoint> backward = map.backward_vertices();
+  REQUIRE(static_cast<int>(forward.size()) == n_vertices(a));
+  REQUIRE(static_cast<int>(backward.size()) == n_vertices(b));
+  const auto check = [](const Disk& from, const Disk& to, int v, const MappedPoint& p,
+                        const MappedPoint& again) {
+    CAPTURE(v);
+    const Vec2 x = from.plane.row(v).transpose();
+    CHECK(p.covered == (deepest(to, x) > 0));  // no vertex of these pairs lies on a rim
+    CHECK(again.covered == p.covered);
+    CHECK(again.point.face == p.point.face);
+    CHECK(again.point.barycentric == p.point.barycentric);
+    if (p.covered) CHECK((planar(to, p.point) - x).norm() < 1e-12);
+  };
+  for (int v = 0; v < n_vertices(a); ++v)
+    check(a, b, v, forward[static_cast<std::size_t>(v)], map.forward_vertex(v));
+  for (int v = 0; v < n_vertices(b); ++v)
+    check(b, a, v, backward[static_cast<std::size_t>(v)], map.backward_vertex(v));
+}
+
+TEST_CASE("equal positions map every vertex and every point to itself") {
+  for (const Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const SurfaceMap map = map_of(disk, disk);
+    REQUIRE(map.status() == Status::kConverged);
+    for (int v = 0; v < n_vertices(disk); ++v) {
+      CAPTURE(v);
+      const Vec3 expected = disk.mesh.vertices.row(v);
+      const MappedPoint forward = map.forward_vertex(v), backward = map.backward_vertex(v);
+      REQUIRE(forward.covered);
+      REQUIRE(backward.covered);
+      CHECK((map.position_on_b(forward.point) - expected).norm() < 1e-9);
+      CHECK((map.position_on_a(backward.point) - expected).norm() < 1e-9);
+    }
+    Rng rng(46);
+    for (int i = 0; i < 50; ++i) {
+      const SurfacePoint p = random_point(disk, rng);
+      const MappedPoint image = map.forward(p);
+      REQUIRE(image.covered);
+      CHECK((map.position_on_b(image.point) - map.position_on_a(p)).norm() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("positions are interpolated in the units of the mesh given") {
+  Disk disk = shapes::grid(2, 2);
+  disk.mesh.vertices *= 25.4;
+  const SurfaceMap map = map_of(disk, shapes::grid(2, 2));
+  const SurfacePoint p = {3, Vec3(0.2, 0.3, 0.5)};
+  Vec3 on_a = Vec3::Zero(), on_b = Vec3::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 corner = disk.mesh.vertices.row(disk.mesh.triangles(3, k));
+    on_a += p.barycentric[k] * corner;
+    on_b += p.barycentric[k] * corner / 25.4;
+  }
+  CHECK((map.position_on_a(p) - on_a).norm() < 1e-12);
+  CHECK((map.position_on_b(p) - on_b).norm() < 1e-13);
+}
+
+TEST_CASE("copies of a map outlive it") {
+  const auto [a, b] = random_pair(47);
+  std::vector<SurfaceMap> copies;
+  MappedPoint expected;
+  {
+    const SurfaceMap map = map_of(a, b);
+    expected = map.forward_vertex(20);
+    copies.push_back(map);
+  }
+  const MappedPoint again = copies[0].forward_vertex(20);
+  CHECK(again.covered == expected.covered);
+  CHECK(again.point.barycentric == expected.point.barycentric);
+}
+
+// ---- meta mesh ----
+
+TEST_CASE("the meta mesh of a pair is a disk with the covered areas on both surfaces") {
+  for (std::uint64_t seed : {48u, 49u, 50u, 51u}) {
+    CAPTURE(seed);
+    const auto [a, b] = random_pair(seed);
+    check_meta_mesh(a, b, 1);
+    check_meta_mesh(b, a, 1);
+  }
+}
+
+TEST_CASE("the meta mesh of equal positions is a disk that covers both surfaces") {
+  for (const Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const MetaMesh mesh = map_of(disk, disk).meta_mesh();
+    CHECK(euler_characteristic(mesh) == 1);
+    CHECK(area_on(mesh.on_a, mesh) == doctest::Approx(area_of(disk.mesh)).epsilon(1e-10));
+    CHECK(area_on(mesh.on_b, mesh) == doctest::Approx(area_of(disk.mesh)).epsilon(1e-10));
+  }
+}
+
+TEST_CASE("an overlap of several parts has as many disks in its meta mesh") {
+  const Disk comb = shapes::comb(4, 3);
+  Disk bar = shapes::grid(9, 1);
+  bar.plane = shapes::moved(bar.plane, Eigen::Matrix2d::Identity(), Vec2(-1.013, 2.517));
+  check_meta_mesh(comb, bar, 4);
+  check_meta_mesh(bar, comb, 4);
+}
+
+TEST_CASE("corners of meta mesh polygons lie in their triangles of both surfaces") {
+  const auto [a, b] = random_pair(52);
+  const MetaMesh mesh = map_of(a, b).meta_mesh();
+  for (std::size_t i = 0; i < mesh.polygons.size(); ++i)
+    for (int v : mesh.polygons[i]) {
+      CHECK(outside(a.mesh, mesh.face_a[i], mesh.on_a.row(v)) < 1e-9);
+      CHECK(outside(b.mesh, mesh.face_b[i], mesh.on_b.row(v)) < 1e-9);
+    }
+}
+
+TEST_CASE("covered vertices of both meshes are vertices of the meta mesh") {
+  const auto [a, b] = random_pair(53);
+  const SurfaceMap map = map_of(a, b);
+  const MetaMesh mesh = map.meta_mesh();
+  const auto find = [&](const Vec3& on_a, const Vec3& on_b) {
+    for (int i = 0; i < mesh.on_a.rows(); ++i) {
+      const double apart = (mesh.on_a.row(i).transpose() - on_a).norm() +
+                           (mesh.on_b.row(i).transpose() - on_b).norm();
+      if (apart < 1e-9) return true;
+    }
+    return false;
+  };
+  int count = 0;
+  for (int v = 0; v < n_vertices(a); ++v) {
+    const MappedPoint p = map.forward_vertex(v);
+    if (!p.covered) continue;
+    ++count;
+    CHECK(find(a.mesh.vertices.row(v), map.position_on_b(p.point)));
+  }
+  for (int v = 0; v < n_vertices(b); ++v) {
+    const MappedPoint p = map.backward_vertex(v);
+    if (!p.covered) continue;
+    ++count;
+    CHECK(find(map.position_on_a(p.point), b.mesh.vertices.row(v)));
+  }
+  CHECK(count > 30);
+  CHECK(count < mesh.on_a.rows());  // the rest are crossings
+}
+
+// ---- refused input and queries ----
+
+TEST_CASE("input that is no map gives a status and no images") {
+  const Disk a = shapes::grid(2, 2), b = shapes::grid(3, 2);
+  TriangleMesh broken = a.mesh;
+  broken.triangles(0, 0) = 77;
+  check_unusable(SurfaceMap(broken, b.mesh, a.plane, b.plane), Status::kInvalidMesh, "mesh A");
+  check_unusable(SurfaceMap(b.mesh, broken, b.plane, a.plane), Status::kInvalidMesh, "mesh B");
+  check_unusable(SurfaceMap({}, {}, {}, {}), Status::kInvalidMesh, "mesh A");
+  const Points2 mirrored = -a.plane.rowwise().reverse();  // a reflection
+  const auto positions = Status::kInvalidPositions;
+  check_unusable(SurfaceMap(a.mesh, b.mesh, b.plane, b.plane), positions, "f ");
+  check_unusable(SurfaceMap(a.mesh, b.mesh, a.plane, a.plane), positions, "g ");
+  check_unusable(SurfaceMap(a.mesh, b.mesh, mirrored, b.plane), positions, "f ");
+  check_unusable(SurfaceMap(b.mesh, a.mesh, b.plane, mirrored), positions, "g ");
+  Points2 far = b.plane;
+  far.col(1).array() += 50;
+  check_unusable(SurfaceMap(a.mesh, b.mesh, a.plane, far), Status::kNoOverlap, "overlap");
+}
+
+TEST_CASE("queries outside the meshes are not covered") {
+  const Disk a = shapes::grid(2, 2), b = shapes::grid(3, 2);
+  const SurfaceMap map = map_of(a, b);
+  REQUIRE(map.status() == Status::kConverged);
+  const Vec3 middle = Vec3::Constant(1.0 / 3);
+  for (int id : {-1, -1000, 1 << 30}) {
+    CHECK_FALSE(map.forward_vertex(id).covered);
+    CHECK_FALSE(map.backward_vertex(id).covered);
+    CHECK_FALSE(map.forward({id, middle}).covered);
+    CHECK_FALSE(map.backward({id, middle}).covered);
+  }
+  CHECK_FALSE(map.forward_vertex(9).covered);
+  CHECK_FALSE(map.backward_vertex(12).covered);
+  CHECK_FALSE(map.forward({8, middle}).covered);
+  CHECK_FALSE(map.backward({12, middle}).covered);
+  CHECK_FALSE(map.forward(SurfacePoint()).covered);
+  CHECK(map.forward({7, middle}).covered);
+  CHECK(map.forward_vertex(8).covered);
+}

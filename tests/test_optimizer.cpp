@@ -1,0 +1,766 @@
+// The objective, its quadratic model, the line search's bounds and the loop of Algorithm 1.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace ism::detail;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using ism::IterationLog;
+using ism::Landmark;
+using ism::Options;
+using ism::Points2;
+using ism::Progress;
+using ism::Result;
+using ism::Status;
+using ism::TriangleMesh;
+using ism::Vec2;
+using ism::Vec3;
+using shapes::Disk;
+using shapes::Rng;
+
+// ---- pairs and the objective ----
+
+HalfEdgeMesh half_edges(const Disk& disk) {
+  return build_half_edges(static_cast<int>(disk.plane.rows()), disk.mesh.triangles);
+}
+
+SurfacePair surfaces(const Disk& a, const Disk& b) {
+  return {build_surface(a.mesh, true), build_surface(b.mesh, true)};
+}
+
+Iterate evaluated(const SurfacePair& pair, const Weights& weights, const Points2& f,
+                  const Points2& g) {
+  Iterate x;
+  x.f = f;
+  x.g = g;
+  evaluate(pair, weights, x);
+  return x;
+}
+
+double map_energy(const Disk& a, const Disk& b) {
+  return evaluated(surfaces(a, b), Weights(), a.plane, b.plane).map_energy;
+}
+
+/// Two bent random disks that overlap in general position.
+std::pair<Disk, Disk> random_pair(std::uint64_t seed, int nx = 4, int ny = 4) {
+  Rng rng(seed);
+  Disk a = shapes::random_disk(nx, ny, rng), b = shapes::random_disk(nx + 1, ny, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.3);
+  b.plane = shapes::moved(b.plane, shapes::rotation(0.4), Vec2(0.53, -0.71));
+  return {a, b};
+}
+
+Options from_planes(const Disk& a, const Disk& b) {
+  Options options;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  options.keep_scale = true;
+  return options;
+}
+
+/// An iterate of a pair and its quadratic model, with what either refers to.
+struct Modelled {
+  SurfacePair pair;
+  Weights weights;
+  Executor executor{Options()};
+  SystemBuilder systems;
+  Iterate x;
+  QuadraticModel model;
+
+  Modelled(const Disk& a, const Disk& b, const Weights& w, bool precondition = false)
+      : pair(surfaces(a, b)),
+        weights(w),
+        systems(pair, precondition, executor),
+        x(evaluated(pair, weights, a.plane, b.plane)),
+        model(model_at(x)) {}
+
+  QuadraticModel model_at(const Iterate& at) const {
+    ModelBuilder builder(pair, weights, systems.one_ring(), executor);
+    builder.differentiate(at);
+    return builder.assemble(at);
+  }
+
+  LinearSystem system(const std::vector<QuadraticModel>& history, double decay = 1) const {
+    Array<QuadraticModel> models;
+    for (const QuadraticModel& m : history) models.push_back(m);
+    return systems.blend(models, decay);
+  }
+};
+
+/// The full symmetric matrix of an upper triangle of blocks.
+MatrixXd dense(const BlockPattern& pattern, const BlockValues& values) {
+  MatrixXd H = MatrixXd::Zero(2 * pattern.rows(), 2 * pattern.rows());
+  for (int r = 0; r < pattern.rows(); ++r)
+    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
+      const int c = pattern.column[b];
+      H.block<2, 2>(2 * r, 2 * c) = values[b];
+      H.block<2, 2>(2 * c, 2 * r) = values[b].transpose();
+    }
+  return H;
+}
+
+MatrixXd dense(const Modelled& m, const QuadraticModel& model) {
+  const LinearSystem system = m.system({model});
+  return dense(system.pattern, system.H);
+}
+
+void add_element(const std::vector<int>& rows, const MatrixXd& element, MatrixXd& H) {
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    for (std::size_t j = 0; j < rows.size(); ++j)
+      H.block<2, 2>(2 * rows[i], 2 * rows[j]) +=
+          element.block<2, 2>(2 * static_cast<int>(i), 2 * static_cast<int>(j));
+}
+
+/// The projected Hessian, summed into a dense matrix element by element.
+MatrixXd dense_reference(const Modelled& m) {
+  MatrixXd H = MatrixXd::Zero(2 * m.pair.rows(), 2 * m.pair.rows());
+  const int n = m.pair.n_a();
+  for (const Surface* s : {&m.pair.a, &m.pair.b}) {
+    const bool is_a = s == &m.pair.a;
+    for (int f = 0; f < s->mesh.n_faces; ++f) {
+      TriangleDerivatives d = triangle_derivatives(
+          is_a ? m.x.jacobian_f[f] : m.x.jacobian_g[f], s->rest_inverse[f], s->area[f]);
+      project_spd<6>(d.hessian, m.weights.epsilon);
+      std::vector<int> rows;
+      for (int k = 0; k < 3; ++k) rows.push_back((is_a ? 0 : n) + s->mesh.corner(f, k));
+      add_element(rows, m.weights.barrier * d.hessian, H);
+    }
+  }
+  for (const OverlayPolygon& p : m.x.overlay.polygons) {
+    const SixPoints points = six_points(m.pair, m.x, p);
+    if (is_negligible(polygon_area(polygon_shape(p, points), points), points)) continue;
+    PolygonDerivatives d = polygon_derivatives(p, points, m.pair.a.rest_inverse[p.ta],
+                                               m.pair.b.rest_inverse[p.tb], m.weights.kappa);
+    project_spd<12>(d.hessian, m.weights.epsilon);
+    std::vector<int> rows;
+    for (int k = 0; k < 3; ++k) rows.push_back(m.pair.a.mesh.corner(p.ta, k));
+    for (int k = 0; k < 3; ++k) rows.push_back(n + m.pair.b.mesh.corner(p.tb, k));
+    add_element(rows, d.hessian, H);
+  }
+  return H;
+}
+
+/// Central differences of E by every unknown.
+VectorXd difference_gradient(const Modelled& m, double h) {
+  VectorXd gradient(2 * m.pair.rows());
+  for (int i = 0; i < gradient.size(); ++i) {
+    const int row = i / 2, c = i % 2, n = m.pair.n_a();
+    double e[2];
+    for (int side = 0; side < 2; ++side) {
+      Points2 f = m.x.f, g = m.x.g;
+      (row < n ? f(row, c) : g(row - n, c)) += side == 0 ? -h : h;
+      e[side] = evaluated(m.pair, m.weights, f, g).energy;
+    }
+    gradient[i] = (e[1] - e[0]) / (2 * h);
+  }
+  return gradient;
+}
+
+// ---- outcomes ----
+
+void check_injective(const Disk& a, const Disk& b, const Result& result) {
+  CHECK(is_injective(half_edges(a), result.f));
+  CHECK(is_injective(half_edges(b), result.g));
+}
+
+void check_energy_never_grows(const Result& result) {
+  double before = result.initial.energy;
+  for (const IterationLog& log : result.log) {
+    CAPTURE(log.iteration);
+    CHECK(log.energy <= before);
+    before = log.energy;
+  }
+}
+
+void check_same_bits(const Result& r, const Result& s) {
+  CHECK(r.status == s.status);
+  CHECK(r.f == s.f);
+  CHECK(r.g == s.g);
+  CHECK(r.start.f == s.start.f);
+  CHECK(r.start.g == s.start.g);
+  REQUIRE(r.log.size() == s.log.size());
+  for (std::size_t i = 0; i < r.log.size(); ++i) {
+    CHECK(r.log[i].energy == s.log[i].energy);
+    CHECK(r.log[i].step == s.log[i].step);
+    CHECK(r.log[i].omega == s.log[i].omega);
+    CHECK(r.log[i].polygons == s.log[i].polygons);
+  }
+}
+
+void check_refused(const Result& result, Status status, const std::string& what) {
+  CAPTURE(what);
+  CAPTURE(result.message);
+  CHECK(result.status == status);
+  CHECK_FALSE(ism::is_usable(result.status));
+  CHECK(result.message.find(what) != std::string::npos);
+  CHECK(result.log.empty());
+}
+
+/// The same surface and embedding with other numbers for vertices and faces, and with other first
+/// corners.
+Disk renumbered(const Disk& disk, Rng& rng) {
+  const auto shuffled = [&](int n) {
+    std::vector<int> order(static_cast<std::size_t>(n));
+    std::iota(order.begin(), order.end(), 0);
+    for (int i = n - 1; i > 0; --i)
+      std::swap(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(rng.below(i))]);
+    return order;
+  };
+  Disk result = disk;
+  const std::vector<int> vertex = shuffled(static_cast<int>(disk.plane.rows()));
+  const std::vector<int> face = shuffled(static_cast<int>(disk.mesh.triangles.rows()));
+  for (int v = 0; v < disk.plane.rows(); ++v) {
+    result.plane.row(vertex[static_cast<std::size_t>(v)]) = disk.plane.row(v);
+    result.mesh.vertices.row(vertex[static_cast<std::size_t>(v)]) = disk.mesh.vertices.row(v);
+  }
+  for (int f = 0; f < disk.mesh.triangles.rows(); ++f) {
+    const int turn = rng.below(3);
+    for (int k = 0; k < 3; ++k)
+      result.mesh.triangles(face[static_cast<std::size_t>(f)], (k + turn) % 3) =
+          vertex[static_cast<std::size_t>(disk.mesh.triangles(f, k))];
+  }
+  return result;
+}
+
+TriangleMesh moved_in_space(const TriangleMesh& mesh, double scale, double angle,
+                            const Vec3& axis, const Vec3& shift) {
+  TriangleMesh result = mesh;
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
+  result.vertices = (scale * mesh.vertices * R.transpose()).rowwise() + shift.transpose();
+  return result;
+}
+
+TriangleMesh tetrahedron() {
+  TriangleMesh mesh;
+  mesh.vertices.resize(4, 3);
+  mesh.vertices << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  mesh.triangles.resize(4, 3);
+  mesh.triangles << 0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3;
+  return mesh;
+}
+
+}  // namespace
+
+// ---- the identity ----
+
+TEST_CASE("the identity has no energy but the barrier, and no forces, in any embedding") {
+  for (const Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    const Modelled m(disk, disk, {2, 1e-20, 1e-3});
+    CHECK(std::abs(m.x.map_energy - 2 * (m.x.area_a + m.x.area_b)) < 1e-10);
+    const double barrier = m.weights.barrier * (m.x.energy_f + m.x.energy_g);
+    CHECK(std::abs(m.x.energy - barrier) < 1e-10);
+    CHECK(m.x.area_a == doctest::Approx(m.pair.a.total_area).epsilon(1e-11));
+    CHECK(m.model.gradient.cwiseAbs().maxCoeff() < 1e-9);
+    CHECK(dense(m, m.model).allFinite());
+  }
+}
+
+TEST_CASE("a run from the identity ends at once with nothing changed") {
+  for (Disk disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    disk.mesh.vertices.setZero();
+    disk.mesh.vertices.leftCols<2>() = disk.plane;
+    Options options = from_planes(disk, disk);
+    options.barrier_weight = 1e-12;
+    const Result result = ism::compute_map(disk.mesh, disk.mesh, {}, options);
+    CHECK((result.status == Status::kConverged || result.status == Status::kStalled));
+    CHECK(static_cast<int>(result.log.size()) <= options.window);
+    const IterationLog& end = result.final_state();
+    CHECK(result.initial.mean_distortion == doctest::Approx(2).epsilon(1e-10));
+    CHECK(end.mean_distortion == doctest::Approx(2).epsilon(1e-10));
+    CHECK(end.coverage_a == doctest::Approx(1).epsilon(1e-9));
+    CHECK(end.coverage_b == doctest::Approx(1).epsilon(1e-9));
+    check_energy_never_grows(result);
+    check_injective(disk, disk, result);
+  }
+}
+
+// ---- gradient, Hessian, systems ----
+
+TEST_CASE("the gradient of the whole objective agrees with differences") {
+  for (const Weights& weights : {Weights{2, 1e-8, 1e-3}, Weights{0, 0.1, 1e-3}, Weights{3, 1, 1}})
+    for (std::uint64_t seed : {1u, 2u}) {
+      CAPTURE(seed);
+      CAPTURE(weights.kappa);
+      const auto [a, b] = random_pair(seed, 3, 3);
+      const Modelled m(a, b, weights);
+      const VectorXd expected = difference_gradient(m, 1e-6);
+      CHECK(expected.norm() > 0.1);
+      CHECK((m.model.gradient - expected).norm() < 1e-6 * expected.norm());
+    }
+}
+
+TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and definite") {
+  for (std::uint64_t seed : {3u, 4u}) {
+    const auto [a, b] = random_pair(seed);
+    const Modelled m(a, b, {2, 1e-2, 1e-3});
+    const LinearSystem system = m.system({m.model});
+    const MatrixXd H = dense(system.pattern, system.H), expected = dense_reference(m);
+    CHECK((H - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.cwiseAbs().maxCoeff());
+    CHECK((H - H.transpose()).cwiseAbs().maxCoeff() < 1e-12 * expected.cwiseAbs().maxCoeff());
+    CHECK(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff() > 0);
+    CHECK(system.gradient == m.model.gradient);
+    Points2 positions(m.pair.rows(), 2);
+    positions << m.x.f, m.x.g;
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    Array<ShiftedMatrix> matrix(1);
+    matrix[0].H = &system.H;
+    Array<LdltFactor> factors;
+    ldlt_factorize(symbolic, matrix, m.executor, factors);
+    CHECK(factors[0].ok);
+    CHECK(factors[0].negative == 0);
+    const VectorXd d = ldlt_solve(symbolic, factors[0], -system.gradient);
+    CHECK((H * d + system.gradient).norm() < 1e-8 * system.gradient.norm());
+    CHECK(system.gradient.dot(d) < 0);
+  }
+}
+
+TEST_CASE("a blended system is the weighted mean of models with different couplings") {
+  const auto [a, b] = random_pair(5);
+  for (bool precondition : {false, true}) {
+    const Modelled m(a, b, {2, 1e-2, 1e-3}, precondition);
+    const Points2 g = shapes::moved(b.plane, shapes::rotation(0.3), Vec2(-0.6, 0.4));
+    const QuadraticModel old = m.model_at(evaluated(m.pair, m.weights, a.plane, g));
+    const LinearSystem system = m.system({m.model, old}, 0.5);
+    const MatrixXd H0 = dense(m, m.model), H1 = dense(m, old);
+    const MatrixXd expected = (H0 + 0.5 * H1) / 1.5;
+    CHECK((H0 - H1).norm() > 0.1 * H0.norm());
+    CHECK((dense(system.pattern, system.H) - expected).norm() < 1e-13 * expected.norm());
+    const VectorXd gradient = (m.model.gradient + 0.5 * old.gradient) / 1.5;
+    CHECK((system.gradient - gradient).norm() < 1e-13 * gradient.norm());
+    CHECK(system.Q.empty() == !precondition);
+  }
+}
+
+TEST_CASE("the squared Laplacian is semidefinite and does not see translations") {
+  const auto [a, b] = random_pair(6);
+  const Modelled m(a, b, Weights(), true);
+  const LinearSystem system = m.system({m.model});
+  const MatrixXd Q = dense(system.pattern, system.Q);
+  VectorXd along_x = VectorXd::Zero(Q.rows());
+  for (int v = 0; v < m.pair.n_a(); ++v) along_x[2 * v] = 1;
+  CHECK((Q * along_x).norm() < 1e-12 * Q.norm());
+  const VectorXd eigenvalues = Eigen::SelfAdjointEigenSolver<MatrixXd>(Q).eigenvalues();
+  CHECK(eigenvalues.minCoeff() > -1e-12 * eigenvalues.maxCoeff());
+  const MatrixXd coupling = Q.topRightCorner(2 * m.pair.n_a(), 2 * m.pair.n_b());
+  CHECK(coupling.cwiseAbs().maxCoeff() == 0);
+}
+
+TEST_CASE("eliminated unknowns get unit rows and columns and no force") {
+  const auto [a, b] = random_pair(7);
+  const Modelled m(a, b, {2, 1e-2, 1e-3}, true);
+  LinearSystem system = m.system({m.model});
+  const MatrixXd H = dense(system.pattern, system.H), Q = dense(system.pattern, system.Q);
+  const int v = m.pair.n_a() + 3, w = 2;
+  eliminate({{v, 0}, {v, 1}, {w, 1}}, system);
+  MatrixXd expected_H = H, expected_Q = Q;
+  for (int i : {2 * v, 2 * v + 1, 2 * w + 1}) {
+    expected_H.row(i).setZero(), expected_H.col(i).setZero();
+    expected_Q.row(i).setZero(), expected_Q.col(i).setZero();
+    expected_H(i, i) = 1;
+    CHECK(system.gradient[i] == 0);
+  }
+  CHECK(dense(system.pattern, system.H) == expected_H);
+  CHECK(dense(system.pattern, system.Q) == expected_Q);
+  CHECK(system.gradient[2 * w] == m.model.gradient[2 * w]);
+}
+
+TEST_CASE("the step bound is where the first triangle degenerates") {
+  Rng rng(8);
+  int bounded = 0;
+  for (int i = 0; i < 300; ++i) {
+    const Vec2 u = rng.point(1), v = rng.point(1), du = rng.point(2), dv = rng.point(2);
+    if (cross(u, v) <= 0.01) continue;
+    const double s = triangle_max_step(u, v, du, dv);
+    const auto area = [&](double t) { return cross(u + t * du, v + t * dv); };
+    const double end = std::isinf(s) ? 100 : s;
+    for (int k = 0; k < 100; ++k) CHECK(area(end * k / 100) > 0);
+    if (std::isinf(s)) continue;
+    ++bounded;
+    CHECK(std::abs(area(s)) < 1e-10 * (1 + (u + s * du).norm() * (v + s * dv).norm()));
+  }
+  CHECK(bounded > 20);
+}
+
+// ---- invariance ----
+
+TEST_CASE("moving both planes by one affine map leaves the map energy unchanged") {
+  for (std::uint64_t seed : {10u, 11u, 12u}) {
+    const auto [a, b] = random_pair(seed);
+    const double expected = map_energy(a, b);
+    Rng rng(seed);
+    for (int i = 0; i < 5; ++i) {
+      Eigen::Matrix2d M;
+      M << rng.uniform(0.5, 3), rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), rng.uniform(0.6, 2);
+      Disk a2 = a, b2 = b;
+      const Vec2 shift = rng.point(5);
+      a2.plane = shapes::moved(a.plane, M, shift);
+      b2.plane = shapes::moved(b.plane, M, shift);
+      CHECK(map_energy(a2, b2) == doctest::Approx(expected).epsilon(1e-9));
+    }
+  }
+}
+
+TEST_CASE("new numbers for vertices and faces leave the map energy unchanged") {
+  Rng rng(13);
+  for (std::uint64_t seed : {13u, 14u, 15u}) {
+    const auto [a, b] = random_pair(seed);
+    const double expected = map_energy(a, b);
+    const double again = map_energy(renumbered(a, rng), renumbered(b, rng));
+    CHECK(again == doctest::Approx(expected).epsilon(1e-11));
+  }
+  const Disk grid = shapes::grid(5, 4);
+  const double expected = 4 * 20;  // an isometry of both
+  CHECK(map_energy(grid, renumbered(grid, rng)) == doctest::Approx(expected).epsilon(1e-11));
+}
+
+TEST_CASE("exchanging the meshes leaves the map energy and, nearly, the outcome unchanged") {
+  for (std::uint64_t seed : {16u, 17u}) {
+    const auto [a, b] = random_pair(seed);
+    CHECK(map_energy(b, a) == doctest::Approx(map_energy(a, b)).epsilon(1e-10));
+    Options forth = from_planes(a, b), back = from_planes(b, a);
+    forth.coverage_weight = back.coverage_weight = 4;
+    const Result ab = ism::compute_map(a.mesh, b.mesh, {}, forth);
+    const Result ba = ism::compute_map(b.mesh, a.mesh, {}, back);
+    REQUIRE(ism::is_usable(ab.status));
+    REQUIRE(ism::is_usable(ba.status));
+    CHECK(ba.final_state().mean_distortion ==
+          doctest::Approx(ab.final_state().mean_distortion).epsilon(0.01));
+    CHECK(ba.final_state().coverage_b ==
+          doctest::Approx(ab.final_state().coverage_a).epsilon(0.01));
+  }
+}
+
+TEST_CASE("where the meshes lie in space and their unit do not matter") {
+  const auto [a, b] = random_pair(18);
+  const std::vector<Landmark> landmarks = {{0, 0}, {4, 5}, {24, 29}};
+  const Result expected = ism::compute_map(a.mesh, b.mesh, landmarks);
+  REQUIRE(ism::is_usable(expected.status));
+  const TriangleMesh a2 = moved_in_space(a.mesh, 1, 0.7, Vec3(1, 2, 3), Vec3(4, -3, 2));
+  const TriangleMesh b2 = moved_in_space(b.mesh, 1, 2.1, Vec3(-1, 1, 0.4), Vec3(0, 7, -1));
+  const TriangleMesh a3 = moved_in_space(a.mesh, 25.4, 0, Vec3(1, 0, 0), Vec3::Zero());
+  for (const Result& result : {ism::compute_map(a2, b2, landmarks),
+                               ism::compute_map(a3, b.mesh, landmarks)}) {
+    CHECK(result.status == expected.status);
+    CHECK(result.initial.mean_distortion ==
+          doctest::Approx(expected.initial.mean_distortion).epsilon(1e-6));
+    CHECK(result.final_state().mean_distortion ==
+          doctest::Approx(expected.final_state().mean_distortion).epsilon(1e-6));
+  }
+}
+
+// ---- the loop ----
+
+TEST_CASE("results are the same bits for any number of threads and order of tasks") {
+  const auto [a, b] = random_pair(20, 10, 8);
+  const std::vector<Landmark> landmarks = {{0, 0}, {60, 70}};
+  Options options;
+  options.max_iterations = 5;
+  options.threads = 1;
+  const Result expected = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+  REQUIRE(expected.log.size() == 5);
+  for (int threads : {2, 4}) {
+    CAPTURE(threads);
+    options.threads = threads;
+    check_same_bits(ism::compute_map(a.mesh, b.mesh, landmarks, options), expected);
+  }
+  int calls = 0;
+  options.parallel_for = [&](int n, const std::function<void(int)>& task) {
+    ++calls;
+    for (int i = n - 1; i >= 0; --i) task(i);
+  };
+  check_same_bits(ism::compute_map(a.mesh, b.mesh, landmarks, options), expected);
+  CHECK(calls > 0);
+}
+
+TEST_CASE("every iterate is injective, whatever the limit of iterations") {
+  const auto [a, b] = random_pair(21);
+  Options options = from_planes(a, b);
+  double before = std::numeric_limits<double>::infinity();
+  for (int n = 0; n <= 6; ++n) {
+    CAPTURE(n);
+    options.max_iterations = n;
+    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+    CHECK(result.status == Status::kIterationLimit);
+    CHECK(static_cast<int>(result.log.size()) == n);
+    check_injective(a, b, result);
+    check_energy_never_grows(result);
+    CHECK(result.final_state().energy < before);
+    before = result.final_state().energy;
+    const Weights weights = {options.coverage_weight, options.barrier_weight, 1e-3};
+    const Iterate end = evaluated(surfaces(a, b), weights, result.f, result.g);
+    CHECK(end.energy == result.final_state().energy);  // the positions belong to the log
+  }
+}
+
+TEST_CASE("every variant lowers the energy") {
+  using ism::Variant;
+  for (std::uint64_t seed : {22u, 23u}) {
+    const auto [a, b] = random_pair(seed);
+    for (Variant variant : {Variant::kProjectedNewton, Variant::kSmoothedProjectedNewton,
+                            Variant::kFull}) {
+      CAPTURE(static_cast<int>(variant));
+      Options options = from_planes(a, b);
+      options.variant = variant;
+      options.max_iterations = 15;
+      const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+      REQUIRE_FALSE(result.log.empty());
+      CHECK(result.final_state().energy < result.initial.energy - 1e-3);
+      check_energy_never_grows(result);
+      check_injective(a, b, result);
+      for (const IterationLog& log : result.log)
+        CHECK((log.omega > 0) == (variant == Variant::kFull));
+    }
+  }
+}
+
+TEST_CASE("logs are consistent with the objective and the step rules") {
+  const auto [a, b] = random_pair(24);
+  Options options = from_planes(a, b);
+  options.max_iterations = 10;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  const double area_a = build_surface(a.mesh, true).total_area;
+  const double area_b = build_surface(b.mesh, true).total_area;
+  const IterationLog* before = &result.initial;
+  for (const IterationLog& log : result.log) {
+    const double covered = log.coverage_a * area_a + log.coverage_b * area_b;
+    const double barrier = options.barrier_weight * (log.energy_f + log.energy_g);
+    const double energy = log.map_energy - options.coverage_weight * covered + barrier;
+    CHECK(log.energy == doctest::Approx(energy).epsilon(1e-10));
+    CHECK(log.mean_distortion == doctest::Approx(log.map_energy / covered).epsilon(1e-10));
+    CHECK(log.mean_distortion >= 2);
+    CHECK(log.step > 0);
+    CHECK(log.step < log.max_step);
+    CHECK(log.iteration == before->iteration + 1);
+    CHECK(before->coverage_a - log.coverage_a <= options.max_coverage_loss * (1 + 1e-12));
+    CHECK(before->coverage_b - log.coverage_b <= options.max_coverage_loss * (1 + 1e-12));
+    before = &log;
+  }
+}
+
+TEST_CASE("a usable result has an overlap, however little the objective rewards it") {
+  // κ = 0 and distant surfaces drive the overlap towards nothing; it must not become empty.
+  for (std::uint64_t seed : {16u, 17u})
+    for (double kappa : {0.0, 1.0, 2.0}) {
+      CAPTURE(seed);
+      CAPTURE(kappa);
+      const auto [a, b] = random_pair(seed);
+      Options options = from_planes(a, b);
+      options.coverage_weight = kappa;
+      const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+      REQUIRE(ism::is_usable(result.status));
+      CHECK(result.final_state().polygons > 0);
+      CHECK(result.final_state().coverage_a > 0);
+      CHECK(result.final_state().coverage_b > 0);
+      CHECK(std::isfinite(result.final_state().mean_distortion));
+      check_energy_never_grows(result);
+      check_injective(a, b, result);
+    }
+}
+
+TEST_CASE("a map between isometric surfaces is found") {
+  Rng rng(25);
+  Disk a = shapes::random_disk(5, 4, rng);
+  shapes::bend(a, 0.5);
+  Disk b = a;
+  b.mesh = moved_in_space(a.mesh, 1, 1.1, Vec3(1, 1, 0), Vec3(3, 2, 1));
+  b.plane = shapes::moved(a.plane, shapes::rotation(0.2), Vec2(0.3, -0.2));
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, from_planes(a, b));
+  CHECK(result.status == Status::kConverged);
+  CHECK(result.initial.mean_distortion > 2.01);
+  CHECK(result.final_state().mean_distortion < 2.001);
+  CHECK(result.final_state().coverage_a > 0.99);
+}
+
+// ---- cancelling ----
+
+TEST_CASE("cancelling after two iterations returns the second iterate") {
+  const auto [a, b] = random_pair(26);
+  Options options = from_planes(a, b);
+  options.progress = [](const Progress& p) {
+    REQUIRE(p.phase == Progress::Phase::kOptimization);
+    REQUIRE(p.iteration != nullptr);
+    CHECK_FALSE(p.what.empty());
+    return p.iteration->iteration < 2;
+  };
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.status == Status::kCancelled);
+  CHECK(ism::is_usable(result.status));
+  CHECK_FALSE(result.message.empty());
+  CHECK(result.log.size() == 2);
+  check_injective(a, b, result);
+  options.progress = nullptr;
+  options.max_iterations = 2;
+  const Result limited = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.f == limited.f);
+  CHECK(result.g == limited.g);
+}
+
+TEST_CASE("cancelling during the embedding aborts without positions, at every report") {
+  const auto [a, b] = random_pair(27);
+  int reports = 0;
+  Options options;
+  options.max_iterations = 0;
+  options.progress = [&](const Progress& p) {
+    CHECK(p.phase == Progress::Phase::kEmbedding);
+    CHECK(p.iteration == nullptr);
+    return ++reports > 0;
+  };
+  CHECK(ism::is_usable(ism::compute_map(a.mesh, b.mesh, {}, options).status));
+  const int all = reports;
+  CHECK(all >= 3);
+  for (int last = 1; last <= all; ++last) {
+    CAPTURE(last);
+    reports = 0;
+    options.progress = [&](const Progress&) { return ++reports < last; };
+    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+    check_refused(result, Status::kAborted, "cancel");
+    CHECK(reports == last);
+    CHECK(result.f.size() == 0);
+    CHECK(result.g.size() == 0);
+  }
+}
+
+// ---- refused input ----
+
+TEST_CASE("options out of range are refused by name") {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  const Disk disk = shapes::grid(2, 2);
+  const auto refuse = [&](const std::string& name, auto member, auto values) {
+    for (auto value : values) {
+      CAPTURE(value);
+      Options options = from_planes(disk, disk);
+      options.*member = value;
+      check_refused(ism::compute_map(disk.mesh, disk.mesh, {}, options), Status::kInvalidOptions,
+                    name);
+      const ism::Embedding e = ism::initial_embedding(disk.mesh, disk.mesh, {}, options);
+      CHECK(e.status == Status::kInvalidOptions);
+      CHECK(e.f.size() == 0);
+    }
+  };
+  using Doubles = std::vector<double>;
+  using Ints = std::vector<int>;
+  refuse("coverage_weight", &Options::coverage_weight, Doubles{-1, kNan, kInf});
+  refuse("barrier_weight", &Options::barrier_weight, Doubles{0, -1, kNan, kInf});
+  refuse("spd_epsilon", &Options::spd_epsilon, Doubles{0, -1, kNan, kInf});
+  refuse("history_length", &Options::history_length, Ints{0, -1});
+  refuse("history_decay", &Options::history_decay, Doubles{0, -1, 1.5, kNan});
+  refuse("omega_start", &Options::omega_start, Doubles{0, -1, kNan, kInf});
+  refuse("omega_factor", &Options::omega_factor, Doubles{1, 0, -4, kNan, kInf});
+  refuse("omega_least", &Options::omega_least, Doubles{-1, 1e5, kNan, kInf});
+  refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
+  refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
+  refuse("max_iterations", &Options::max_iterations, Ints{-1});
+  refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
+  refuse("window", &Options::window, Ints{0, -3});
+}
+
+TEST_CASE("meshes that are no disks are refused by name") {
+  const TriangleMesh good = shapes::grid(2, 2).mesh;
+  check_refused(ism::compute_map(tetrahedron(), good), Status::kInvalidMesh, "mesh A");
+  check_refused(ism::compute_map(good, tetrahedron()), Status::kInvalidMesh, "mesh B");
+  TriangleMesh bad = good;
+  bad.triangles(1, 1) = 99;
+  const Result result = ism::compute_map(good, bad);
+  check_refused(result, Status::kInvalidMesh, "mesh B");
+  CHECK_FALSE(result.ids.empty());
+  check_refused(ism::compute_map(TriangleMesh(), good), Status::kInvalidMesh, "mesh A");
+  CHECK(ism::initial_embedding(good, tetrahedron()).status == Status::kInvalidMesh);
+}
+
+TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
+  const TriangleMesh a = shapes::grid(2, 2).mesh, b = shapes::grid(3, 2).mesh;  // 9, 12 vertices
+  const auto refuse = [&](const std::vector<Landmark>& landmarks, int id, const char* mesh) {
+    CAPTURE(id);
+    const Result result = ism::compute_map(a, b, landmarks);
+    check_refused(result, Status::kInvalidLandmarks, mesh);
+    CHECK(result.message.find(std::to_string(id)) != std::string::npos);
+    CHECK(result.ids == std::vector<int>{id});
+    CHECK(ism::initial_embedding(a, b, landmarks).status == Status::kInvalidLandmarks);
+  };
+  refuse({{0, 0}, {9, 1}}, 9, "A");
+  refuse({{-1, 0}}, -1, "A");
+  refuse({{8, 12}}, 12, "B");
+  refuse({{8, -5}}, -5, "B");
+  refuse({{3, 0}, {4, 1}, {3, 2}}, 3, "A");
+  refuse({{3, 7}, {4, 1}, {5, 7}}, 7, "B");
+}
+
+TEST_CASE("given positions that are no injective embedding are refused by name") {
+  const Disk a = shapes::grid(2, 2), b = shapes::grid(3, 2);
+  const auto refuse = [&](const std::string& name, const auto& spoil) {
+    Options options = from_planes(a, b);
+    spoil(options);
+    check_refused(ism::compute_map(a.mesh, b.mesh, {}, options), Status::kInvalidPositions, name);
+  };
+  const auto mirrored = [](Points2& x) { x.col(0) *= -1; };
+  refuse("initial_f", [&](Options& o) { o.initial_f.conservativeResize(8, Eigen::NoChange); });
+  refuse("initial_g", [&](Options& o) { o.initial_g = Points2::Zero(13, 2); });
+  refuse("initial_f", [&](Options& o) { o.initial_f.resize(0, 2); });
+  refuse("initial_g", [&](Options& o) { o.initial_g.resize(0, 2); });
+  refuse("initial_f", [&](Options& o) { mirrored(o.initial_f); });
+  refuse("initial_g", [&](Options& o) { mirrored(o.initial_g); });
+  refuse("initial_f", [&](Options& o) { o.initial_f.row(2) << 2.5, 1; });  // the centre
+  refuse("initial_g", [&](Options& o) { o.initial_g.row(3) = o.initial_g.row(2); });
+  refuse("initial_g", [&](Options& o) { o.initial_g(1, 1) = std::nan(""); });
+}
+
+TEST_CASE("embeddings apart have no map") {
+  const Disk a = shapes::grid(2, 2);
+  Options options = from_planes(a, a);
+  options.initial_g.col(0).array() += 10;
+  const Result result = ism::compute_map(a.mesh, a.mesh, {}, options);
+  check_refused(result, Status::kNoOverlap, "overlap");
+}
+
+// ---- presets and names ----
+
+TEST_CASE("the paper preset has the paper's constants and can be run") {
+  const Options paper = Options::paper();
+  CHECK(paper.coverage_weight == 0);
+  CHECK(paper.barrier_weight == 1e-8);
+  CHECK(paper.spd_epsilon == 1e-3);
+  CHECK(paper.omega_start == 1e9);
+  CHECK(paper.omega_factor == 1.25);
+  CHECK(paper.omega_least == 0);
+  CHECK(paper.history_decay == 0.5);
+  CHECK(paper.max_iterations == 550);
+  CHECK(paper.variant == ism::Variant::kFull);
+  const auto [a, b] = random_pair(28);
+  Options options = paper;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  options.max_iterations = 10;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.final_state().energy < result.initial.energy);
+  check_energy_never_grows(result);
+  check_injective(a, b, result);
+}
+
+TEST_CASE("every status has a name of its own") {
+  std::vector<std::string> names;
+  for (int i = 0; i <= static_cast<int>(Status::kNumericalFailure); ++i)
+    names.push_back(ism::to_string(static_cast<Status>(i)));
+  std::sort(names.begin(), names.end());
+  CHECK(std::unique(names.begin(), names.end()) == names.end());
+  CHECK(std::count(names.begin(), names.end(), "unknown") == 0);
+}
