@@ -204,8 +204,8 @@ struct Options {
   /// whose global minimum is the empty overlap; 2 makes an isometry neither gain nor lose by
   /// shrinking; above 2 coverage is preferred to low distortion.
   double coverage_weight = 2.0;
-  /// ω_R > 0 of §5. The paper's 1e-8 lets triangles outside the overlap degenerate to slivers, at
-  /// which E_Φ then meets a wall; 3e-4 keeps them in shape and ended lower on most pairs.
+  /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
+  /// and E_Φ meets a wall where the overlap would have to grow into them.
   double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;  // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
   Variant variant = Variant::kFull;
@@ -1793,12 +1793,12 @@ struct Front {
   int parent = -1;
   int depth = 0;
   Array<int> children;
-  struct Entry {
+  struct OwnBlock {
     int block;        // of the pattern
     int row, column;  // local place of the block in the front's lower triangle
     bool transposed;
   };
-  Array<Entry> entries;
+  Array<OwnBlock> blocks;
   int own() const { return end - begin; }
   int size() const { return own() + rows.size(); }
 };
@@ -1965,7 +1965,7 @@ class NestedDissection {
         const int j = result_.place[neighbour_[e].vertex];
         if (j < i) continue;
         // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
-        front.entries.push_back(
+        front.blocks.push_back(
             {neighbour_[e].block, mark_[j], i - front.begin, !neighbour_[e].transposed});
       }
     }
@@ -2075,7 +2075,7 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
   Eigen::MatrixXd& update = factor.update[id];
   panel.setZero(2 * (own + rest), 2 * own);
   update.setZero(2 * rest, 2 * rest);
-  for (const Front::Entry& e : front.entries) {
+  for (const Front::OwnBlock& e : front.blocks) {
     const Eigen::Matrix2d block = matrix.block(e.block);
     auto target = panel.block<2, 2>(2 * e.row, 2 * e.column);
     if (e.transposed)
