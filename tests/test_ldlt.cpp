@@ -210,7 +210,7 @@ int symbolic_faults(const BlockPattern& pattern, const LdltSymbolic& s) {
       const int row = local < up.own() ? up.begin + local : up.rows[local - up.own()];
       faults += row != f.rows[r];
     }
-    for (const Front::Entry& e : f.entries) ++uses[static_cast<std::size_t>(e.block)];
+    for (const Front::OwnBlock& e : f.blocks) ++uses[static_cast<std::size_t>(e.block)];
   }
   faults += covered != n;
   for (int count : uses) faults += count != 1;
