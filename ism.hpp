@@ -608,6 +608,17 @@ struct HalfEdgeMesh {
   bool on_boundary(int v) const { return twin[out[v]] < 0; }
   /// The next outgoing half-edge of the same vertex counter-clockwise, or -1 past the boundary.
   int turn(int h) const { return twin[prev(h)]; }
+
+  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise; h / 3 is each of its
+  /// faces.
+  template <class Visit>
+  void for_each_outgoing(int v, Visit visit) const {
+    for (int h = out[v]; h >= 0;) {
+      visit(h);
+      h = turn(h);
+      if (h == out[v]) return;
+    }
+  }
 };
 
 /// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
@@ -1441,15 +1452,29 @@ inline Mat12 polygon_area_hessian(const PolygonShape& shape, const SixPoints& x)
   return H;
 }
 
+/// A polygon whose area drowns in rounding errors of its triangles' coordinates. It weighs nothing
+/// in E, and its derivatives would be those of the noise.
+inline bool is_negligible(double area, const SixPoints& x) {
+  constexpr double kNoise = 1e-12;
+  const double a = cross(x.col(1) - x.col(0), x.col(2) - x.col(0));
+  const double b = cross(x.col(4) - x.col(3), x.col(5) - x.col(3));
+  return !(area > kNoise * (std::min)(a, b));
+}
+
 // ---- distortion density w(F, G) ----
 
-/// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2) of the triangle in columns first .. first + 2 of x.
-inline Eigen::Matrix2d jacobian(const SixPoints& x, int first,
+/// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2).
+inline Eigen::Matrix2d jacobian(const Vec2& p0, const Vec2& p1, const Vec2& p2,
                                 const Eigen::Matrix2d& rest_inverse) {
   Eigen::Matrix2d edges;
-  edges.col(0) = x.col(first + 1) - x.col(first);
-  edges.col(1) = x.col(first + 2) - x.col(first);
+  edges << p1 - p0, p2 - p0;
   return edges * rest_inverse;
+}
+
+/// The same of the triangle in columns first .. first + 2 of x.
+inline Eigen::Matrix2d jacobian(const SixPoints& x, int first,
+                                const Eigen::Matrix2d& rest_inverse) {
+  return jacobian(x.col(first), x.col(first + 1), x.col(first + 2), rest_inverse);
 }
 
 inline Eigen::Matrix2d adjugate(const Eigen::Matrix2d& m) {
@@ -1556,6 +1581,7 @@ inline Eigen::Matrix<double, 8, 12> jacobian_matrix(const Eigen::Matrix2d& rest_
 // ---- one polygon ----
 
 struct PolygonDerivatives {
+  bool is_negligible = false;  // then all the rest is zero
   double value = 0;
   Vec12 gradient = Vec12::Zero();
   Mat12 hessian = Mat12::Zero();
@@ -1567,12 +1593,14 @@ inline PolygonDerivatives polygon_derivatives(const OverlayPolygon& p, const Six
                                               const Eigen::Matrix2d& rest_inverse_b, double kappa) {
   const PolygonShape shape = polygon_shape(p, x);
   const double a = polygon_area(shape, x);
+  PolygonDerivatives result;
+  result.is_negligible = is_negligible(a, x);
+  if (result.is_negligible) return result;
   const Vec12 da = polygon_area_gradient(shape, x);
   const DensityDerivatives w =
       density_derivatives(jacobian(x, 0, rest_inverse_a), jacobian(x, 3, rest_inverse_b), kappa);
   const Eigen::Matrix<double, 8, 12> C = jacobian_matrix(rest_inverse_a, rest_inverse_b);
   const Vec12 dw = C.transpose() * w.gradient;
-  PolygonDerivatives result;
   result.value = a * w.value;
   result.gradient = a * dw + w.value * da;
   result.hessian.noalias() = C.transpose() * (a * w.hessian) * C;
@@ -2194,9 +2222,9 @@ struct SurfacePair {
 
 /// The parts of the objective that Options weigh.
 struct Weights {
-  double kappa = 2;
-  double barrier = 1e-8;
-  double epsilon = 1e-3;
+  double kappa;    // κ
+  double barrier;  // ω_R
+  double epsilon;  // ε
 };
 
 // ---- value ----
@@ -2213,11 +2241,8 @@ struct Iterate {
 };
 
 inline Eigen::Matrix2d triangle_jacobian(const Surface& s, const Points2& x, int f) {
-  const Vec2 p0 = row2(x, s.mesh.corner(f, 0));
-  Eigen::Matrix2d edges;
-  edges.col(0) = row2(x, s.mesh.corner(f, 1)) - p0;
-  edges.col(1) = row2(x, s.mesh.corner(f, 2)) - p0;
-  return edges * s.rest_inverse[f];
+  return jacobian(row2(x, s.mesh.corner(f, 0)), row2(x, s.mesh.corner(f, 1)),
+                  row2(x, s.mesh.corner(f, 2)), s.rest_inverse[f]);
 }
 
 /// Jacobians of all triangles and the sum of their symmetric Dirichlet energies.
@@ -2232,22 +2257,18 @@ inline double embedding_energy(const Surface& s, const Points2& x, Array<Eigen::
 }
 
 /// Columns a0 a1 a2 b0 b1 b2 of a polygon's two triangles.
-inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const OverlayPolygon& p) {
+inline SixPoints six_points(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
+                            const Points2& g, const OverlayPolygon& p) {
   SixPoints points;
   for (int k = 0; k < 3; ++k) {
-    points.col(k) = row2(x.f, pair.a.mesh.corner(p.ta, k));
-    points.col(3 + k) = row2(x.g, pair.b.mesh.corner(p.tb, k));
+    points.col(k) = row2(f, a.corner(p.ta, k));
+    points.col(3 + k) = row2(g, b.corner(p.tb, k));
   }
   return points;
 }
 
-/// A polygon whose area drowns in rounding errors of its triangles' coordinates. It weighs nothing
-/// in E, and its derivatives would be those of the noise.
-inline bool is_negligible(double area, const SixPoints& x) {
-  constexpr double kNoise = 1e-12;
-  const double a = cross(x.col(1) - x.col(0), x.col(2) - x.col(0));
-  const double b = cross(x.col(4) - x.col(3), x.col(5) - x.col(3));
-  return !(area > kNoise * (std::min)(a, b));
+inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const OverlayPolygon& p) {
+  return six_points(pair.a.mesh, x.f, pair.b.mesh, x.g, p);
 }
 
 /// E_Φ and the covered areas over the polygons of x.overlay.
@@ -2289,11 +2310,10 @@ inline void ring_columns(const HalfEdgeMesh& m, int u, int rings, Array<int>& ma
   for (int ring = 0, begin = 0; ring < rings; ++ring) {
     const int end = columns.size();
     for (; begin < end; ++begin) {
-      const int first = m.out[columns[begin]];
-      for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h)) {
+      m.for_each_outgoing(columns[begin], [&](int h) {
         add(m.tip(h));
         add(m.tail[prev(h)]);
-      }
+      });
     }
   }
   columns.resize(static_cast<int>(
@@ -2347,11 +2367,31 @@ struct PolygonTerm {
   Vec6 gradient_b = Vec6::Zero();
 };
 
-/// What a triangle of A or B gathers from its barrier and its polygons.
+/// What a triangle contributes to a system: its own energy and that of its polygons.
 struct FaceTerm {
   Mat6 hessian = Mat6::Zero();
   Vec6 gradient = Vec6::Zero();
 };
+
+/// Adds the term of face f to a system in which the vertices of its mesh start at row `first`.
+inline void scatter(const HalfEdgeMesh& m, int f, int first, const FaceTerm& term,
+                    const BlockPattern& pattern, BlockValues& hessian, Eigen::VectorXd& gradient) {
+  for (int i = 0; i < 3; ++i) {
+    const int u = first + m.corner(f, i);
+    gradient.segment<2>(2 * u) += term.gradient.segment<2>(2 * i);
+    for (int j = 0; j < 3; ++j) {
+      const int v = first + m.corner(f, j);
+      if (u <= v) hessian[find_block(pattern, u, v)] += term.hessian.block<2, 2>(2 * i, 2 * j);
+    }
+  }
+}
+
+/// The symmetric Dirichlet energy of one triangle of an embedding, projected (§4.4, §5.1).
+inline FaceTerm embedding_term(const Surface& s, const Eigen::Matrix2d& J, int f, double epsilon) {
+  TriangleDerivatives d = triangle_derivatives(J, s.rest_inverse[f], s.area[f]);
+  project_spd<6>(d.hessian, epsilon);
+  return {d.hessian, d.gradient};
+}
 
 /// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
 struct FaceGroups {
@@ -2400,8 +2440,10 @@ class ModelBuilder {
     QuadraticModel model;
     model.gradient.setZero(2 * pair_.rows());
     model.within.assign(within_.blocks(), Eigen::Matrix2d::Zero());
-    for (int f = 0; f < face_a_.size(); ++f) scatter(pair_.a, 0, f, face_a_[f], model);
-    for (int f = 0; f < face_b_.size(); ++f) scatter(pair_.b, pair_.n_a(), f, face_b_[f], model);
+    for (int f = 0; f < face_a_.size(); ++f)
+      scatter(pair_.a.mesh, f, 0, face_a_[f], within_, model.within, model.gradient);
+    for (int f = 0; f < face_b_.size(); ++f)
+      scatter(pair_.b.mesh, f, pair_.n_a(), face_b_[f], within_, model.within, model.gradient);
     model.between = gather_couplings(x);
     return model;
   }
@@ -2410,9 +2452,8 @@ class ModelBuilder {
   static constexpr int kBlock = 64;  // faces or rows per task
 
   FaceTerm barrier(const Surface& s, const Eigen::Matrix2d& J, int f) const {
-    TriangleDerivatives d = triangle_derivatives(J, s.rest_inverse[f], s.area[f]);
-    project_spd<6>(d.hessian, weights_.epsilon);
-    return {weights_.barrier * d.hessian, weights_.barrier * d.gradient};
+    const FaceTerm term = embedding_term(s, J, f, weights_.epsilon);
+    return {weights_.barrier * term.hessian, weights_.barrier * term.gradient};
   }
 
   void differentiate_face_a(const Iterate& x, int f) {
@@ -2421,12 +2462,12 @@ class ModelBuilder {
     for (int i = by_a_.start[f]; i < by_a_.start[f + 1]; ++i) {
       const int id = by_a_.item[i];
       const OverlayPolygon& p = x.overlay.polygons[id];
-      const SixPoints points = six_points(pair_, x, p);
+      PolygonDerivatives d =
+          polygon_derivatives(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta],
+                              pair_.b.rest_inverse[p.tb], weights_.kappa);
       PolygonTerm& term = term_[id];
       term = PolygonTerm();
-      if (is_negligible(polygon_area(polygon_shape(p, points), points), points)) continue;
-      PolygonDerivatives d = polygon_derivatives(p, points, pair_.a.rest_inverse[p.ta],
-                                                 pair_.b.rest_inverse[p.tb], weights_.kappa);
+      if (d.is_negligible) continue;
       project_spd<12>(d.hessian, weights_.epsilon);
       face.hessian += d.hessian.topLeftCorner<6, 6>();
       face.gradient += d.gradient.head<6>();
@@ -2445,19 +2486,6 @@ class ModelBuilder {
     }
   }
 
-  void scatter(const Surface& s, int first, int f, const FaceTerm& face,
-               QuadraticModel& model) const {
-    for (int i = 0; i < 3; ++i) {
-      const int u = first + s.mesh.corner(f, i);
-      model.gradient.segment<2>(2 * u) += face.gradient.segment<2>(2 * i);
-      for (int j = 0; j < 3; ++j) {
-        const int v = first + s.mesh.corner(f, j);
-        if (u <= v)
-          model.within[find_block(within_, u, v)] += face.hessian.block<2, 2>(2 * i, 2 * j);
-      }
-    }
-  }
-
   /// Row by row, so that rows are independent: the polygons around a vertex of A.
   CouplingBlocks gather_couplings(const Iterate& x) const {
     const int n = pair_.n_a();
@@ -2473,11 +2501,12 @@ class ModelBuilder {
     const HalfEdgeMesh &a = pair_.a.mesh, &b = pair_.b.mesh;
     const int begin = rows.column.size();
     const auto for_each_corner = [&](const auto& visit) {
-      for (int h = a.out[u]; h >= 0; h = a.turn(h) == a.out[u] ? -1 : a.turn(h))
+      a.for_each_outgoing(u, [&](int h) {
         for (int i = by_a_.start[h / 3]; i < by_a_.start[h / 3 + 1]; ++i) {
           const int id = by_a_.item[i];
           for (int k = 0; k < 3; ++k) visit(h % 3, id, k, b.corner(x.overlay.polygons[id].tb, k));
         }
+      });
     };
     for_each_corner([&](int, int, int, int v) {
       if (place[v] >= begin) return;
@@ -2887,13 +2916,14 @@ inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
     queue.push_back(m.tail[h]);
   }
   for (std::size_t i = 0; i < queue.size(); ++i) {
-    const int u = queue[i], first = m.out[u];
-    for (int h = first; h >= 0; h = m.turn(h) == first ? -1 : m.turn(h))
+    const int u = queue[i];
+    m.for_each_outgoing(u, [&](int h) {
       for (int v : {m.tip(h), m.tail[prev(h)]}) {
         if (distance[v] >= 0) continue;
         distance[v] = distance[u] + 1;
         queue.push_back(v);
       }
+    });
   }
   return distance;
 }
@@ -3547,21 +3577,11 @@ class FlatNewton {
     const Surface& s = *problem_.surfaces[k];
     terms_.resize(s.mesh.n_faces);
     executor_.run_blocks(s.mesh.n_faces, 256, [&](int begin, int end) {
-      for (int f = begin; f < end; ++f) {
-        terms_[f] = triangle_derivatives(triangle_jacobian(s, x, f), s.rest_inverse[f], s.area[f]);
-        project_spd<6>(terms_[f].hessian, kEpsilon);
-      }
+      for (int f = begin; f < end; ++f)
+        terms_[f] = embedding_term(s, triangle_jacobian(s, x, f), f, kEpsilon);
     });
     for (int f = 0; f < s.mesh.n_faces; ++f)
-      for (int i = 0; i < 3; ++i) {
-        const int u = first_row(k) + s.mesh.corner(f, i);
-        gradient_.segment<2>(2 * u) += terms_[f].gradient.segment<2>(2 * i);
-        for (int j = 0; j < 3; ++j) {
-          const int v = first_row(k) + s.mesh.corner(f, j);
-          if (u <= v)
-            hessian_[find_block(pattern_, u, v)] += terms_[f].hessian.block<2, 2>(2 * i, 2 * j);
-        }
-      }
+      scatter(s.mesh, f, first_row(k), terms_[f], pattern_, hessian_, gradient_);
   }
 
   const FlatProblem& problem_;
@@ -3569,7 +3589,7 @@ class FlatNewton {
   BlockPattern pattern_;
   BlockValues hessian_;
   Eigen::VectorXd gradient_;
-  Array<TriangleDerivatives> terms_;
+  Array<FaceTerm> terms_;
   Array<LdltFactor> factors_;
   int collisions_ = 0;
 };
@@ -3789,11 +3809,9 @@ class Hierarchy {
       const Vec3 a = s_.vertices.row(u), b = s_.vertices.row(edge.first);
       const Vec3 c = s_.vertices.row(edge.second);
       const Eigen::Matrix2d R = rest_frame(a, b, c), inverse = R.inverse();
-      Eigen::Matrix2d edges;
-      edges.col(0) = row2(x_, edge.first) - row2(x_, u);
-      edges.col(1) = row2(x_, edge.second) - row2(x_, u);
-      const TriangleDerivatives d =
-          triangle_derivatives(edges * inverse, inverse, 0.5 * R.determinant());
+      const Eigen::Matrix2d J =
+          jacobian(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second), inverse);
+      const TriangleDerivatives d = triangle_derivatives(J, inverse, 0.5 * R.determinant());
       energy += d.value;
       gradient += d.gradient.head<2>();
       hessian += d.hessian.topLeftCorner<2, 2>();
@@ -4262,8 +4280,7 @@ struct MapSide {
   MappedPoint map_vertex(int v) const {
     BestFace best;
     if (groups.start.empty() || v < 0 || v >= from.n_vertices) return MappedPoint();
-    for (int h = from.out[v]; h >= 0; h = from.turn(h) == from.out[v] ? -1 : from.turn(h))
-      offer_face(h / 3, row2(x, v), best);
+    from.for_each_outgoing(v, [&](int h) { offer_face(h / 3, row2(x, v), best); });
     return best.mapped();
   }
 
@@ -4350,11 +4367,7 @@ class MetaMeshBuilder {
   }
 
   void add_polygon(const OverlayPolygon& p) {
-    SixPoints x;
-    for (int k = 0; k < 3; ++k) {
-      x.col(k) = row2(data_.f, data_.a.corner(p.ta, k));
-      x.col(3 + k) = row2(data_.g, data_.b.corner(p.tb, k));
-    }
+    const SixPoints x = six_points(data_.a, data_.f, data_.b, data_.g, p);
     const PolygonShape shape = polygon_shape(p, x);
     for (int i = 0; i < p.count; ++i) {
       const Piece &before = shape[(i + p.count - 1) % p.count], &piece = shape[i];

@@ -106,7 +106,7 @@ ism::detail::Iterate covered(const Disk& a, const Disk& b) {
   ism::detail::Iterate x;
   x.f = a.plane;
   x.g = b.plane;
-  ism::detail::evaluate(pair, ism::detail::Weights(), x);
+  ism::detail::evaluate(pair, ism::detail::Weights{2, 1e-8, 1e-3}, x);
   return x;
 }
 

@@ -54,7 +54,7 @@ Iterate evaluated(const SurfacePair& pair, const Weights& weights, const Points2
 }
 
 double map_energy(const Disk& a, const Disk& b) {
-  return evaluated(surfaces(a, b), Weights(), a.plane, b.plane).map_energy;
+  return evaluated(surfaces(a, b), Weights{2, 1e-8, 1e-3}, a.plane, b.plane).map_energy;
 }
 
 /// Two bent random disks that overlap in general position.
@@ -352,7 +352,7 @@ TEST_CASE("a blended system is the weighted mean of models with different coupli
 
 TEST_CASE("the squared Laplacian is semidefinite and does not see translations") {
   const auto [a, b] = random_pair(6);
-  const Modelled m(a, b, Weights(), true);
+  const Modelled m(a, b, {2, 1e-8, 1e-3}, true);
   const LinearSystem system = m.system({m.model});
   const MatrixXd Q = dense(system.pattern, system.Q);
   VectorXd along_x = VectorXd::Zero(Q.rows());
