@@ -182,7 +182,8 @@ struct IterationLog {
   double omega = 0;            // ω_L of the step taken (§5.4)
   double step = 0;             // s of the step taken
   double max_step = 0;         // s_max at which a triangle would degenerate
-  int polygons = 0;            // polygons of the meta mesh
+  int vertices = 0;            // of both meshes, at the resolution of this iteration
+  int polygons = 0;            // of the meta mesh
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
@@ -201,26 +202,32 @@ using ParallelFor = std::function<void(int n, const std::function<void(int)>& ta
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
   /// κ ≥ 0: reward for covered area, E gains -κ (area A' + area B'). 0 is the paper's objective,
-  /// whose global minimum is the empty overlap; 2 makes an isometry neither gain nor lose by
-  /// shrinking; above 2 coverage is preferred to low distortion.
-  double coverage_weight = 2.0;
+  /// whose global minimum is the empty overlap. With 2 an isometry neither gains nor loses by
+  /// shrinking; a little more lets it grow; much more trades low distortion for coverage.
+  double coverage_weight = 2.2;
   /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
   /// and E_Φ meets a wall where the overlap would have to grow into them.
   double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;  // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
   Variant variant = Variant::kFull;
-  int history_length = 6;           // ≥ 1, §5.3
-  double history_decay = 0.5;       // in (0, 1], §5.3
+  /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
+  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower.
+  int history_length = 12;          // ≥ 1
+  double history_decay = 0.8;       // in (0, 1]
   double omega_start = 1e4;         // > 0, first ω_L of §5.4
-  double omega_factor = 4.0;        // α > 1 of §5.4
+  double omega_factor = 2.0;        // α > 1 of §5.4
   double omega_least = 1e-4;        // ≥ 0, ω_L is not lowered further, where it hardly acts
   double max_displacement = 0.2;    // no vertex moves further in a step, in radii of the domain
   double max_coverage_loss = 0.05;  // largest loss of covered area a step may cost, of either mesh
-  int max_iterations = 400;
+  double least_coverage = 0.5;      // in [0, 1), of what the start covers of either mesh
+  int max_iterations = 400;         // at each level
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration.
   double tolerance = 1e-4;
   int window = 5;
+  /// Algorithm 1 on decimated meshes first, of 3200 vertices, 6400 and so on. Off: on the full
+  /// meshes alone, as in the paper.
+  bool coarse_to_fine = true;
   bool keep_scale = false;   // false: both meshes are scaled to area 1 first
   int threads = 0;           // 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
@@ -229,16 +236,21 @@ struct Options {
   /// Known planar positions, #V_A×2 and #V_B×2; when set, no initial embedding is computed.
   Points2 initial_f, initial_g;
 
-  /// The paper's constants: κ = 0, ω_R = 1e-8, ω_L from 1e9, α = 1.25, at most 550 iterations. The
-  /// step bounds stay: without them the empty overlap is reached in the first iterations.
+  /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, at
+  /// most 550 iterations, on the full meshes. The bounds on a step stay: without them the empty
+  /// overlap is reached in the first iterations.
   static Options paper() {
     Options options;
     options.coverage_weight = 0;
     options.barrier_weight = 1e-8;
+    options.history_length = 6;
+    options.history_decay = 0.5;
     options.omega_start = 1e9;
     options.omega_factor = 1.25;
     options.omega_least = 0;
     options.max_iterations = 550;
+    options.least_coverage = 0;
+    options.coarse_to_fine = false;
     return options;
   }
 };
@@ -250,7 +262,8 @@ struct Embedding {
   std::vector<int> ids;  // ids the message speaks of
   Points2 f;             // #V_A×2, planar positions of the vertices of A
   Points2 g;             // #V_B×2, of B
-  /// Largest distance in the plane between the two images of a landmark, in domain radii.
+  /// Largest distance in the plane between the two images of a landmark, in domain radii, before
+  /// the energy of the map is minimised (at the coarsest level, if there are several).
   double landmark_distance = 0;
   double seconds = 0;
 };
@@ -261,10 +274,10 @@ struct Result {
   std::string message;            // a sentence for the user
   std::vector<int> ids;           // ids the message speaks of
   Points2 f, g;                   // final planar positions
-  Embedding start;                // what the optimisation started from
-  IterationLog initial;           // the energies of the start (iteration 0, no step)
-  std::vector<IterationLog> log;  // one entry per iteration
-  double seconds = 0;             // optimisation alone
+  Embedding start;                // what the optimisation of the full meshes started from
+  IterationLog initial;           // before the first iteration, at its resolution
+  std::vector<IterationLog> log;  // one entry per iteration, of all levels from coarse to fine
+  double seconds = 0;             // optimisation alone, of all levels
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
   const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
 };
@@ -328,9 +341,11 @@ class SurfaceMap {
   MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
   MappedPoint forward_vertex(int a) const;
   MappedPoint backward_vertex(int b) const;
-  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of A
-  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of B
-  Vec3 position_on_a(const SurfacePoint& p) const;     // in the units of the mesh given
+  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of a valid mesh A
+  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
+  /// Where a point lies in space, in the units of the mesh given. p.face must be one of its
+  /// triangles.
+  Vec3 position_on_a(const SurfacePoint& p) const;
   Vec3 position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh() const;
 
@@ -2624,12 +2639,6 @@ struct LinearSystem {
   Eigen::VectorXd gradient;
 };
 
-/// A scalar unknown that is removed (§4.6).
-struct FixedUnknown {
-  int vertex;      // row
-  int coordinate;  // 0 or 1
-};
-
 /// Blends the models of the last iterations, newest first, with weights decay^k (normalised), and
 /// adds the preconditioner's pattern.
 class SystemBuilder {
@@ -2736,20 +2745,22 @@ class SystemBuilder {
   const Executor& executor_;
 };
 
-/// Removes unknowns from a system (§4.6): unit rows and columns, so their step is 0.
-inline void eliminate(const std::vector<FixedUnknown>& fixed, LinearSystem& system) {
+/// Removes unknowns from a system (§4.6): unit rows and columns, so their step is 0. Coordinate c
+/// of row r is removed if is_fixed[2 r + c].
+inline void eliminate(const Array<char>& is_fixed, LinearSystem& system) {
   for (int r = 0; r < system.pattern.rows(); ++r)
     for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b)
-      for (const FixedUnknown& u : fixed) {
-        const int c = system.pattern.column[b];
+      for (int c = 0; c < 2; ++c) {
+        const int column = system.pattern.column[b];
         for (BlockValues* values : {&system.H, &system.Q}) {
           if (values->empty()) continue;
-          if (r == u.vertex) (*values)[b].row(u.coordinate).setZero();
-          if (c == u.vertex) (*values)[b].col(u.coordinate).setZero();
+          if (is_fixed[2 * r + c]) (*values)[b].row(c).setZero();
+          if (is_fixed[2 * column + c]) (*values)[b].col(c).setZero();
         }
-        if (r == c && r == u.vertex) system.H[b](u.coordinate, u.coordinate) = 1;
+        if (r == column && is_fixed[2 * r + c]) system.H[b](c, c) = 1;
       }
-  for (const FixedUnknown& u : fixed) system.gradient(2 * u.vertex + u.coordinate) = 0;
+  for (int i = 0; i < is_fixed.size(); ++i)
+    if (is_fixed[i]) system.gradient(i) = 0;
 }
 
 // ---- rigid motions ----
@@ -2843,16 +2854,17 @@ struct Trial {
 
 /// What a trial must satisfy besides injectivity.
 struct StepRules {
-  double armijo = 1e-4;
-  double max_coverage_loss = 0.05;  // as a fraction of either mesh
+  double max_area_loss_a, max_area_loss_b;  // of the covered area, in one step
+  double least_area_a, least_area_b;        // that stays covered
 };
 
-inline bool is_acceptable(const SurfacePair& pair, const StepRules& rules, const Iterate& from,
-                          const Direction& d, double step, const Iterate& to) {
-  return to.area_a > 0 && to.area_b > 0 &&
-         to.energy <= from.energy + rules.armijo * step * d.slope &&
-         from.area_a - to.area_a <= rules.max_coverage_loss * pair.a.total_area &&
-         from.area_b - to.area_b <= rules.max_coverage_loss * pair.b.total_area;
+inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
+                          double step, const Iterate& to) {
+  constexpr double kArmijo = 1e-4;  // §5.2
+  return to.energy <= from.energy + kArmijo * step * d.slope &&
+         from.area_a - to.area_a <= rules.max_area_loss_a &&
+         from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
+         to.area_b > rules.least_area_b;
 }
 
 /// The steps of one block: 0.8^ℓ of the first step, and in the first block s = 1 (§5.2).
@@ -2885,7 +2897,7 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
       t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
       if (!t.accepted) return;
       evaluate(pair, weights, t.x);
-      t.accepted = is_acceptable(pair, rules, from, d, t.step, t.x);
+      t.accepted = is_acceptable(rules, from, d, t.step, t.x);
     });
     int best = -1;
     for (int i = 0; i < n; ++i)
@@ -2977,6 +2989,7 @@ inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
   log.coverage_a = x.area_a / pair.a.total_area;
   log.coverage_b = x.area_b / pair.b.total_area;
   log.polygons = x.overlay.polygons.size();
+  log.vertices = pair.rows();
   return log;
 }
 
@@ -2993,18 +3006,18 @@ class Optimizer {
       : pair_(pair),
         options_(options),
         weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon},
-        rules_{1e-4, options.max_coverage_loss},
         executor_(options),
         systems_(pair, options.variant == Variant::kFull, executor_),
         models_(pair, weights_, systems_.one_ring(), executor_),
         history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
         omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
 
-  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
+  /// Algorithm 1. `result.f`, `result.g` hold the injective start; iterations are appended to
+  /// `result.log`.
   void run(Result& result) {
     start(result);
     while (result.status == Status::kIterationLimit &&
-           static_cast<int>(result.log.size()) < options_.max_iterations) {
+           iterations(result) < options_.max_iterations) {
       if (!iterate(result))
         result.status = stationary_ ? Status::kConverged : Status::kStalled;
       else if (!report(result))
@@ -3020,15 +3033,26 @@ class Optimizer {
   void start(Result& result) {
     const Anchors anchors = choose_anchors(pair_.b);
     move_to_anchors(pair_, anchors, result.f, result.g);
-    fixed_ = {{pair_.n_a() + anchors.center, 0},
-              {pair_.n_a() + anchors.center, 1},
-              {pair_.n_a() + anchors.rim, 1}};
+    is_fixed_.assign(2 * pair_.rows(), 0);
+    is_fixed_[2 * (pair_.n_a() + anchors.center)] = 1;
+    is_fixed_[2 * (pair_.n_a() + anchors.center) + 1] = 1;
+    is_fixed_[2 * (pair_.n_a() + anchors.rim) + 1] = 1;
     x_.f = result.f;
     x_.g = result.g;
     radius_ = domain_radius(x_.f, x_.g);
     evaluate(pair_, weights_, x_);
-    result.initial = describe(pair_, x_);
+    rules_ = {options_.max_coverage_loss * pair_.a.total_area,
+              options_.max_coverage_loss * pair_.b.total_area, options_.least_coverage * x_.area_a,
+              options_.least_coverage * x_.area_b};
+    start_ = describe(pair_, x_);
+    start_.omega = omega_;
+    first_ = result.log.size();
+    if (result.log.empty()) result.initial = start_;
     result.status = x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
+  }
+
+  int iterations(const Result& result) const {
+    return static_cast<int>(result.log.size() - first_);
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -3082,7 +3106,7 @@ class Optimizer {
     while (true) {
       Timer timer;
       LinearSystem system = systems_.blend(history_, options_.history_decay);
-      eliminate(fixed_, system);
+      eliminate(is_fixed_, system);
       log.seconds_assembly += timer.lap();
       const Array<Direction> directions = solve(system);
       log.seconds_solve += timer.lap();
@@ -3164,23 +3188,21 @@ class Optimizer {
 
   /// Options::tolerance: the mean relative decrease per iteration over the window.
   bool converged(const Result& result) const {
-    const int n = static_cast<int>(result.log.size()), w = options_.window;
+    const int n = iterations(result), w = options_.window;
     if (n < w) return false;
     constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
-    const double omega_before =
-        n == w ? options_.omega_start : result.log[static_cast<std::size_t>(n - 1 - w)].omega;
-    if (omega_ < omega_before && omega_ > kReleased) return false;
-    const auto energy = [&](int i) {
-      return i == 0 ? result.initial.energy : result.log[static_cast<std::size_t>(i - 1)].energy;
-    };
-    const double scale = energy(n) + weights_.kappa * pair_.total_area();
-    return energy(n - w) - energy(n) < w * options_.tolerance * scale;
+    const IterationLog& now = result.log.back();
+    const IterationLog& before =
+        n == w ? start_ : result.log[result.log.size() - 1 - static_cast<std::size_t>(w)];
+    if (now.omega < before.omega && now.omega > kReleased) return false;
+    const double scale = now.energy + weights_.kappa * pair_.total_area();
+    return before.energy - now.energy < w * options_.tolerance * scale;
   }
 
   const SurfacePair& pair_;
   const Options& options_;
   Weights weights_;
-  StepRules rules_;
+  StepRules rules_{};
   Executor executor_;
   SystemBuilder systems_;
   ModelBuilder models_;
@@ -3188,7 +3210,9 @@ class Optimizer {
   double omega_;
   double radius_ = 1;
   bool stationary_ = false;
-  std::vector<FixedUnknown> fixed_;
+  IterationLog start_;
+  std::size_t first_ = 0;  // entry of Result::log of the first iteration here
+  Array<char> is_fixed_;   // two per row
   Iterate x_;
   Array<QuadraticModel> history_;  // newest first
   Array<LdltFactor> factors_;
@@ -3453,14 +3477,17 @@ struct Spring {
 struct FlatProblem {
   std::vector<const Surface*> surfaces;
   std::vector<Spring> springs;
+  bool hold_boundary = false;
 };
 
 class FlatNewton {
  public:
   FlatNewton(const FlatProblem& problem, const Executor& executor)
       : problem_(problem), executor_(executor) {
-    pattern_ = within_pattern(problem.surfaces, 1);
+    system_.pattern = within_pattern(problem.surfaces, 1);
     if (!problem.springs.empty()) add_springs_to_pattern();
+    is_fixed_.assign(2 * system_.pattern.rows(), 0);
+    if (problem.hold_boundary) fix_boundaries();
   }
 
   /// At most `most` steps, until one lowers the energy by less than `tolerance` of it.
@@ -3498,36 +3525,45 @@ class FlatNewton {
     extra.erase(std::unique(extra.begin(), extra.end()), extra.end());
     BlockPattern all;
     all.start.push_back(0);
+    const BlockPattern& within = system_.pattern;
     auto next = extra.begin();
-    for (int r = 0; r < pattern_.rows(); ++r) {
-      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b)
-        all.column.push_back(pattern_.column[b]);
+    for (int r = 0; r < within.rows(); ++r) {
+      for (int b = within.start[r]; b < within.start[r + 1]; ++b)
+        all.column.push_back(within.column[b]);
       for (; next != extra.end() && next->first == r; ++next) all.column.push_back(next->second);
       all.start.push_back(all.blocks());
     }
-    pattern_ = all;
+    system_.pattern = all;
+  }
+
+  void fix_boundaries() {
+    for (std::size_t k = 0; k < problem_.surfaces.size(); ++k) {
+      const HalfEdgeMesh& m = problem_.surfaces[k]->mesh;
+      for (int h : m.boundary)
+        for (int c = 0; c < 2; ++c) is_fixed_[2 * (first_row(k) + m.tail[h]) + c] = 1;
+    }
   }
 
   /// One projected Newton step with backtracking; false if nothing was gained.
   bool step(std::vector<Points2>& x, double& energy) {
     constexpr int kMostTrials = 30;
     assemble(x);
-    Points2 positions(pattern_.rows(), 2);
+    Points2 positions(system_.pattern.rows(), 2);
     for (std::size_t k = 0; k < x.size(); ++k)
       positions.middleRows(first_row(k), x[k].rows()) = x[k];
-    const LdltSymbolic symbolic = NestedDissection(pattern_, positions).build();
+    const LdltSymbolic symbolic = NestedDissection(system_.pattern, positions).build();
     Array<ShiftedMatrix> matrix(1);
-    matrix[0].H = &hessian_;
+    matrix[0].H = &system_.H;
     ldlt_factorize(symbolic, matrix, executor_, factors_);
     if (!factors_[0].ok) return false;
-    const Eigen::VectorXd d = ldlt_solve(symbolic, factors_[0], -gradient_);
-    const double slope = gradient_.dot(d);
+    const Eigen::VectorXd d = ldlt_solve(symbolic, factors_[0], -system_.gradient);
+    const double slope = system_.gradient.dot(d);
     if (!(slope < 0)) return false;
     std::vector<Points2> direction(x.size());
     double s = 1;
     for (std::size_t k = 0; k < x.size(); ++k) {
       const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
-                                                                               pattern_.rows());
+                                                                               d.size() / 2);
       direction[k] = columns.middleCols(first_row(k), x[k].rows()).transpose();
       s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
     }
@@ -3557,19 +3593,20 @@ class FlatNewton {
   }
 
   void assemble(const std::vector<Points2>& x) {
-    gradient_.setZero(2 * pattern_.rows());
-    hessian_.assign(pattern_.blocks(), Eigen::Matrix2d::Zero());
+    system_.gradient.setZero(2 * system_.pattern.rows());
+    system_.H.assign(system_.pattern.blocks(), Eigen::Matrix2d::Zero());
     for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
     for (const Spring& s : problem_.springs) {
       const int i = s.a, j = first_row(1) + s.b;
       const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
-      gradient_.segment<2>(2 * i) += force;
-      gradient_.segment<2>(2 * j) -= force;
+      system_.gradient.segment<2>(2 * i) += force;
+      system_.gradient.segment<2>(2 * j) -= force;
       const Eigen::Matrix2d stiffness = 2 * s.weight * Eigen::Matrix2d::Identity();
-      hessian_[find_block(pattern_, i, i)] += stiffness;
-      hessian_[find_block(pattern_, j, j)] += stiffness;
-      hessian_[find_block(pattern_, i, j)] -= stiffness;
+      system_.H[find_block(system_.pattern, i, i)] += stiffness;
+      system_.H[find_block(system_.pattern, j, j)] += stiffness;
+      system_.H[find_block(system_.pattern, i, j)] -= stiffness;
     }
+    eliminate(is_fixed_, system_);
   }
 
   void assemble_surface(std::size_t k, const Points2& x) {
@@ -3581,14 +3618,13 @@ class FlatNewton {
         terms_[f] = embedding_term(s, triangle_jacobian(s, x, f), f, kEpsilon);
     });
     for (int f = 0; f < s.mesh.n_faces; ++f)
-      scatter(s.mesh, f, first_row(k), terms_[f], pattern_, hessian_, gradient_);
+      scatter(s.mesh, f, first_row(k), terms_[f], system_.pattern, system_.H, system_.gradient);
   }
 
   const FlatProblem& problem_;
   const Executor& executor_;
-  BlockPattern pattern_;
-  BlockValues hessian_;
-  Eigen::VectorXd gradient_;
+  LinearSystem system_;
+  Array<char> is_fixed_;  // two per row
   Array<FaceTerm> terms_;
   Array<LdltFactor> factors_;
   int collisions_ = 0;
@@ -3616,13 +3652,20 @@ inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, c
   return result;
 }
 
+/// What becomes of the boundary while the mesh is refined.
+enum class Rim {
+  kFree,   // relaxed with the rest
+  kCircle  // held on a circle: much distortion, but nothing ever gets in the way of a vertex
+};
+
 class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
-  Hierarchy(const Surface& s, const Array<char>& is_protected)
-      : s_(s), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
+  Hierarchy(const Surface& s, const Array<char>& is_protected, Rim rim)
+      : s_(s), rim_(rim), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
     collapses_ = Decimation(s, is_protected, mesh_).run(kBase);
+    measure_boundary();
   }
 
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
@@ -3688,7 +3731,13 @@ class Hierarchy {
     for (int i = 0; i < level.vertex.size(); ++i) x_.row(level.vertex[i]) = x.row(i);
   }
   const Points2& positions() const { return x_; }
-  void move(const RigidMotion& motion) { x_ = transformed(x_, motion); }
+  /// Moves the plane, unless rounding would cost the injectivity of so thin an embedding.
+  void move(const RigidMotion& motion) {
+    const Level level = current();
+    if (!is_injective(level.surface.mesh, transformed(positions(level), motion))) return;
+    x_ = transformed(x_, motion);
+    circle_center_ = motion * circle_center_.homogeneous();
+  }
 
   /// The mean position of the present vertices.
   Vec2 center() const { return positions(current()).colwise().mean().transpose(); }
@@ -3698,6 +3747,7 @@ class Hierarchy {
     while (!is_full() && active() < target) {
       const Collapse c = collapses_.back();
       collapses_.pop_back();
+      metric_ = local_metric(c.changed);
       mesh_.undo(c);
       if (!place(c)) return c.u;
     }
@@ -3712,11 +3762,35 @@ class Hierarchy {
     return {t[(k + 1) % 3], t[(k + 2) % 3]};
   }
 
+  /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
+  /// isometric: what returns between them is to fit in, however strained the embedding is there.
+  Eigen::Matrix2d local_metric(const Array<int>& faces) const {
+    if (faces.empty()) return Eigen::Matrix2d::Identity();
+    Eigen::Matrix2d S = Eigen::Matrix2d::Zero();
+    double total = 0;
+    for (int f : faces) {
+      const auto& t = mesh_.face[f];
+      const Eigen::Matrix2d R =
+          rest_frame(s_.vertices.row(t[0]), s_.vertices.row(t[1]), s_.vertices.row(t[2]));
+      const Eigen::Matrix2d J =
+          jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), R.inverse());
+      S += 0.5 * R.determinant() * J * J.transpose();
+      total += 0.5 * R.determinant();
+    }
+    S /= total;
+    // S^(1/2) = (S + √det S I) / √(tr S + 2 √det S), by Cayley and Hamilton.
+    const double root = std::sqrt(S.determinant());
+    const Eigen::Matrix2d metric =
+        (S + root * Eigen::Matrix2d::Identity()).inverse() * std::sqrt(S.trace() + 2 * root);
+    return metric.allFinite() ? metric : Eigen::Matrix2d::Identity();
+  }
+
   /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
   /// so points between v and the centre of the kernel are in the kernel too. On the boundary other
   /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
   /// triangle, close to the middle of that edge.
   bool place(const Collapse& c) {
+    if (rim_ == Rim::kCircle && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
     if (!mesh_.on_boundary(c.u)) return false;
@@ -3726,8 +3800,41 @@ class Hierarchy {
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
   }
 
+  /// Measures the boundary of the full mesh.
+  void measure_boundary() {
+    boundary_position_.assign(s_.mesh.n_vertices, 0);
+    for (int h : s_.mesh.boundary) {
+      const int u = s_.mesh.tail[h], v = s_.mesh.tip(h);
+      boundary_position_[u] = perimeter_;
+      perimeter_ += (s_.vertices.row(v) - s_.vertices.row(u)).norm();
+    }
+  }
+
+  /// The length of the full boundary from u on to v.
+  double boundary_length(int u, int v) const {
+    const double length = boundary_position_[v] - boundary_position_[u];
+    return length > 0 ? length : length + perimeter_;
+  }
+
+  /// Puts u on the arc that its boundary edge cut off, where the length of the full boundary says,
+  /// or as close to v as its triangles demand.
+  bool place_on_circle(const Collapse& c) {
+    const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
+    const double to_u = boundary_length(before, c.u), from_u = boundary_length(c.u, after);
+    const Vec2 p = row2(x_, before) - circle_center_, q = row2(x_, after) - circle_center_;
+    double arc = std::atan2(cross(p, q), p.dot(q));
+    if (arc < 0) arc += 2 * kPi;
+    const double ideal = arc * to_u / (to_u + from_u);
+    double t = 1;
+    for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
+      const double angle = c.v == before ? t * ideal : arc - t * (arc - ideal);
+      x_.row(c.u) = (circle_center_ + Eigen::Rotation2Dd(angle) * p).transpose();
+      if (fits(c.u)) return true;
+    }
+    return false;
+  }
+
   bool place_on_ray(int u, const Vec2& from, const Vec2& to) {
-    constexpr int kMostHalvings = 60;
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
       x_.row(u) = (from + t * (to - from)).transpose();
@@ -3800,6 +3907,7 @@ class Hierarchy {
     return true;
   }
 
+  /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
   double ring_energy(int u, Vec2& gradient, Eigen::Matrix2d& hessian) const {
     double energy = 0;
     gradient.setZero();
@@ -3811,10 +3919,11 @@ class Hierarchy {
       const Eigen::Matrix2d R = rest_frame(a, b, c), inverse = R.inverse();
       const Eigen::Matrix2d J =
           jacobian(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second), inverse);
-      const TriangleDerivatives d = triangle_derivatives(J, inverse, 0.5 * R.determinant());
+      const TriangleDerivatives d =
+          triangle_derivatives(metric_ * J, inverse, 0.5 * R.determinant());
       energy += d.value;
-      gradient += d.gradient.head<2>();
-      hessian += d.hessian.topLeftCorner<2, 2>();
+      gradient += metric_ * d.gradient.head<2>();
+      hessian += metric_ * d.hessian.topLeftCorner<2, 2>() * metric_;
     }
     return energy;
   }
@@ -3840,45 +3949,80 @@ class Hierarchy {
     }
   }
 
+  static constexpr int kMostHalvings = 60;
+
   const Surface& s_;
+  Rim rim_;
+  Vec2 circle_center_ = Vec2::Zero();
+  double perimeter_ = 0;
+  Array<double> boundary_position_;  // per vertex of the full mesh, along its boundary
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
+  Eigen::Matrix2d metric_ = Eigen::Matrix2d::Identity();  // of the plane around the next vertex
 };
 
 // ---- both surfaces ----
 
+inline double largest_landmark_distance(const Points2& f, const Points2& g,
+                                        const std::vector<Landmark>& landmarks) {
+  double largest = 0;
+  for (const Landmark& l : landmarks)
+    largest = (std::max)(largest, (row2(f, l.a) - row2(g, l.b)).norm());
+  return largest;
+}
+
+/// Improves the embedding of both surfaces at a level below the full meshes; false if it ended the
+/// run, and then says why in the Embedding.
+using LevelTask =
+    std::function<bool(const SurfacePair& level, Points2& f, Points2& g, Embedding& result)>;
+
 /// The embedding of a pair: each surface alone up to a coarse level, where the planes are brought
-/// together; then both, tied by the landmarks, up to the full meshes. Where the planes meet decides
-/// the isotopy class of the map around the landmarks, and limbs that have unfolded freely before
-/// decide it better than limbs that are pulled while they unfold.
+/// together; then both up to the full meshes, tied by the landmarks or improved by a task. Where
+/// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
+/// unfolded freely before decide it better than limbs that are pulled while they unfold.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options)
-      : pair_(pair), landmarks_(landmarks), options_(options), executor_(options) {}
+               const Options& options, const LevelTask& level_task, Rim rim)
+      : pair_(pair),
+        landmarks_(landmarks),
+        options_(options),
+        level_task_(level_task),
+        rim_(rim),
+        executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a), b(pair_.b, keep_b);
+    Hierarchy a(pair_.a, keep_a, rim_), b(pair_.b, keep_b, rim_);
     if (!tell("decimated the meshes", result)) return;
-    if (!embed_alone(a, "A", result) || !embed_alone(b, "B", result)) return;
-    if (!align(a, b, result)) return;
-    for (double weight = 1; weight < kStiffest; weight *= 10) relax(a, b, weight);
-    while (relax(a, b, kStiffest), !a.is_full() || !b.is_full()) {
+    if (!a.embed_base() || !b.embed_base())
+      return void(
+          fail(result, Status::kNumericalFailure, "Tutte's embedding of 50 vertices failed"));
+    if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return;
+    if (landmarks_.size() < 2 && !align_by_trial(a, b, result)) return;
+    if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result)) return;
+    if (landmarks_.size() >= 2) align_by_landmarks(a, b);
+    for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
+    result.landmark_distance = landmark_distance(a, b);
+    while (!a.is_full() || !b.is_full()) {
       if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
                     std::to_string(b.active()) + " vertices",
                 result))
         return;
+      if (level_task_ && !improve(a, b, result)) return;
       if (!grow(a, "A", result) || !grow(b, "B", result)) return;
+      if (!level_task_) relax(a, b, kStiffest);
     }
+    if (!level_task_) result.landmark_distance = landmark_distance(a, b);
     result.f = a.positions();
     result.g = b.positions();
   }
 
  private:
-  static constexpr int kCoarse = 800;          // vertices of the level where the planes meet
+  static constexpr int kTrial = 800;           // vertices of the level where rotations are tried
+  static constexpr int kCoarse = 3200;         // and of that where the planes meet
   static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
   static constexpr int kMostSteps = 30;        // Newton steps per level
   static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
@@ -3900,28 +4044,23 @@ class PairEmbedder {
                              {stuck});
   }
 
-  /// Embeds one surface freely up to the coarse level.
-  bool embed_alone(Hierarchy& h, const std::string& name, Embedding& result) const {
-    if (!h.embed_base())
-      return fail(result, Status::kNumericalFailure,
-                  "Tutte's embedding of the decimated mesh " + name + " failed");
+  /// Embeds one surface freely up to a number of vertices.
+  bool embed_alone(Hierarchy& h, const std::string& name, int target, Embedding& result) const {
     while (true) {
       const Level level = h.current();
       std::vector<Points2> x = {h.positions(level)};
-      const FlatProblem problem = {{&level.surface}, {}};
+      const FlatProblem problem = {{&level.surface}, {}, rim_ == Rim::kCircle};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
       if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
         return false;
-      if (h.is_full() || h.active() >= kCoarse) return true;
+      if (h.is_full() || h.active() >= target) return true;
       if (!grow(h, name, result)) return false;
     }
   }
 
-  /// Moves the plane of A rigidly: two landmarks or more say how; else the best of several
-  /// rotations about the landmark or the centre.
-  bool align(Hierarchy& a, const Hierarchy& b, Embedding& result) const {
-    if (landmarks_.size() < 2) return align_by_trial(a, b, result);
+  /// Moves the plane of A rigidly to bring two landmarks or more together.
+  void align_by_landmarks(Hierarchy& a, const Hierarchy& b) const {
     const int n = static_cast<int>(landmarks_.size());
     Points2 from(n, 2), to(n, 2);
     for (int i = 0; i < n; ++i) {
@@ -3929,11 +4068,10 @@ class PairEmbedder {
       to.row(i) = b.positions().row(landmarks_[static_cast<std::size_t>(i)].b);
     }
     a.move(rigid_fit(from, to));
-    return true;
   }
 
-  /// Tries rotations on the coarse level: the most promising ones are optimised for a while, and
-  /// the one with the least distortion for its coverage wins.
+  /// Tries rotations of A about the landmark or the centre: the most promising ones are optimised
+  /// for a while, and the one with the least distortion for its coverage wins.
   bool align_by_trial(Hierarchy& a, const Hierarchy& b, Embedding& result) const {
     constexpr int kRotations = 24, kOptimized = 4, kIterations = 20;
     const Level level_a = a.current(), level_b = b.current();
@@ -3979,7 +4117,9 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
-    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}};
+    const bool all_returned = a.is_full() && b.is_full();
+    FlatProblem problem = {
+        {&level_a.surface, &level_b.surface}, {}, rim_ == Rim::kCircle && !all_returned};
     for (const Landmark& l : landmarks_)
       problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
                                  weight / static_cast<double>(landmarks_.size())});
@@ -3989,9 +4129,26 @@ class PairEmbedder {
     b.set(level_b, x[1]);
   }
 
+  bool improve(Hierarchy& a, Hierarchy& b, Embedding& result) const {
+    const Level level_a = a.current(), level_b = b.current();
+    Points2 f = a.positions(level_a), g = b.positions(level_b);
+    if (!level_task_({level_a.surface, level_b.surface}, f, g, result)) return false;
+    a.set(level_a, f);
+    b.set(level_b, g);
+    return true;
+  }
+
+  /// See Embedding::landmark_distance.
+  double landmark_distance(const Hierarchy& a, const Hierarchy& b) const {
+    const double radius = domain_radius(a.positions(a.current()), b.positions(b.current()));
+    return largest_landmark_distance(a.positions(), b.positions(), landmarks_) / radius;
+  }
+
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
+  const LevelTask& level_task_;
+  Rim rim_;
   Executor executor_;
 };
 
@@ -4066,6 +4223,8 @@ bool check_options(const Options& o, Output& output) {
                  "omega_least must be in [0, omega_start]") &&
          require(o.max_displacement > 0, "max_displacement must be positive") &&
          require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
+         require(o.least_coverage >= 0 && o.least_coverage < 1,
+                 "least_coverage must be in [0, 1)") &&
          require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
          require(o.tolerance >= 0, "tolerance must be at least 0") &&
          require(o.window >= 1, "window must be at least 1");
@@ -4078,18 +4237,16 @@ bool check_input(const TriangleMesh& a, const TriangleMesh& b,
          check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
 }
 
-inline double largest_landmark_distance(const Embedding& e,
-                                        const std::vector<Landmark>& landmarks) {
-  double largest = 0;
-  for (const Landmark& l : landmarks)
-    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
-  return largest / domain_radius(e.f, e.g);
-}
-
+/// Embeds with free boundaries; where a long boundary is in its own way, once more with the
+/// boundaries on circles, which leaves no place for the task.
 inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                  const Options& options, Embedding& embedding) {
+                  const Options& options, const LevelTask& level_task, Embedding& embedding) {
   Timer timer;
-  PairEmbedder(pair, landmarks, options).run(embedding);
+  PairEmbedder(pair, landmarks, options, level_task, Rim::kFree).run(embedding);
+  if (embedding.status == Status::kNumericalFailure) {
+    embedding = Embedding();
+    PairEmbedder(pair, landmarks, options, nullptr, Rim::kCircle).run(embedding);
+  }
   embedding.seconds = timer.lap();
 }
 
@@ -4106,11 +4263,50 @@ bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string&
 }
 
 /// Takes the start from Options, after checking it.
-inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+inline void given_positions(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                            const Options& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
   if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
-  check_positions(pair.b.mesh, start.g, "initial_g", start);
+  if (!check_positions(pair.b.mesh, start.g, "initial_g", start)) return;
+  start.landmark_distance =
+      largest_landmark_distance(start.f, start.g, landmarks) / domain_radius(start.f, start.g);
+}
+
+/// The options of a run that may go on from a coarser level: then only new detail has to settle.
+inline Options fine_options(const Options& options, const Result& result) {
+  constexpr double kOmegaRefined = 1;
+  Options fine = options;
+  if (!result.log.empty()) fine.omega_start = (std::min)(options.omega_start, kOmegaRefined);
+  return fine;
+}
+
+/// The options of a level below the full meshes. ω_L stays high enough to keep the map from fitting
+/// the facets of decimated meshes, from which it would hardly get away again.
+inline Options coarse_options(const Options& options, const Result& result) {
+  constexpr double kOmegaLeast = 0.1;
+  constexpr int kRefinedIterations = 25;
+  Options coarse = fine_options(options, result);
+  coarse.omega_least = (std::min)((std::max)(options.omega_least, kOmegaLeast), coarse.omega_start);
+  if (!result.log.empty())
+    coarse.max_iterations = (std::min)(options.max_iterations, kRefinedIterations);
+  return coarse;
+}
+
+/// The task of Options::coarse_to_fine: Algorithm 1 at a level, its iterations added to `result`.
+inline LevelTask coarse_to_fine(const Options& options, Result& result) {
+  if (!options.coarse_to_fine || options.max_iterations == 0) return nullptr;
+  return [&options, &result](const SurfacePair& level, Points2& f, Points2& g, Embedding& start) {
+    Timer timer;
+    result.f = f;
+    result.g = g;
+    Optimizer(level, coarse_options(options, result)).run(result);
+    result.seconds += timer.lap();
+    f = result.f;
+    g = result.g;
+    return result.status != Status::kCancelled ||
+           fail(start, Status::kAborted, "cancelled before the full meshes were reached");
+  };
 }
 
 inline const char* explain(Status s) {
@@ -4166,9 +4362,7 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
   if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
-  detail::embed(pair, landmarks, options, embedding);
-  if (embedding.status == Status::kConverged)
-    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
+  detail::embed(pair, landmarks, options, nullptr, embedding);
   return embedding;
 }
 
@@ -4179,20 +4373,20 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
   if (options.initial_f.size() > 0 || options.initial_g.size() > 0)
-    detail::given_positions(pair, options, result.start);
+    detail::given_positions(pair, landmarks, options, result.start);
   else
-    detail::embed(pair, landmarks, options, result.start);
+    detail::embed(pair, landmarks, options, detail::coarse_to_fine(options, result), result.start);
+  result.start.seconds -= result.seconds;  // of coarser levels
   if (result.start.status != Status::kConverged) {
     detail::fail(result, result.start.status, result.start.message, result.start.ids);
     return result;
   }
-  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
   result.f = result.start.f;
   result.g = result.start.g;
   detail::Timer timer;
-  detail::Optimizer(pair, options).run(result);
+  detail::Optimizer(pair, detail::fine_options(options, result)).run(result);
   result.message = detail::explain(result.status);
-  result.seconds = timer.lap();
+  result.seconds += timer.lap();
   return result;
 }
 

@@ -3,7 +3,8 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
+// Ctrl-C or an iteration limit), 1: the computation failed or was stopped before there was a map of
+// the full meshes, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
@@ -43,6 +44,7 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
+  --set NAME=VALUE   any number of the options that report.json lists; can be repeated
   --quiet            print errors only
   --help             print this
 
@@ -63,17 +65,60 @@ struct Arguments {
   bool start_only = false, quiet = false, help = false;
 };
 
-std::string read_double(const std::string& flag, const std::string& text, double& value) {
+std::string read_number(const std::string& flag, const std::string& text, double& value) {
   if (mesh_io::parse_number(text, value) && std::isfinite(value)) return {};
   return flag + " needs a number, not '" + text + "'";
 }
 
-std::string read_count(const std::string& flag, const std::string& text, int& value) {
+std::string read_number(const std::string& flag, const std::string& text, int& value) {
   long long x = 0;
   if (!mesh_io::parse_integer(text, x) || x < 0 || x > 1000000000)
     return flag + " needs a whole number from 0, not '" + text + "'";
   value = static_cast<int>(x);
   return {};
+}
+
+std::string read_number(const std::string& flag, const std::string& text, bool& value) {
+  if (text != "0" && text != "1") return flag + " needs 0 or 1, not '" + text + "'";
+  value = text == "1";
+  return {};
+}
+
+/// The options of the library that are numbers, by name.
+template <class Visit>
+void for_each_option(ism::Options& o, const Visit& visit) {
+  visit("coverage_weight", o.coverage_weight);
+  visit("barrier_weight", o.barrier_weight);
+  visit("spd_epsilon", o.spd_epsilon);
+  visit("history_length", o.history_length);
+  visit("history_decay", o.history_decay);
+  visit("omega_start", o.omega_start);
+  visit("omega_factor", o.omega_factor);
+  visit("omega_least", o.omega_least);
+  visit("max_displacement", o.max_displacement);
+  visit("max_coverage_loss", o.max_coverage_loss);
+  visit("least_coverage", o.least_coverage);
+  visit("max_iterations", o.max_iterations);
+  visit("tolerance", o.tolerance);
+  visit("window", o.window);
+  visit("coarse_to_fine", o.coarse_to_fine);
+  visit("keep_scale", o.keep_scale);
+  visit("threads", o.threads);
+}
+
+/// NAME=VALUE
+std::string read_setting(const std::string& text, ism::Options& options) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return "--set needs NAME=VALUE, not '" + text + "'";
+  const std::string name = text.substr(0, equals), value = text.substr(equals + 1);
+  bool known = false;
+  std::string error;
+  for_each_option(options, [&](const char* option, auto& target) {
+    if (name != option) return;
+    known = true;
+    error = read_number("--set " + name, value, target);
+  });
+  return known ? error : "--set: there is no option '" + name + "'";
 }
 
 std::string read_variant(const std::string& text, ism::Variant& variant) {
@@ -109,16 +154,17 @@ bool read_switch(const std::string& flag, Arguments& args) {
 
 bool takes_value(const std::string& flag) {
   for (const char* known : {"-o", "--landmarks", "--initial", "--kappa", "--preset", "--variant",
-                            "--iterations", "--tolerance", "--threads"})
+                            "--iterations", "--tolerance", "--threads", "--set"})
     if (flag == known) return true;
   return false;
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
-  if (flag == "--kappa") return read_double(flag, text, args.options.coverage_weight);
-  if (flag == "--tolerance") return read_double(flag, text, args.options.tolerance);
-  if (flag == "--iterations") return read_count(flag, text, args.options.max_iterations);
-  if (flag == "--threads") return read_count(flag, text, args.options.threads);
+  if (flag == "--kappa") return read_number(flag, text, args.options.coverage_weight);
+  if (flag == "--tolerance") return read_number(flag, text, args.options.tolerance);
+  if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
+  if (flag == "--threads") return read_number(flag, text, args.options.threads);
+  if (flag == "--set") return read_setting(text, args.options);
   if (flag == "--variant") return read_variant(text, args.options.variant);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o" ? args.out : flag == "--landmarks" ? args.landmarks : args.initial) = text;
@@ -284,9 +330,10 @@ class ProgressLine {
 
  private:
   static std::string iteration_line(const ism::IterationLog& it, double now) {
-    return format("iteration %3d  E %.6g  distortion %.4f  coverage %.4f / %.4f", it.iteration,
-                  it.energy, it.mean_distortion, it.coverage_a, it.coverage_b) +
-           format("  omega %.2g  s %.3g  %.1f s", it.omega, it.step, now);
+    return format("iteration %3d  %d vertices  E %.6g  distortion %.4f", it.iteration, it.vertices,
+                  it.energy, it.mean_distortion) +
+           format("  coverage %.4f / %.4f  omega %.2g  s %.3g  %.1f s", it.coverage_a,
+                  it.coverage_b, it.omega, it.step, now);
   }
   void print(const std::string& line) {
     std::fprintf(stderr, terminal_ ? "\r%s\x1b[K" : "%s\n", line.c_str());
@@ -367,6 +414,7 @@ std::string json_iteration(const ism::IterationLog& it) {
       .add("omega", it.omega)
       .add("step", it.step)
       .add("max_step", it.max_step)
+      .add("vertices", it.vertices)
       .add("polygons", it.polygons)
       .add("history_reset", it.history_reset)
       .add("seconds_derivatives", it.seconds_derivatives)
@@ -385,29 +433,15 @@ std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh) {
 }
 
 std::string json_options(const Arguments& args) {
-  const ism::Options& o = args.options;
   const char* const variants[] = {"pn", "spn", "full"};
-  return Json(",\n    ")
-      .add("preset", args.preset)
+  Json json(",\n    ");
+  json.add("preset", args.preset)
       .add("landmarks", args.landmarks)
       .add("initial", args.initial)
-      .add("variant", variants[static_cast<int>(o.variant)])
-      .add("coverage_weight", o.coverage_weight)
-      .add("barrier_weight", o.barrier_weight)
-      .add("spd_epsilon", o.spd_epsilon)
-      .add("history_length", o.history_length)
-      .add("history_decay", o.history_decay)
-      .add("omega_start", o.omega_start)
-      .add("omega_factor", o.omega_factor)
-      .add("omega_least", o.omega_least)
-      .add("max_displacement", o.max_displacement)
-      .add("max_coverage_loss", o.max_coverage_loss)
-      .add("max_iterations", o.max_iterations)
-      .add("tolerance", o.tolerance)
-      .add("window", o.window)
-      .add("keep_scale", o.keep_scale)
-      .add("threads", o.threads)
-      .text();
+      .add("variant", variants[static_cast<int>(args.options.variant)]);
+  ism::Options options = args.options;
+  for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
+  return json.text();
 }
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,

@@ -56,6 +56,12 @@ refused "--tolerance needs a number, not '1e-4x'" a.obj b.obj -o out --tolerance
 refused "--iterations needs a whole number from 0, not '-1'" a.obj b.obj -o out --iterations -1
 refused "--iterations needs a whole number from 0, not '1.5'" a.obj b.obj -o out --iterations 1.5
 refused "--threads needs a whole number from 0, not ''" a.obj b.obj -o out --threads ""
+refused "--set needs NAME=VALUE, not 'window'" a.obj b.obj -o out --set window
+refused "--set: there is no option 'windows'" a.obj b.obj -o out --set windows=5
+refused "--set window needs a whole number from 0, not 'x'" a.obj b.obj -o out --set window=x
+refused "--set coarse_to_fine needs 0 or 1, not '2'" a.obj b.obj -o out --set coarse_to_fine=2
+refused "option out of range: history_decay must be in (0, 1]" \
+  a.obj b.obj -o out --set history_decay=0
 refused "--variant must be pn, spn or full, not 'PN'" a.obj b.obj -o out --variant PN
 refused "the only preset is paper, not 'fast'" a.obj b.obj -o out --preset fast
 refused "-o needs a name" a.obj b.obj -o ""

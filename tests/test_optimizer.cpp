@@ -135,8 +135,8 @@ MatrixXd dense_reference(const Modelled& m) {
   for (const Surface* s : {&m.pair.a, &m.pair.b}) {
     const bool is_a = s == &m.pair.a;
     for (int f = 0; f < s->mesh.n_faces; ++f) {
-      TriangleDerivatives d = triangle_derivatives(
-          is_a ? m.x.jacobian_f[f] : m.x.jacobian_g[f], s->rest_inverse[f], s->area[f]);
+      TriangleDerivatives d = triangle_derivatives(is_a ? m.x.jacobian_f[f] : m.x.jacobian_g[f],
+                                                   s->rest_inverse[f], s->area[f]);
       project_spd<6>(d.hessian, m.weights.epsilon);
       std::vector<int> rows;
       for (int k = 0; k < 3; ++k) rows.push_back((is_a ? 0 : n) + s->mesh.corner(f, k));
@@ -239,8 +239,8 @@ Disk renumbered(const Disk& disk, Rng& rng) {
   return result;
 }
 
-TriangleMesh moved_in_space(const TriangleMesh& mesh, double scale, double angle,
-                            const Vec3& axis, const Vec3& shift) {
+TriangleMesh moved_in_space(const TriangleMesh& mesh, double scale, double angle, const Vec3& axis,
+                            const Vec3& shift) {
   TriangleMesh result = mesh;
   const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
   result.vertices = (scale * mesh.vertices * R.transpose()).rowwise() + shift.transpose();
@@ -370,9 +370,12 @@ TEST_CASE("eliminated unknowns get unit rows and columns and no force") {
   LinearSystem system = m.system({m.model});
   const MatrixXd H = dense(system.pattern, system.H), Q = dense(system.pattern, system.Q);
   const int v = m.pair.n_a() + 3, w = 2;
-  eliminate({{v, 0}, {v, 1}, {w, 1}}, system);
+  const int removed[] = {2 * v, 2 * v + 1, 2 * w + 1};
+  ism::detail::Array<char> is_fixed(2 * m.pair.rows(), 0);
+  for (int i : removed) is_fixed[i] = 1;
+  eliminate(is_fixed, system);
   MatrixXd expected_H = H, expected_Q = Q;
-  for (int i : {2 * v, 2 * v + 1, 2 * w + 1}) {
+  for (int i : removed) {
     expected_H.row(i).setZero(), expected_H.col(i).setZero();
     expected_Q.row(i).setZero(), expected_Q.col(i).setZero();
     expected_H(i, i) = 1;
@@ -457,8 +460,8 @@ TEST_CASE("where the meshes lie in space and their unit do not matter") {
   const TriangleMesh a2 = moved_in_space(a.mesh, 1, 0.7, Vec3(1, 2, 3), Vec3(4, -3, 2));
   const TriangleMesh b2 = moved_in_space(b.mesh, 1, 2.1, Vec3(-1, 1, 0.4), Vec3(0, 7, -1));
   const TriangleMesh a3 = moved_in_space(a.mesh, 25.4, 0, Vec3(1, 0, 0), Vec3::Zero());
-  for (const Result& result : {ism::compute_map(a2, b2, landmarks),
-                               ism::compute_map(a3, b.mesh, landmarks)}) {
+  for (const Result& result :
+       {ism::compute_map(a2, b2, landmarks), ism::compute_map(a3, b.mesh, landmarks)}) {
     CHECK(result.status == expected.status);
     CHECK(result.initial.mean_distortion ==
           doctest::Approx(expected.initial.mean_distortion).epsilon(1e-6));
@@ -515,8 +518,8 @@ TEST_CASE("every variant lowers the energy") {
   using ism::Variant;
   for (std::uint64_t seed : {22u, 23u}) {
     const auto [a, b] = random_pair(seed);
-    for (Variant variant : {Variant::kProjectedNewton, Variant::kSmoothedProjectedNewton,
-                            Variant::kFull}) {
+    for (Variant variant :
+         {Variant::kProjectedNewton, Variant::kSmoothedProjectedNewton, Variant::kFull}) {
       CAPTURE(static_cast<int>(variant));
       Options options = from_planes(a, b);
       options.variant = variant;
@@ -574,6 +577,63 @@ TEST_CASE("a usable result has an overlap, however little the objective rewards 
       check_energy_never_grows(result);
       check_injective(a, b, result);
     }
+}
+
+TEST_CASE("the covered area never falls below the share the options say") {
+  for (double least : {0.5, 0.9}) {
+    const auto [a, b] = random_pair(17);
+    Options options = from_planes(a, b);
+    options.coverage_weight = 0;
+    options.least_coverage = least;
+    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+    REQUIRE(ism::is_usable(result.status));
+    for (const IterationLog& log : result.log) {
+      CHECK(log.coverage_a > least * result.initial.coverage_a);
+      CHECK(log.coverage_b > least * result.initial.coverage_b);
+    }
+    CHECK(result.final_state().coverage_a < 1.2 * least * result.initial.coverage_a);
+  }
+}
+
+// Both meshes are above the 3200 vertices of the coarsest level.
+std::pair<Disk, Disk> fine_pair() {
+  std::pair<Disk, Disk> pair = {shapes::grid(62, 60), shapes::grid(60, 61)};
+  shapes::bend(pair.first, 0.5);
+  shapes::bend(pair.second, -0.8);
+  return pair;
+}
+
+TEST_CASE("large meshes are optimised from coarse to fine") {
+  const auto [a, b] = fine_pair();
+  const int n = static_cast<int>(a.mesh.vertices.rows() + b.mesh.vertices.rows());
+  Options options;
+  options.max_iterations = 8;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
+  REQUIRE(ism::is_usable(result.status));
+  check_injective(a, b, result);
+  CHECK(result.initial.vertices == 6400);
+  REQUIRE_FALSE(result.log.empty());
+  CHECK(result.log.back().vertices == n);
+  const IterationLog* before = &result.initial;
+  for (const IterationLog& log : result.log) {
+    CHECK(log.iteration == before->iteration + 1);
+    CHECK(log.vertices >= before->vertices);
+    if (log.vertices == before->vertices) CHECK(log.energy <= before->energy);
+    before = &log;
+  }
+  options.coarse_to_fine = false;
+  const Result direct = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
+  CHECK(direct.initial.vertices == n);
+  CHECK(direct.log.size() < result.log.size());
+}
+
+TEST_CASE("cancelling below the full meshes aborts without positions") {
+  const auto [a, b] = fine_pair();
+  Options options;
+  options.progress = [](const Progress& p) { return p.iteration == nullptr; };
+  const Result result = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
+  CHECK(result.status == Status::kAborted);
+  CHECK_FALSE(result.message.empty());
 }
 
 TEST_CASE("a map between isometric surfaces is found") {
@@ -668,6 +728,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse("omega_factor", &Options::omega_factor, Doubles{1, 0, -4, kNan, kInf});
   refuse("omega_least", &Options::omega_least, Doubles{-1, 1e5, kNan, kInf});
   refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
+  refuse("least_coverage", &Options::least_coverage, Doubles{1, -1, kNan});
   refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
