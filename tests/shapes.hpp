@@ -31,7 +31,7 @@ class Rng {
     return z ^ (z >> 31);
   }
   int below(int n) { return static_cast<int>(next() % static_cast<std::uint64_t>(n)); }
-  int between(int lo, int hi) { return lo + below(hi - lo + 1); }  // both included
+  int between(int lo, int hi) { return lo + below(hi - lo + 1); }           // both included
   double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }  // [0, 1)
   double uniform(double lo, double hi) { return lo + (hi - lo) * uniform(); }
   Vec2 point(double size) {
@@ -131,8 +131,7 @@ inline Disk perturbed_grid(int nx, int ny, double amount, Rng& rng) {
 inline Disk fan(int n) {
   DiskBuilder builder;
   builder.vertex(0, 0);
-  for (int i = 0; i < n; ++i)
-    builder.vertex(std::cos(2 * kPi * i / n), std::sin(2 * kPi * i / n));
+  for (int i = 0; i < n; ++i) builder.vertex(std::cos(2 * kPi * i / n), std::sin(2 * kPi * i / n));
   for (int i = 0; i < n; ++i) builder.triangle(0, 1 + i, 1 + (i + 1) % n);
   return builder.build();
 }
@@ -149,8 +148,10 @@ inline Disk limbs(int arms, int length, double width) {
     for (int k = 0; k <= length; ++k) {
       const Vec2 p = (1 + 0.5 * k) * along - width * across, q = p + 2 * width * across;
       const int r = builder.vertex(p.x(), p.y()), l = builder.vertex(q.x(), q.y());
-      if (k == 0) ring.push_back(r), ring.push_back(l);
-      else builder.quad(right, r, l, left);
+      if (k == 0)
+        ring.push_back(r), ring.push_back(l);
+      else
+        builder.quad(right, r, l, left);
       right = r, left = l;
     }
   }
@@ -194,8 +195,8 @@ inline void split_random_triangle(Disk& disk, Rng& rng) {
   const double s = rng.uniform(0.15, 0.5), t = rng.uniform(0.15, 0.35);
   const int i = F(f, 0), j = F(f, 1), k = F(f, 2), n = static_cast<int>(F.rows());
   disk.plane.conservativeResize(v + 1, Eigen::NoChange);
-  disk.plane.row(v) = (1 - s - t) * disk.plane.row(i) + s * disk.plane.row(j) +
-                      t * disk.plane.row(k);
+  disk.plane.row(v) =
+      (1 - s - t) * disk.plane.row(i) + s * disk.plane.row(j) + t * disk.plane.row(k);
   F.conservativeResize(n + 2, Eigen::NoChange);
   F.row(f) << i, j, v;
   F.row(n) << j, k, v;

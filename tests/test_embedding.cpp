@@ -400,16 +400,16 @@ TEST_CASE("landmarks of an easy pair end near each other") {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(1.3, Vec3(1, -1, 2).normalized()).matrix();
   b.vertices.col(0) *= 1.2;
   b.vertices = (b.vertices * R.transpose()).eval();
-  for (const std::vector<Landmark>& landmarks :
-       {std::vector<Landmark>{{5, 5}}, {{5, 5}, {40, 40}}, first_landmarks(a.mesh, b, 12),
-        first_landmarks(a.mesh, b, 1000)}) {
+  for (const std::vector<Landmark>& landmarks : {std::vector<Landmark>{{5, 5}},
+                                                 {{5, 5}, {40, 40}},
+                                                 first_landmarks(a.mesh, b, 12),
+                                                 first_landmarks(a.mesh, b, 1000)}) {
     const Embedding e = ism::initial_embedding(a.mesh, b, landmarks);
     REQUIRE(e.status == Status::kConverged);
     double largest = 0;
     for (const Landmark& l : landmarks)
       largest = std::max(largest, (e.f.row(l.a) - e.g.row(l.b)).norm());
-    CHECK(e.landmark_distance ==
-          doctest::Approx(largest / domain_radius(e.f, e.g)).epsilon(1e-12));
+    CHECK(e.landmark_distance == doctest::Approx(largest / domain_radius(e.f, e.g)).epsilon(1e-12));
     CHECK(e.landmark_distance < 0.1);
   }
 }

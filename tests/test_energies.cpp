@@ -157,7 +157,8 @@ Worst compare_samples(std::uint64_t seed, int least, Evaluate evaluate) {
   for (int i = 0; i < 50000 && !enough(); ++i) {
     const Sample s = random_sample(rng);
     if (worst.corners[s.polygon.count] >= 2 * least) continue;
-    compare(s, [&](const SixPoints& x) { return evaluate(s, x); }, worst);
+    compare(
+        s, [&](const SixPoints& x) { return evaluate(s, x); }, worst);
   }
   return worst;
 }
@@ -243,12 +244,13 @@ TEST_CASE("derivatives of the density agree with differences") {
       down[k / 4](k % 4) -= h;
       gradient(k) = (density(up[0], up[1], kappa) - density(down[0], down[1], kappa)) / (2 * h);
       hessian.col(k) = (density_derivatives(up[0], up[1], kappa).gradient -
-                        density_derivatives(down[0], down[1], kappa).gradient) / (2 * h);
+                        density_derivatives(down[0], down[1], kappa).gradient) /
+                       (2 * h);
     }
-    worst_gradient = std::max(worst_gradient,
-                              (gradient - exact.gradient).norm() / exact.gradient.norm());
-    worst_hessian = std::max(worst_hessian,
-                             (hessian - exact.hessian).norm() / exact.hessian.norm());
+    worst_gradient =
+        std::max(worst_gradient, (gradient - exact.gradient).norm() / exact.gradient.norm());
+    worst_hessian =
+        std::max(worst_hessian, (hessian - exact.hessian).norm() / exact.hessian.norm());
   }
   CHECK(worst_gradient < 1e-6);
   CHECK(worst_hessian < 1e-6);

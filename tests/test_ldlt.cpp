@@ -358,8 +358,8 @@ TEST_CASE("a zero or non-finite pivot is reported, for its matrix only") {
   const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(12)).build();
   const BlockValues good = positive_values(pattern, rng);
   for (int v : {0, 5, 77, 143})
-    for (double bad : {0.0, std::numeric_limits<double>::quiet_NaN(),
-                       std::numeric_limits<double>::infinity()}) {
+    for (double bad :
+         {0.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
       CAPTURE(v);
       CAPTURE(bad);
       BlockValues broken = good;
