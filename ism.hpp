@@ -182,7 +182,6 @@ struct IterationLog {
   double omega = 0;            // ω_L of the step taken (§5.4)
   double step = 0;             // s of the step taken
   double max_step = 0;         // s_max at which a triangle would degenerate
-  int vertices = 0;            // of both meshes, at the resolution of this iteration
   int polygons = 0;            // of the meta mesh
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
@@ -216,18 +215,15 @@ struct Options {
   double history_decay = 0.8;       // in (0, 1]
   double omega_start = 1e4;         // > 0, first ω_L of §5.4
   double omega_factor = 2.0;        // α > 1 of §5.4
-  double omega_least = 1e-4;        // ≥ 0, ω_L is not lowered further, where it hardly acts
-  double max_displacement = 0.2;    // no vertex moves further in a step, in radii of the domain
-  double max_coverage_loss = 0.05;  // largest loss of covered area a step may cost, of either mesh
-  double least_coverage = 0.5;      // in [0, 1), of what the start covers of either mesh
-  int max_iterations = 400;         // at each level
+  double omega_least = 1e-4;        // in [0, omega_start], not lowered further: it hardly acts
+  double max_displacement = 0.2;    // > 0, of a vertex in a step, in radii of the domain
+  double max_coverage_loss = 0.05;  // > 0, in a step, as a fraction of the area of either mesh
+  double least_coverage = 0.5;      // in [0, 1), share of the area covered at the start that stays
+  int max_iterations = 400;         // ≥ 0
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
-  /// of E + κ (area A + area B) per iteration.
-  double tolerance = 1e-4;
-  int window = 5;
-  /// Algorithm 1 on decimated meshes first, of 3200 vertices, 6400 and so on. Off: on the full
-  /// meshes alone, as in the paper.
-  bool coarse_to_fine = true;
+  /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again.
+  double tolerance = 1e-4;   // ≥ 0
+  int window = 10;           // ≥ 1
   bool keep_scale = false;   // false: both meshes are scaled to area 1 first
   int threads = 0;           // 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
@@ -237,7 +233,7 @@ struct Options {
   Points2 initial_f, initial_g;
 
   /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, at
-  /// most 550 iterations, on the full meshes. The bounds on a step stay: without them the empty
+  /// most 550 iterations. The bounds on a step stay: without them the empty
   /// overlap is reached in the first iterations.
   static Options paper() {
     Options options;
@@ -250,7 +246,6 @@ struct Options {
     options.omega_least = 0;
     options.max_iterations = 550;
     options.least_coverage = 0;
-    options.coarse_to_fine = false;
     return options;
   }
 };
@@ -262,8 +257,7 @@ struct Embedding {
   std::vector<int> ids;  // ids the message speaks of
   Points2 f;             // #V_A×2, planar positions of the vertices of A
   Points2 g;             // #V_B×2, of B
-  /// Largest distance in the plane between the two images of a landmark, in domain radii, before
-  /// the energy of the map is minimised (at the coarsest level, if there are several).
+  /// Largest distance in the plane between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
   double seconds = 0;
 };
@@ -274,18 +268,19 @@ struct Result {
   std::string message;            // a sentence for the user
   std::vector<int> ids;           // ids the message speaks of
   Points2 f, g;                   // final planar positions
-  Embedding start;                // what the optimisation of the full meshes started from
-  IterationLog initial;           // before the first iteration, at its resolution
-  std::vector<IterationLog> log;  // one entry per iteration, of all levels from coarse to fine
-  double seconds = 0;             // optimisation alone, of all levels
+  Embedding start;                // what the optimisation started from
+  IterationLog initial;           // the energies of the start (iteration 0, no step)
+  std::vector<IterationLog> log;  // one entry per iteration
+  double seconds = 0;             // optimisation alone
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
   const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
-/// Works on every valid disk; without landmarks the planes are aligned by the shape of the
-/// domains. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kAborted,
-/// kNumericalFailure. Thread-safe.
+/// Works on every valid disk. With fewer than two landmarks, rotations of one plane against the
+/// other are tried by some iterations of the optimisation; where an outline is in its own way, the
+/// boundary unfolds from a circle, which strains the result. Statuses: kConverged, kInvalidMesh,
+/// kInvalidLandmarks, kInvalidOptions, kAborted, kNumericalFailure. Thread-safe.
 inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                                    const std::vector<Landmark>& landmarks = {},
                                    const Options& options = {});
@@ -2989,7 +2984,6 @@ inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
   log.coverage_a = x.area_a / pair.a.total_area;
   log.coverage_b = x.area_b / pair.b.total_area;
   log.polygons = x.overlay.polygons.size();
-  log.vertices = pair.rows();
   return log;
 }
 
@@ -3012,12 +3006,11 @@ class Optimizer {
         history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
         omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
 
-  /// Algorithm 1. `result.f`, `result.g` hold the injective start; iterations are appended to
-  /// `result.log`.
+  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
   void run(Result& result) {
     start(result);
     while (result.status == Status::kIterationLimit &&
-           iterations(result) < options_.max_iterations) {
+           static_cast<int>(result.log.size()) < options_.max_iterations) {
       if (!iterate(result))
         result.status = stationary_ ? Status::kConverged : Status::kStalled;
       else if (!report(result))
@@ -3044,15 +3037,9 @@ class Optimizer {
     rules_ = {options_.max_coverage_loss * pair_.a.total_area,
               options_.max_coverage_loss * pair_.b.total_area, options_.least_coverage * x_.area_a,
               options_.least_coverage * x_.area_b};
-    start_ = describe(pair_, x_);
-    start_.omega = omega_;
-    first_ = result.log.size();
-    if (result.log.empty()) result.initial = start_;
+    result.initial = describe(pair_, x_);
+    result.initial.omega = omega_;
     result.status = x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
-  }
-
-  int iterations(const Result& result) const {
-    return static_cast<int>(result.log.size() - first_);
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -3188,12 +3175,12 @@ class Optimizer {
 
   /// Options::tolerance: the mean relative decrease per iteration over the window.
   bool converged(const Result& result) const {
-    const int n = iterations(result), w = options_.window;
+    const int n = static_cast<int>(result.log.size()), w = options_.window;
     if (n < w) return false;
     constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
     const IterationLog& now = result.log.back();
     const IterationLog& before =
-        n == w ? start_ : result.log[result.log.size() - 1 - static_cast<std::size_t>(w)];
+        n == w ? result.initial : result.log[static_cast<std::size_t>(n - 1 - w)];
     if (now.omega < before.omega && now.omega > kReleased) return false;
     const double scale = now.energy + weights_.kappa * pair_.total_area();
     return before.energy - now.energy < w * options_.tolerance * scale;
@@ -3210,9 +3197,7 @@ class Optimizer {
   double omega_;
   double radius_ = 1;
   bool stationary_ = false;
-  IterationLog start_;
-  std::size_t first_ = 0;  // entry of Result::log of the first iteration here
-  Array<char> is_fixed_;   // two per row
+  Array<char> is_fixed_;  // two per row
   Iterate x_;
   Array<QuadraticModel> history_;  // newest first
   Array<LdltFactor> factors_;
@@ -3228,9 +3213,10 @@ class Optimizer {
 //             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
 //             below what doubles resolve; so the mesh is decimated, the coarse mesh is embedded by
 //             Tutte's theorem, and its vertices return in the reverse order, relaxed on the way
-//             [Hormann and Greiner 2000; Tutte 1963].
+//             [Hormann and Greiner 2000; Tutte 1963]. Where a long outline gets in its own way,
+//             the boundary is held on a circle until all vertices are back.
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
-// Fails:      if rounding leaves no room for a vertex; the status names it.
+// Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
 namespace ism {
 namespace detail {
@@ -3336,7 +3322,7 @@ struct DynamicMesh {
 };
 
 /// Chooses the collapses: the error quadric of Garland and Heckbert 1997 plus a little of the edge
-/// length, cheapest first. Protected vertices go last.
+/// length, cheapest first. Protected vertices go as late as the shape of triangles allows.
 class Decimation {
  public:
   Decimation(const Surface& s, const Array<char>& is_protected, DynamicMesh& mesh)
@@ -3419,7 +3405,7 @@ class Decimation {
 
   double collapse_cost(int u, int v) const {
     constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
-    constexpr double kProtected = 1e6;  // times the area of the surface
+    constexpr double kProtected = 1e6;  // times the squared area of the surface
     const Eigen::Vector4d target = point(v).homogeneous();
     const double length2 = (point(u) - point(v)).squaredNorm();
     const double cost = target.dot(quadric_[u] * target) + kLength * length2 * length2;
@@ -3558,7 +3544,7 @@ class FlatNewton {
     if (!factors_[0].ok) return false;
     const Eigen::VectorXd d = ldlt_solve(symbolic, factors_[0], -system_.gradient);
     const double slope = system_.gradient.dot(d);
-    if (!(slope < 0)) return false;
+    if (!(slope < 0) || !d.allFinite()) return false;
     std::vector<Points2> direction(x.size());
     double s = 1;
     for (std::size_t k = 0; k < x.size(); ++k) {
@@ -3652,23 +3638,24 @@ inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, c
   return result;
 }
 
-/// What becomes of the boundary while the mesh is refined.
-enum class Rim {
-  kFree,   // relaxed with the rest
-  kCircle  // held on a circle: much distortion, but nothing ever gets in the way of a vertex
+/// What becomes of the boundary while vertices return.
+enum class Outline {
+  kFree,     // relaxed with the rest, as long as it does not meet itself
+  kOnCircle  // held: much distortion, but no part of it gets in the way of another
 };
 
 class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
-  Hierarchy(const Surface& s, const Array<char>& is_protected, Rim rim)
-      : s_(s), rim_(rim), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
+  Hierarchy(const Surface& s, const Array<char>& is_protected, Outline outline)
+      : s_(s), outline_(outline), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
     collapses_ = Decimation(s, is_protected, mesh_).run(kBase);
     measure_boundary();
   }
 
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
+  bool has(int v) const { return !mesh_.faces_of[v].empty(); }
   bool is_full() const { return collapses_.empty(); }
 
   /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
@@ -3701,7 +3688,7 @@ class Hierarchy {
     Level level;
     level.place.assign(s_.mesh.n_vertices, -1);
     for (int v = 0; v < s_.mesh.n_vertices; ++v) {
-      if (mesh_.faces_of[v].empty()) continue;
+      if (!has(v)) continue;
       level.place[v] = level.vertex.size();
       level.vertex.push_back(v);
     }
@@ -3790,7 +3777,7 @@ class Hierarchy {
   /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
   /// triangle, close to the middle of that edge.
   bool place(const Collapse& c) {
-    if (rim_ == Rim::kCircle && mesh_.on_boundary(c.u)) return place_on_circle(c);
+    if (outline_ == Outline::kOnCircle && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
     if (!mesh_.on_boundary(c.u)) return false;
@@ -3952,7 +3939,7 @@ class Hierarchy {
   static constexpr int kMostHalvings = 60;
 
   const Surface& s_;
-  Rim rim_;
+  Outline outline_;
   Vec2 circle_center_ = Vec2::Zero();
   double perimeter_ = 0;
   Array<double> boundary_position_;  // per vertex of the full mesh, along its boundary
@@ -3964,65 +3951,51 @@ class Hierarchy {
 
 // ---- both surfaces ----
 
-inline double largest_landmark_distance(const Points2& f, const Points2& g,
-                                        const std::vector<Landmark>& landmarks) {
-  double largest = 0;
-  for (const Landmark& l : landmarks)
-    largest = (std::max)(largest, (row2(f, l.a) - row2(g, l.b)).norm());
-  return largest;
-}
-
-/// Improves the embedding of both surfaces at a level below the full meshes; false if it ended the
-/// run, and then says why in the Embedding.
-using LevelTask =
-    std::function<bool(const SurfacePair& level, Points2& f, Points2& g, Embedding& result)>;
-
 /// The embedding of a pair: each surface alone up to a coarse level, where the planes are brought
-/// together; then both up to the full meshes, tied by the landmarks or improved by a task. Where
-/// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
-/// unfolded freely before decide it better than limbs that are pulled while they unfold.
+/// together; then both, tied by the landmarks, up to the full meshes. Where the planes meet decides
+/// the isotopy class of the map around the landmarks, and limbs that have unfolded freely before
+/// decide it better than limbs that are pulled while they unfold. For the same reason boundaries
+/// that were held on circles unfold before the planes are brought together.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, const LevelTask& level_task, Rim rim)
+               const Options& options, Outline outline)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
-        level_task_(level_task),
-        rim_(rim),
+        outline_(outline),
         executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, rim_), b(pair_.b, keep_b, rim_);
+    Hierarchy a(pair_.a, keep_a, outline_), b(pair_.b, keep_b, outline_);
     if (!tell("decimated the meshes", result)) return;
-    if (!a.embed_base() || !b.embed_base())
-      return void(
-          fail(result, Status::kNumericalFailure, "Tutte's embedding of 50 vertices failed"));
+    if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
     if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return;
     if (landmarks_.size() < 2 && !align_by_trial(a, b, result)) return;
     if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result)) return;
-    if (landmarks_.size() >= 2) align_by_landmarks(a, b);
-    for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
-    result.landmark_distance = landmark_distance(a, b);
+    if (outline_ == Outline::kFree) bring_together(a, b);
     while (!a.is_full() || !b.is_full()) {
       if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
                     std::to_string(b.active()) + " vertices",
                 result))
         return;
-      if (level_task_ && !improve(a, b, result)) return;
       if (!grow(a, "A", result) || !grow(b, "B", result)) return;
-      if (!level_task_) relax(a, b, kStiffest);
+      relax(a, b, outline_ == Outline::kFree ? kStiffest : 0);
     }
-    if (!level_task_) result.landmark_distance = landmark_distance(a, b);
+    if (outline_ == Outline::kOnCircle) {  // all vertices are there, none needs the room any more
+      outline_ = Outline::kFree;
+      relax(a, b, 0);
+      bring_together(a, b);
+    }
     result.f = a.positions();
     result.g = b.positions();
   }
 
  private:
-  static constexpr int kTrial = 800;           // vertices of the level where rotations are tried
-  static constexpr int kCoarse = 3200;         // and of that where the planes meet
+  static constexpr int kTrial = 800;           // vertices at which rotations are tried
+  static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
   static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
   static constexpr int kMostSteps = 30;        // Newton steps per level
   static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
@@ -4039,17 +4012,22 @@ class PairEmbedder {
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
     const int stuck = h.refine(2 * h.active());
     return stuck < 0 || fail(result, Status::kNumericalFailure,
-                             "rounding leaves no room for vertex " + std::to_string(stuck) +
-                                 " of mesh " + name + " in the plane",
+                             "mesh " + name + ": there is no room for vertex " +
+                                 std::to_string(stuck) + " in the plane",
                              {stuck});
   }
 
-  /// Embeds one surface freely up to a number of vertices.
+  bool embed_base(Hierarchy& h, const std::string& name, Embedding& result) const {
+    return h.embed_base() || fail(result, Status::kNumericalFailure,
+                                  "Tutte's embedding of the decimated mesh " + name + " failed");
+  }
+
+  /// Embeds one surface, without the other, up to a number of vertices.
   bool embed_alone(Hierarchy& h, const std::string& name, int target, Embedding& result) const {
     while (true) {
       const Level level = h.current();
       std::vector<Points2> x = {h.positions(level)};
-      const FlatProblem problem = {{&level.surface}, {}, rim_ == Rim::kCircle};
+      const FlatProblem problem = {{&level.surface}, {}, outline_ == Outline::kOnCircle};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
       if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
@@ -4059,13 +4037,29 @@ class PairEmbedder {
     }
   }
 
-  /// Moves the plane of A rigidly to bring two landmarks or more together.
+  /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
+  void bring_together(Hierarchy& a, Hierarchy& b) const {
+    if (landmarks_.empty()) return relax(a, b, 0);
+    if (landmarks_.size() >= 2) align_by_landmarks(a, b);
+    for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
+  }
+
+  /// The landmarks whose vertices are both present; decimation may take some if there are many.
+  std::vector<Landmark> present_landmarks(const Hierarchy& a, const Hierarchy& b) const {
+    std::vector<Landmark> present;
+    for (const Landmark& l : landmarks_)
+      if (a.has(l.a) && b.has(l.b)) present.push_back(l);
+    return present;
+  }
+
   void align_by_landmarks(Hierarchy& a, const Hierarchy& b) const {
-    const int n = static_cast<int>(landmarks_.size());
-    Points2 from(n, 2), to(n, 2);
-    for (int i = 0; i < n; ++i) {
-      from.row(i) = a.positions().row(landmarks_[static_cast<std::size_t>(i)].a);
-      to.row(i) = b.positions().row(landmarks_[static_cast<std::size_t>(i)].b);
+    const std::vector<Landmark> landmarks = present_landmarks(a, b);
+    if (landmarks.empty()) return;
+    Points2 from(landmarks.size(), 2), to(landmarks.size(), 2);
+    int row = 0;
+    for (const Landmark& l : landmarks) {
+      from.row(row) = a.positions().row(l.a);
+      to.row(row++) = b.positions().row(l.b);
     }
     a.move(rigid_fit(from, to));
   }
@@ -4117,38 +4111,24 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
-    const bool all_returned = a.is_full() && b.is_full();
     FlatProblem problem = {
-        {&level_a.surface, &level_b.surface}, {}, rim_ == Rim::kCircle && !all_returned};
-    for (const Landmark& l : landmarks_)
-      problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
-                                 weight / static_cast<double>(landmarks_.size())});
+        {&level_a.surface, &level_b.surface}, {}, outline_ == Outline::kOnCircle};
+    if (weight > 0) {
+      const std::vector<Landmark> landmarks = present_landmarks(a, b);
+      for (const Landmark& l : landmarks)
+        problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
+                                   weight / static_cast<double>(landmarks.size())});
+    }
     std::vector<Points2> x = {a.positions(level_a), b.positions(level_b)};
     FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
     a.set(level_a, x[0]);
     b.set(level_b, x[1]);
   }
 
-  bool improve(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    const Level level_a = a.current(), level_b = b.current();
-    Points2 f = a.positions(level_a), g = b.positions(level_b);
-    if (!level_task_({level_a.surface, level_b.surface}, f, g, result)) return false;
-    a.set(level_a, f);
-    b.set(level_b, g);
-    return true;
-  }
-
-  /// See Embedding::landmark_distance.
-  double landmark_distance(const Hierarchy& a, const Hierarchy& b) const {
-    const double radius = domain_radius(a.positions(a.current()), b.positions(b.current()));
-    return largest_landmark_distance(a.positions(), b.positions(), landmarks_) / radius;
-  }
-
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
-  const LevelTask& level_task_;
-  Rim rim_;
+  Outline outline_;
   Executor executor_;
 };
 
@@ -4237,15 +4217,23 @@ bool check_input(const TriangleMesh& a, const TriangleMesh& b,
          check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
 }
 
+inline double largest_landmark_distance(const Embedding& e,
+                                        const std::vector<Landmark>& landmarks) {
+  double largest = 0;
+  for (const Landmark& l : landmarks)
+    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
+  return largest / domain_radius(e.f, e.g);
+}
+
 /// Embeds with free boundaries; where a long boundary is in its own way, once more with the
-/// boundaries on circles, which leaves no place for the task.
+/// boundaries on circles.
 inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                  const Options& options, const LevelTask& level_task, Embedding& embedding) {
+                  const Options& options, Embedding& embedding) {
   Timer timer;
-  PairEmbedder(pair, landmarks, options, level_task, Rim::kFree).run(embedding);
+  PairEmbedder(pair, landmarks, options, Outline::kFree).run(embedding);
   if (embedding.status == Status::kNumericalFailure) {
     embedding = Embedding();
-    PairEmbedder(pair, landmarks, options, nullptr, Rim::kCircle).run(embedding);
+    PairEmbedder(pair, landmarks, options, Outline::kOnCircle).run(embedding);
   }
   embedding.seconds = timer.lap();
 }
@@ -4263,50 +4251,11 @@ bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string&
 }
 
 /// Takes the start from Options, after checking it.
-inline void given_positions(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                            const Options& options, Embedding& start) {
+inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
   if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
-  if (!check_positions(pair.b.mesh, start.g, "initial_g", start)) return;
-  start.landmark_distance =
-      largest_landmark_distance(start.f, start.g, landmarks) / domain_radius(start.f, start.g);
-}
-
-/// The options of a run that may go on from a coarser level: then only new detail has to settle.
-inline Options fine_options(const Options& options, const Result& result) {
-  constexpr double kOmegaRefined = 1;
-  Options fine = options;
-  if (!result.log.empty()) fine.omega_start = (std::min)(options.omega_start, kOmegaRefined);
-  return fine;
-}
-
-/// The options of a level below the full meshes. ω_L stays high enough to keep the map from fitting
-/// the facets of decimated meshes, from which it would hardly get away again.
-inline Options coarse_options(const Options& options, const Result& result) {
-  constexpr double kOmegaLeast = 0.1;
-  constexpr int kRefinedIterations = 25;
-  Options coarse = fine_options(options, result);
-  coarse.omega_least = (std::min)((std::max)(options.omega_least, kOmegaLeast), coarse.omega_start);
-  if (!result.log.empty())
-    coarse.max_iterations = (std::min)(options.max_iterations, kRefinedIterations);
-  return coarse;
-}
-
-/// The task of Options::coarse_to_fine: Algorithm 1 at a level, its iterations added to `result`.
-inline LevelTask coarse_to_fine(const Options& options, Result& result) {
-  if (!options.coarse_to_fine || options.max_iterations == 0) return nullptr;
-  return [&options, &result](const SurfacePair& level, Points2& f, Points2& g, Embedding& start) {
-    Timer timer;
-    result.f = f;
-    result.g = g;
-    Optimizer(level, coarse_options(options, result)).run(result);
-    result.seconds += timer.lap();
-    f = result.f;
-    g = result.g;
-    return result.status != Status::kCancelled ||
-           fail(start, Status::kAborted, "cancelled before the full meshes were reached");
-  };
+  check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
 inline const char* explain(Status s) {
@@ -4362,7 +4311,9 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
   if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
-  detail::embed(pair, landmarks, options, nullptr, embedding);
+  detail::embed(pair, landmarks, options, embedding);
+  if (embedding.status == Status::kConverged)
+    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
   return embedding;
 }
 
@@ -4373,20 +4324,20 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
   if (options.initial_f.size() > 0 || options.initial_g.size() > 0)
-    detail::given_positions(pair, landmarks, options, result.start);
+    detail::given_positions(pair, options, result.start);
   else
-    detail::embed(pair, landmarks, options, detail::coarse_to_fine(options, result), result.start);
-  result.start.seconds -= result.seconds;  // of coarser levels
+    detail::embed(pair, landmarks, options, result.start);
   if (result.start.status != Status::kConverged) {
     detail::fail(result, result.start.status, result.start.message, result.start.ids);
     return result;
   }
+  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
   result.f = result.start.f;
   result.g = result.start.g;
   detail::Timer timer;
-  detail::Optimizer(pair, detail::fine_options(options, result)).run(result);
+  detail::Optimizer(pair, options).run(result);
   result.message = detail::explain(result.status);
-  result.seconds += timer.lap();
+  result.seconds = timer.lap();
   return result;
 }
 

@@ -3,8 +3,7 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed or was stopped before there was a map of
-// the full meshes, 2: bad input; 1 and 2 write nothing.
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
@@ -101,7 +100,6 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("window", o.window);
-  visit("coarse_to_fine", o.coarse_to_fine);
   visit("keep_scale", o.keep_scale);
   visit("threads", o.threads);
 }
@@ -330,10 +328,9 @@ class ProgressLine {
 
  private:
   static std::string iteration_line(const ism::IterationLog& it, double now) {
-    return format("iteration %3d  %d vertices  E %.6g  distortion %.4f", it.iteration, it.vertices,
-                  it.energy, it.mean_distortion) +
-           format("  coverage %.4f / %.4f  omega %.2g  s %.3g  %.1f s", it.coverage_a,
-                  it.coverage_b, it.omega, it.step, now);
+    return format("iteration %3d  E %.6g  distortion %.4f  coverage %.4f / %.4f", it.iteration,
+                  it.energy, it.mean_distortion, it.coverage_a, it.coverage_b) +
+           format("  omega %.2g  s %.3g  %.1f s", it.omega, it.step, now);
   }
   void print(const std::string& line) {
     std::fprintf(stderr, terminal_ ? "\r%s\x1b[K" : "%s\n", line.c_str());
@@ -414,7 +411,6 @@ std::string json_iteration(const ism::IterationLog& it) {
       .add("omega", it.omega)
       .add("step", it.step)
       .add("max_step", it.max_step)
-      .add("vertices", it.vertices)
       .add("polygons", it.polygons)
       .add("history_reset", it.history_reset)
       .add("seconds_derivatives", it.seconds_derivatives)

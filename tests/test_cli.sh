@@ -59,7 +59,7 @@ refused "--threads needs a whole number from 0, not ''" a.obj b.obj -o out --thr
 refused "--set needs NAME=VALUE, not 'window'" a.obj b.obj -o out --set window
 refused "--set: there is no option 'windows'" a.obj b.obj -o out --set windows=5
 refused "--set window needs a whole number from 0, not 'x'" a.obj b.obj -o out --set window=x
-refused "--set coarse_to_fine needs 0 or 1, not '2'" a.obj b.obj -o out --set coarse_to_fine=2
+refused "--set keep_scale needs 0 or 1, not '2'" a.obj b.obj -o out --set keep_scale=2
 refused "option out of range: history_decay must be in (0, 1]" \
   a.obj b.obj -o out --set history_decay=0
 refused "--variant must be pn, spn or full, not 'PN'" a.obj b.obj -o out --variant PN

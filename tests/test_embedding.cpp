@@ -278,7 +278,7 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     CAPTURE(shape.name);
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
-    const Hierarchy h(s, free, Rim::kFree);
+    const Hierarchy h(s, free, Outline::kFree);
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -303,7 +303,7 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   const Surface s = build_surface(disk.mesh, true);
   Array<char> is_protected(s.mesh.n_vertices, 0);
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
-  const Level level = Hierarchy(s, is_protected, Rim::kFree).current();
+  const Level level = Hierarchy(s, is_protected, Outline::kFree).current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
 
@@ -313,7 +313,7 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
     const Surface s = build_surface(shape.mesh, false);
     const Array<char> free(s.mesh.n_vertices, 0);
     const Executor executor{ism::Options()};
-    Hierarchy h(s, free, Rim::kFree);
+    Hierarchy h(s, free, Outline::kFree);
     REQUIRE(h.embed_base());
     std::vector<Points2> x;
     while (!h.is_full()) {
@@ -381,6 +381,13 @@ TEST_CASE("any number of landmarks leaves the embedding injective") {
     check_embeds(a.mesh, b, first_landmarks(a.mesh, b, n));
     check_embeds(a.mesh, a.mesh, first_landmarks(a.mesh, a.mesh, n));
   }
+}
+
+TEST_CASE("more landmarks than the coarse level has vertices leave the embedding injective") {
+  const TriangleMesh a = shapes::grid(62, 60).mesh, b = shapes::grid(60, 62).mesh;
+  std::vector<Landmark> landmarks;
+  for (int v = 0; v < a.vertices.rows(); ++v) landmarks.push_back({v, v});
+  check_embeds(a, b, landmarks);
 }
 
 TEST_CASE("landmarks that no map without folds can join leave the embedding injective") {

@@ -595,47 +595,6 @@ TEST_CASE("the covered area never falls below the share the options say") {
   }
 }
 
-// Both meshes are above the 3200 vertices of the coarsest level.
-std::pair<Disk, Disk> fine_pair() {
-  std::pair<Disk, Disk> pair = {shapes::grid(62, 60), shapes::grid(60, 61)};
-  shapes::bend(pair.first, 0.5);
-  shapes::bend(pair.second, -0.8);
-  return pair;
-}
-
-TEST_CASE("large meshes are optimised from coarse to fine") {
-  const auto [a, b] = fine_pair();
-  const int n = static_cast<int>(a.mesh.vertices.rows() + b.mesh.vertices.rows());
-  Options options;
-  options.max_iterations = 8;
-  const Result result = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
-  REQUIRE(ism::is_usable(result.status));
-  check_injective(a, b, result);
-  CHECK(result.initial.vertices == 6400);
-  REQUIRE_FALSE(result.log.empty());
-  CHECK(result.log.back().vertices == n);
-  const IterationLog* before = &result.initial;
-  for (const IterationLog& log : result.log) {
-    CHECK(log.iteration == before->iteration + 1);
-    CHECK(log.vertices >= before->vertices);
-    if (log.vertices == before->vertices) CHECK(log.energy <= before->energy);
-    before = &log;
-  }
-  options.coarse_to_fine = false;
-  const Result direct = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
-  CHECK(direct.initial.vertices == n);
-  CHECK(direct.log.size() < result.log.size());
-}
-
-TEST_CASE("cancelling below the full meshes aborts without positions") {
-  const auto [a, b] = fine_pair();
-  Options options;
-  options.progress = [](const Progress& p) { return p.iteration == nullptr; };
-  const Result result = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {30, 30}}, options);
-  CHECK(result.status == Status::kAborted);
-  CHECK_FALSE(result.message.empty());
-}
-
 TEST_CASE("a map between isometric surfaces is found") {
   Rng rng(25);
   Disk a = shapes::random_disk(5, 4, rng);
