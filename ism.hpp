@@ -692,7 +692,6 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
 struct Surface {
   HalfEdgeMesh mesh;
   Points3 vertices;  // scaled to total area 1 unless asked otherwise
-  double scale = 1;  // scaled = scale · given
   double total_area = 0;
   Array<double> area;                   // #F
   Array<Eigen::Matrix2d> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
@@ -722,12 +721,12 @@ inline void compute_rest_frames(Surface& s) {
   }
 }
 
-inline double surface_area(const TriangleMesh& mesh) {
+inline double surface_area(const Points3& vertices, const Triangles& triangles) {
   double area = 0;
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    const Vec3 a = mesh.vertices.row(mesh.triangles(f, 0));
-    const Vec3 b = mesh.vertices.row(mesh.triangles(f, 1));
-    const Vec3 c = mesh.vertices.row(mesh.triangles(f, 2));
+  for (int f = 0; f < triangles.rows(); ++f) {
+    const Vec3 a = vertices.row(triangles(f, 0));
+    const Vec3 b = vertices.row(triangles(f, 1));
+    const Vec3 c = vertices.row(triangles(f, 2));
     area += 0.5 * (b - a).cross(c - a).norm();
   }
   return area;
@@ -736,8 +735,14 @@ inline double surface_area(const TriangleMesh& mesh) {
 inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
   Surface s;
   s.mesh = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
-  s.scale = keep_scale ? 1 : 1 / std::sqrt(surface_area(mesh));
-  s.vertices = s.scale * mesh.vertices;
+  s.vertices = mesh.vertices;
+  if (!keep_scale) {
+    // First by a power of two, which is exact: in any unit, squares then neither over- nor
+    // underflow.
+    const int exponent = std::ilogb(mesh.vertices.cwiseAbs().maxCoeff());
+    s.vertices *= std::ldexp(1.0, std::clamp(-exponent, -1000, 1000));
+    s.vertices *= 1 / std::sqrt(surface_area(s.vertices, mesh.triangles));
+  }
   compute_rest_frames(s);
   return s;
 }
@@ -789,13 +794,17 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   constexpr double kThinnest = 1e-12;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int i = mesh.triangles(f, 0), j = mesh.triangles(f, 1), k = mesh.triangles(f, 2);
-    const Vec3 a = mesh.vertices.row(i), b = mesh.vertices.row(j), c = mesh.vertices.row(k);
-    const double longest = (std::max)({(b - a).norm(), (c - b).norm(), (a - c).norm()});
-    const double twice_area = (b - a).cross(c - a).norm();
+    Eigen::Matrix3d edges;
+    edges << mesh.vertices.row(j) - mesh.vertices.row(i),
+        mesh.vertices.row(k) - mesh.vertices.row(j), mesh.vertices.row(i) - mesh.vertices.row(k);
+    const double extent = edges.cwiseAbs().maxCoeff();  // taken out, so that squares exist
+    if (extent > 0) edges /= extent;
+    const double longest2 = edges.rowwise().squaredNorm().maxCoeff();
+    const double twice_area = edges.row(0).cross(edges.row(1)).norm();
     if (i == j || j == k || k == i)
       list.add(Problem::Kind::kDegenerateTriangle,
                "triangle " + std::to_string(f) + " uses a vertex twice", {f});
-    else if (!(twice_area > kThinnest * longest * longest))
+    else if (!(twice_area > kThinnest * longest2))
       list.add(Problem::Kind::kDegenerateTriangle, "triangle " + std::to_string(f) + " has no area",
                {f});
   }

@@ -97,7 +97,9 @@ double area_on(const Points3& x, const MetaMesh& mesh) {
   return sum;
 }
 
-double area_of(const TriangleMesh& mesh) { return ism::detail::surface_area(mesh); }
+double area_of(const TriangleMesh& mesh) {
+  return ism::detail::surface_area(mesh.vertices, mesh.triangles);
+}
 
 /// The covered areas as the objective counts them.
 ism::detail::Iterate covered(const Disk& a, const Disk& b) {
