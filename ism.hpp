@@ -2918,7 +2918,8 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
 //
 // Purpose:    minimises E from an injective start.
 // Invariants: every iterate is injective, decided exactly; E never grows.
-// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
+// Fails:      stalls where no candidate of any direction is acceptable, even with the vertices held
+//             at which a boundary touches itself; says so in the status.
 
 namespace ism {
 namespace detail {
@@ -3003,6 +3004,34 @@ inline double domain_radius(const Points2& f, const Points2& g) {
   return 0.5 * (hi - lo).norm();
 }
 
+/// Fixes the boundary vertices that have come within `reach` of a boundary edge, and the ends of
+/// that edge; the number of unknowns fixed by it. O(boundary²), for when nothing else moves.
+inline int hold_contacts(const HalfEdgeMesh& m, const Points2& x, double reach, int first,
+                         Array<char>& is_fixed) {
+  int held = 0;
+  const auto hold = [&](int v) {
+    for (int c = 0; c < 2; ++c) {
+      held += is_fixed[2 * (first + v) + c] == 0;
+      is_fixed[2 * (first + v) + c] = 1;
+    }
+  };
+  for (int h : m.boundary) {
+    const int u = m.tail[h], v = m.tip(h);
+    const Vec2 edge = row2(x, v) - row2(x, u);
+    for (int k : m.boundary) {
+      const int w = m.tail[k];
+      if (w == u || w == v) continue;
+      const Vec2 d = row2(x, w) - row2(x, u);
+      const double t = std::clamp(d.dot(edge) / edge.squaredNorm(), 0.0, 1.0);
+      if ((d - t * edge).norm() > reach) continue;
+      hold(w);
+      if (t < 1) hold(u);
+      if (t > 0) hold(v);
+    }
+  }
+  return held;
+}
+
 class Optimizer {
  public:
   Optimizer(const SurfacePair& pair, const Options& options)
@@ -3072,9 +3101,20 @@ class Optimizer {
         accept(directions[trials_[best].direction], trials_[best], log, result);
         return true;
       }
-      if (history_.size() == 1) return false;
-      reset_history(log);
+      if (history_.size() > 1)
+        reset_history(log);
+      else if (!hold_contacts())
+        return false;
     }
+  }
+
+  /// Where a boundary touches itself, every direction that closes the gap has a vanishing step. The
+  /// vertices there are held from now on, so that all others can move; false if there are no new.
+  bool hold_contacts() {
+    constexpr double kReach = 1e-6;  // radii of the domain
+    return detail::hold_contacts(pair_.a.mesh, x_.f, kReach * radius_, 0, is_fixed_) +
+               detail::hold_contacts(pair_.b.mesh, x_.g, kReach * radius_, pair_.n_a(), is_fixed_) >
+           0;
   }
 
   /// True if all directions promise less than the rounding errors of E.

@@ -398,20 +398,24 @@ struct Seconds {
   double total() const { return reading + embedding + optimization + output; }
 };
 
-std::string json_iteration(const ism::IterationLog& it) {
-  return Json()
-      .add("iteration", it.iteration)
-      .add("energy", it.energy)
-      .add("map_energy", it.map_energy)
-      .add("energy_f", it.energy_f)
-      .add("energy_g", it.energy_g)
+Json& add_state(const ism::IterationLog& it, Json& json) {
+  return json.add("energy", it.energy)
       .add("mean_distortion", it.mean_distortion)
       .add("coverage_a", it.coverage_a)
       .add("coverage_b", it.coverage_b)
+      .add("polygons", it.polygons);
+}
+
+std::string json_iteration(const ism::IterationLog& it) {
+  Json json;
+  json.add("iteration", it.iteration);
+  return add_state(it, json)
+      .add("map_energy", it.map_energy)
+      .add("energy_f", it.energy_f)
+      .add("energy_g", it.energy_g)
       .add("omega", it.omega)
       .add("step", it.step)
       .add("max_step", it.max_step)
-      .add("polygons", it.polygons)
       .add("history_reset", it.history_reset)
       .add("seconds_derivatives", it.seconds_derivatives)
       .add("seconds_assembly", it.seconds_assembly)
@@ -442,21 +446,11 @@ std::string json_options(const Arguments& args) {
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
                         const Seconds& s) {
-  const ism::IterationLog& last = result.final_state();
-  const std::string start = Json()
-                                .add("landmark_distance", result.start.landmark_distance)
-                                .add("mean_distortion", result.initial.mean_distortion)
-                                .add("coverage_a", result.initial.coverage_a)
-                                .add("coverage_b", result.initial.coverage_b)
-                                .text();
-  const std::string final = Json()
-                                .add("iterations", static_cast<int>(result.log.size()))
-                                .add("energy", last.energy)
-                                .add("mean_distortion", last.mean_distortion)
-                                .add("coverage_a", last.coverage_a)
-                                .add("coverage_b", last.coverage_b)
-                                .add("polygons", last.polygons)
-                                .text();
+  Json start, final;
+  start.add("landmark_distance", result.start.landmark_distance);
+  final.add("iterations", static_cast<int>(result.log.size()));
+  add_state(result.initial, start);
+  add_state(result.final_state(), final);
   const std::string seconds = Json()
                                   .add("reading", s.reading)
                                   .add("embedding", s.embedding)
@@ -477,8 +471,8 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
              .raw("b", json_mesh(args.b, input.b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .raw("options", json_options(args))
-             .raw("start", start)
-             .raw("final", final)
+             .raw("start", start.text())
+             .raw("final", final.text())
              .raw("seconds", seconds)
              .raw("iterations", log + "]")
              .text() +

@@ -43,6 +43,10 @@ class Rng {
   std::uint64_t state_;
 };
 
+inline ism::detail::HalfEdgeMesh half_edges(const ism::TriangleMesh& mesh) {
+  return ism::detail::build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
+}
+
 /// A disk and one injective embedding of it; row i of plane belongs to row i of mesh.vertices.
 struct Disk {
   ism::TriangleMesh mesh;
@@ -179,6 +183,19 @@ inline Disk spherical_cap(int rings, int sectors, double angle) {
     const double rho = disk.plane.row(v).norm();
     const double stretch = rho > 0 ? std::sin(rho) / rho : 1;
     disk.mesh.vertices.row(v) << stretch * disk.plane.row(v), std::cos(rho);
+  }
+  return disk;
+}
+
+/// A ring 1 ≤ r ≤ 2 of n × 3 quads, slit along the x axis. Its ends are `gap` apart (radians) in
+/// the plane; the surface is a ramp that turns by `angle`.
+inline Disk slit_ring(int n, double gap, double angle) {
+  Disk disk = grid(n, 3);
+  for (int v = 0; v < disk.plane.rows(); ++v) {
+    const double s = disk.plane(v, 0) / n, r = 2 - disk.plane(v, 1) / 3;
+    const double phi = s * (2 * kPi - gap);
+    disk.mesh.vertices.row(v) << r * std::cos(s * angle), r * std::sin(s * angle), 0.15 * s;
+    disk.plane.row(v) << r * std::cos(phi), r * std::sin(phi);
   }
   return disk;
 }

@@ -94,21 +94,17 @@ invalid "flat.obj: .*0" flat.obj b.obj
 { cat a.obj && echo "v 9 9 9"; } >loose.obj
 invalid "loose.obj: .*81" loose.obj b.obj
 
-echo "0 121" >marks_bad.txt
-refused "marks_bad.txt, line 1: B has no vertex 121, its ids are 0 to 120" \
-  a.obj b.obj -o out --landmarks marks_bad.txt
-echo "-1 0" >marks_bad.txt
-refused "marks_bad.txt, line 1: A has no vertex -1, its ids are 0 to 80" \
-  a.obj b.obj -o out --landmarks marks_bad.txt
-printf '1 2\n\n3 4\n1 5\n' >marks_bad.txt
-refused "marks_bad.txt, line 4: vertex 1 of A is in two landmarks" \
-  a.obj b.obj -o out --landmarks marks_bad.txt
-printf '1 2\n3 2\n' >marks_bad.txt
-refused "marks_bad.txt, line 2: vertex 2 of B is in two landmarks" \
-  a.obj b.obj -o out --landmarks marks_bad.txt
-echo "1 2 3" >marks_bad.txt
-refused "marks_bad.txt, line 1: two vertex ids are expected" \
-  a.obj b.obj -o out --landmarks marks_bad.txt
+# refused_marks TEXT SENTENCE: a landmarks file with this text is refused with this sentence.
+refused_marks() {
+  printf -- "$1" >marks_bad.txt
+  refused "marks_bad.txt, line $2" a.obj b.obj -o out --landmarks marks_bad.txt
+}
+
+refused_marks '0 121\n' "1: B has no vertex 121, its ids are 0 to 120"
+refused_marks '-1 0\n' "1: A has no vertex -1, its ids are 0 to 80"
+refused_marks '1 2\n\n3 4\n1 5\n' "4: vertex 1 of A is in two landmarks"
+refused_marks '1 2\n3 2\n' "2: vertex 2 of B is in two landmarks"
+refused_marks '1 2 3\n' "1: two vertex ids are expected"
 refused "none.txt: there is no such file" a.obj b.obj -o out --landmarks none.txt
 
 refused "none/A.obj: there is no such file" a.obj b.obj -o out --initial none
@@ -170,8 +166,9 @@ mv out.keep out
 
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
 interrupted() {
+  : >stderr.txt  # else the last run's lines may be taken for this one's
   "$ism_map" big_a.obj big_b.obj -o "$1" --landmarks big_marks.txt --tolerance 0 \
-    --iterations 100000 >stdout.txt 2>stderr.txt &
+    --iterations 500 >stdout.txt 2>stderr.txt &
   local pid=$! code=0
   until grep -q "$2" stderr.txt || ! kill -0 "$pid" 2>/dev/null; do sleep 0.02; done
   kill -INT "$pid" 2>/dev/null || true

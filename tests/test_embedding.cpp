@@ -24,11 +24,8 @@ using ism::TriangleMesh;
 using ism::Vec2;
 using ism::Vec3;
 using shapes::Disk;
+using shapes::half_edges;
 using shapes::Rng;
-
-HalfEdgeMesh half_edges(const TriangleMesh& mesh) {
-  return build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
-}
 
 int n_vertices(const TriangleMesh& mesh) { return static_cast<int>(mesh.vertices.rows()); }
 

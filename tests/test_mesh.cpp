@@ -21,11 +21,8 @@ using ism::Vec3;
 using ism::detail::build_half_edges;
 using ism::detail::HalfEdgeMesh;
 using ism::detail::Surface;
+using shapes::half_edges;
 using Kind = ism::Problem::Kind;
-
-HalfEdgeMesh half_edges(const shapes::Disk& disk) {
-  return build_half_edges(static_cast<int>(disk.plane.rows()), disk.mesh.triangles);
-}
 
 int count_boundary(const HalfEdgeMesh& m) {
   return static_cast<int>(std::count(m.twin.begin(), m.twin.end(), -1));
@@ -140,7 +137,7 @@ TEST_CASE("next and prev run around the half-edges of one face") {
 TEST_CASE("twins are mutual and run the other way") {
   for (const shapes::Disk& disk : shapes::all_disks()) {
     CAPTURE(disk.name);
-    const HalfEdgeMesh m = half_edges(disk);
+    const HalfEdgeMesh m = half_edges(disk.mesh);
     int wrong = 0, edges = 0;
     for (int h = 0; h < 3 * m.n_faces; ++h) {
       wrong += m.tail[h] != disk.mesh.triangles(h / 3, h % 3);
@@ -158,7 +155,7 @@ TEST_CASE("twins are mutual and run the other way") {
 TEST_CASE("the boundary loop is closed, complete and counter-clockwise") {
   for (const shapes::Disk& disk : shapes::all_disks()) {
     CAPTURE(disk.name);
-    const HalfEdgeMesh m = half_edges(disk);
+    const HalfEdgeMesh m = half_edges(disk.mesh);
     const int n = m.boundary.size();
     CHECK(n == count_boundary(m));
     double loop_area = 0, mesh_area = 0;
@@ -179,7 +176,7 @@ TEST_CASE("the boundary loop is closed, complete and counter-clockwise") {
 TEST_CASE("turning from the outgoing half-edge visits every face of a vertex once") {
   for (const shapes::Disk& disk : shapes::all_disks()) {
     CAPTURE(disk.name);
-    const HalfEdgeMesh m = half_edges(disk);
+    const HalfEdgeMesh m = half_edges(disk.mesh);
     std::vector<std::set<int>> faces(static_cast<std::size_t>(m.n_vertices));
     for (int h = 0; h < 3 * m.n_faces; ++h)
       faces[static_cast<std::size_t>(m.tail[h])].insert(h / 3);

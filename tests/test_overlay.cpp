@@ -20,14 +20,11 @@ using namespace ism::detail;
 using ism::Points2;
 using ism::Vec2;
 using shapes::Disk;
+using shapes::half_edges;
 using shapes::Rng;
 using FacePairs = std::set<std::pair<int, int>>;
 
-HalfEdgeMesh half_edges(const Disk& disk) {
-  return build_half_edges(static_cast<int>(disk.plane.rows()), disk.mesh.triangles);
-}
-
-bool injective(const Disk& disk) { return is_injective(half_edges(disk), disk.plane); }
+bool injective(const Disk& disk) { return is_injective(half_edges(disk.mesh), disk.plane); }
 
 /// Two embedded disks and their overlay.
 struct Pair {
@@ -36,7 +33,7 @@ struct Pair {
   Overlay overlay;
 
   Pair(const Disk& disk_a, const Disk& disk_b)
-      : a(half_edges(disk_a)), b(half_edges(disk_b)), f(disk_a.plane), g(disk_b.plane) {
+      : a(half_edges(disk_a.mesh)), b(half_edges(disk_b.mesh)), f(disk_a.plane), g(disk_b.plane) {
     compute_overlay(a, f, b, g, overlay);
   }
 
@@ -491,7 +488,7 @@ TEST_CASE("a mirrored embedding is not injective") {
 TEST_CASE("a flipped triangle is found wherever it is") {
   Rng rng(10);
   const Disk disk = shapes::random_disk(4, 4, rng);
-  const HalfEdgeMesh m = half_edges(disk);
+  const HalfEdgeMesh m = half_edges(disk.mesh);
   REQUIRE(is_injective(m, disk.plane));
   for (int f = 0; f < m.n_faces; ++f)
     for (int k = 0; k < 3; ++k) {  // corner k goes slightly beyond the opposite edge
@@ -523,7 +520,7 @@ TEST_CASE("a vertex around which the triangles turn twice is not injective") {
   for (int n : {7, 8, 9, 12, 20}) {
     CAPTURE(n);
     const Disk once = winding_fan(n, 1), twice = winding_fan(n, 2);
-    const HalfEdgeMesh m = half_edges(twice);
+    const HalfEdgeMesh m = half_edges(twice.mesh);
     CHECK(angle_sums_are_full(m, once.plane));
     CHECK(all_triangles_positive(m, twice.plane));
     CHECK(!angle_sums_are_full(m, twice.plane));
@@ -533,8 +530,8 @@ TEST_CASE("a vertex around which the triangles turn twice is not injective") {
   Disk axes = shapes::fan(8);
   const int x[4] = {1, 0, -1, 0}, y[4] = {0, 1, 0, -1};
   for (int i = 0; i < 8; ++i) axes.plane.row(1 + i) << (1 + i) * x[i % 4], (1 + i) * y[i % 4];
-  CHECK(all_triangles_positive(half_edges(axes), axes.plane));
-  CHECK(!angle_sums_are_full(half_edges(axes), axes.plane));
+  CHECK(all_triangles_positive(half_edges(axes.mesh), axes.plane));
+  CHECK(!angle_sums_are_full(half_edges(axes.mesh), axes.plane));
   Disk four = shapes::fan(4);
   for (int i = 0; i < 4; ++i) four.plane.row(1 + i) << x[i], y[i];
   CHECK(injective(four));
@@ -542,7 +539,7 @@ TEST_CASE("a vertex around which the triangles turn twice is not injective") {
 
 TEST_CASE("a boundary that crosses itself is not injective though all triangles are positive") {
   const Disk overlapping = bent_strip(30, 7.0, 1, 2), spiral = bent_strip(30, 7.0, 1, 2, 3);
-  const HalfEdgeMesh m = half_edges(overlapping);
+  const HalfEdgeMesh m = half_edges(overlapping.mesh);
   CHECK(all_triangles_positive(m, overlapping.plane));
   CHECK(angle_sums_are_full(m, overlapping.plane));
   CHECK(!boundary_is_simple(m, overlapping.plane));
@@ -591,7 +588,7 @@ TEST_CASE("a boundary corner folded onto itself is not injective") {
     builder.vertex(p.x(), p.y());
   for (int i = 1; i < 5; ++i) builder.triangle(0, i, i + 1);
   Disk fold = builder.build();
-  const HalfEdgeMesh m = half_edges(fold);
+  const HalfEdgeMesh m = half_edges(fold.mesh);
   CHECK(all_triangles_positive(m, fold.plane));
   CHECK(!is_injective(m, fold.plane));
   fold.plane.row(5) << 1, -0x1p-52;
