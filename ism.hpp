@@ -211,15 +211,19 @@ struct Options {
   Variant variant = Variant::kFull;
   /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
   /// the kinks that E has where vertices cross edges of the other mesh, and ends lower.
-  int history_length = 12;          // ≥ 1
-  double history_decay = 0.8;       // in (0, 1]
-  double omega_start = 1e4;         // > 0, first ω_L of §5.4
-  double omega_factor = 2.0;        // α > 1 of §5.4
-  double omega_least = 1e-4;        // in [0, omega_start], not lowered further: it hardly acts
+  int history_length = 12;     // ≥ 1
+  double history_decay = 0.8;  // in (0, 1]
+  /// ω_L of §5.4: its first value (> 0), the factor α > 1 by which an iteration may change it, and
+  /// the value in [0, omega_start] below which it hardly acts and is not lowered further.
+  double omega_start = 1e4;
+  double omega_factor = 2.0;  // the paper's 1.25 takes three times as many iterations to let go
+  double omega_least = 1e-4;
   double max_displacement = 0.2;    // > 0, of a vertex in a step, in radii of the domain
   double max_coverage_loss = 0.05;  // > 0, in a step, as a fraction of the area of either mesh
-  double least_coverage = 0.5;      // in [0, 1), share of the area covered at the start that stays
-  int max_iterations = 400;         // ≥ 0
+  /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
+  /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
+  double least_coverage = 0.5;
+  int max_iterations = 400;  // ≥ 0
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again.
   double tolerance = 1e-4;   // ≥ 0
@@ -233,8 +237,8 @@ struct Options {
   Points2 initial_f, initial_g;
 
   /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, at
-  /// most 550 iterations. The bounds on a step stay: without them the empty
-  /// overlap is reached in the first iterations.
+  /// most 550 iterations. The bounds on a step stay: without them the empty overlap is reached in
+  /// the first iterations.
   static Options paper() {
     Options options;
     options.coverage_weight = 0;
@@ -4019,7 +4023,10 @@ class PairEmbedder {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
     Hierarchy a(pair_.a, keep_a, outline_), b(pair_.b, keep_b, outline_);
-    if (!tell("decimated the meshes", result)) return;
+    const bool is_free = outline_ == Outline::kFree;
+    if (!tell(is_free ? "decimated the meshes" : "once more, with the boundaries on circles",
+              result))
+      return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
     if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return;
     if (landmarks_.size() < 2 && !align_by_trial(a, b, result)) return;
@@ -4142,7 +4149,7 @@ class PairEmbedder {
     return rigid_motion(2 * kPi * i / n, from, to);
   }
 
-  /// Mean distortion divided by coverage, after some iterations of Algorithm 1.
+  /// Mean distortion divided by coverage, after some iterations of Algorithm 1 (0: as it is).
   double badness(const SurfacePair& pair, const Points2& f, const Points2& g,
                  int iterations) const {
     Options options = options_;
