@@ -36,7 +36,7 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
-  --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2)
+  --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2.2)
   --preset paper     the constants of the paper (kappa 0, omega from 1e9, factor 1.25)
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 400)
