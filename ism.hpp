@@ -103,7 +103,8 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of.
+/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of; which
+/// mesh they belong to, and whether they are vertices or triangles, the sentence says.
 enum class Status {
   kConverged,         // the stopping rule of Options::tolerance was met
   kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
@@ -229,7 +230,7 @@ struct Options {
   double tolerance = 1e-4;   // ≥ 0
   int window = 10;           // ≥ 1
   bool keep_scale = false;   // false: both meshes are scaled to area 1 first
-  int threads = 0;           // 0: as many as the machine has; results do not depend on it
+  int threads = 0;           // ≥ 0; 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each step of either phase, from the calling thread; return false to cancel.
   std::function<bool(const Progress&)> progress;
@@ -266,7 +267,7 @@ struct Embedding {
   double seconds = 0;
 };
 
-/// The outcome of compute_map(). Positions are valid whenever is_usable(status).
+/// The outcome of compute_map(). Positions are valid, and to be used, if is_usable(status).
 struct Result {
   Status status = Status::kConverged;
   std::string message;            // a sentence for the user
@@ -275,7 +276,7 @@ struct Result {
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> log;  // one entry per iteration
-  double seconds = 0;             // optimisation alone
+  double seconds = 0;             // of the optimisation; those of the start are in start.seconds
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
   const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
 };
@@ -336,6 +337,7 @@ class SurfaceMap {
   Status status() const;
   const std::string& message() const;
 
+  /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
   MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
   MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
   MappedPoint forward_vertex(int a) const;
@@ -832,6 +834,7 @@ inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
   for_each_edge(uses, [&](int begin, int end) {
+    if (uses[begin].lo == uses[begin].hi) return;  // of a triangle that uses a vertex twice
     std::vector<int> faces;
     for (int i = begin; i < end; ++i) faces.push_back(uses[i].half_edge / 3);
     const std::string edge =
@@ -4132,10 +4135,14 @@ class PairEmbedder {
       order.push_back({badness(coarse, transformed(x, rotation(a, b, i, kRotations)), y, 0), i});
     std::sort(order.begin(), order.end());
     order.resize(kOptimized);
+    int tried = 0;
     for (auto& candidate : order) {
       const Points2 f = transformed(x, rotation(a, b, candidate.second, kRotations));
       candidate.first = badness(coarse, f, y, kIterations);
-      if (!tell("trying rotations", result)) return false;
+      ++tried;
+      if (!tell("tried rotation " + std::to_string(tried) + " of " + std::to_string(kOptimized),
+                result))
+        return false;
     }
     const int best = std::min_element(order.begin(), order.end())->second;
     a.move(rotation(a, b, best, kRotations));
@@ -4205,8 +4212,7 @@ bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
   const std::vector<Problem> problems = validate(mesh);
   if (problems.empty()) return true;
   std::string message = std::string("mesh ") + name + ": " + problems[0].message;
-  if (problems.size() > 1)
-    message += " (and " + std::to_string(problems.size() - 1) + " more problems)";
+  if (problems.size() > 1) message += " (problem 1 of " + std::to_string(problems.size()) + ")";
   return fail(output, Status::kInvalidMesh, message, problems[0].ids);
 }
 
@@ -4263,7 +4269,8 @@ bool check_options(const Options& o, Output& output) {
                  "least_coverage must be in [0, 1)") &&
          require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
          require(o.tolerance >= 0, "tolerance must be at least 0") &&
-         require(o.window >= 1, "window must be at least 1");
+         require(o.window >= 1, "window must be at least 1") &&
+         require(o.threads >= 0, "threads must be at least 0");
 }
 
 template <class Output>
@@ -4317,9 +4324,9 @@ inline void given_positions(const SurfacePair& pair, const Options& options, Emb
 inline const char* explain(Status s) {
   switch (s) {
     case Status::kConverged:
-      return "the energy has settled";
+      return "the energy hardly falls any more";
     case Status::kIterationLimit:
-      return "stopped at the iteration limit; more would help";
+      return "stopped at the iteration limit";
     case Status::kStalled:
       return "no injective step lowers the energy";
     case Status::kCancelled:
@@ -4376,7 +4383,10 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
 inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
                           const std::vector<Landmark>& landmarks, const Options& options) {
   Result result;
-  if (!detail::check_input(a, b, landmarks, options, result)) return result;
+  if (!detail::check_input(a, b, landmarks, options, result)) {
+    result.start.status = result.status;
+    return result;
+  }
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
   if (options.initial_f.size() > 0 || options.initial_g.size() > 0)

@@ -37,13 +37,13 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
   --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2.2)
-  --preset paper     the constants of the paper (kappa 0, omega from 1e9, factor 1.25)
+  --preset paper     the constants of the paper (kappa 0, omega from 1e9, at most 550 iterations)
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 400)
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
-  --set NAME=VALUE   any number of the options that report.json lists; can be repeated
+  --set NAME=VALUE   any numeric option that report.json lists; can be repeated
   --quiet            print errors only
   --help             print this
 
@@ -116,7 +116,10 @@ std::string read_setting(const std::string& text, ism::Options& options) {
     known = true;
     error = read_number("--set " + name, value, target);
   });
-  return known ? error : "--set: there is no option '" + name + "'";
+  if (known) return error;
+  std::string names;
+  for_each_option(options, [&](const char* option, auto&) { names += ' ' + std::string(option); });
+  return "--set: there is no option '" + name + "', but these:" + names;
 }
 
 std::string read_variant(const std::string& text, ism::Variant& variant) {
@@ -208,8 +211,7 @@ std::string read_disk(const std::string& path, ism::TriangleMesh& mesh) {
   const std::vector<ism::Problem> problems = ism::validate(mesh);
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
-  if (problems.size() > 1)
-    error += " (and " + std::to_string(problems.size() - 1) + " more problems)";
+  if (problems.size() > 1) error += " (problem 1 of " + std::to_string(problems.size()) + ")";
   return error;
 }
 
@@ -346,6 +348,30 @@ class ProgressLine {
 
 // ==== [4] REPORT =================================================================================
 
+/// How far landmarks end from where they belong, in diagonals of the bounding box of B.
+struct LandmarkError {
+  double largest = 0;
+  ism::Landmark worst = {-1, -1};
+  int uncovered = 0;  // without an image
+};
+
+LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
+  const ism::Points3& b = input.b.vertices;
+  const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
+  LandmarkError result;
+  for (const ism::Landmark& l : input.landmarks) {
+    const ism::MappedPoint image = map.forward_vertex(l.a);
+    result.uncovered += !image.covered;
+    if (!image.covered) continue;
+    const ism::Vec3 target = b.row(l.b);
+    const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
+    if (distance < result.largest) continue;
+    result.largest = distance;
+    result.worst = l;
+  }
+  return result;
+}
+
 std::string quoted(const std::string& text) {
   std::string result = "\"";
   for (const char c : text) {
@@ -445,10 +471,11 @@ std::string json_options(const Arguments& args) {
 }
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
-                        const Seconds& s) {
+                        const LandmarkError& landmarks, const Seconds& s) {
   Json start, final;
   start.add("landmark_distance", result.start.landmark_distance);
   final.add("iterations", static_cast<int>(result.log.size()));
+  final.add("landmark_distance", landmarks.largest);
   add_state(result.initial, start);
   add_state(result.final_state(), final);
   const std::string seconds = Json()
@@ -535,8 +562,19 @@ std::string write_files(const std::string& folder, const std::vector<File>& file
   return {};
 }
 
+void print_landmarks(const Input& input, const ism::Result& result, const LandmarkError& error) {
+  constexpr double kFar = 0.1;
+  std::printf("landmarks    %zu, at most %.3g apart in the plane at the start (1: its radius),\n",
+              input.landmarks.size(), result.start.landmark_distance);
+  std::printf("             %.3g on B at the end (1: the diagonal of its box), %d not covered\n",
+              error.largest, error.uncovered);
+  if (error.largest > kFar)
+    std::printf("             %d goes far from %d: is it right, and is outside outside on both?\n",
+                error.worst.a, error.worst.b);
+}
+
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
-                   const Seconds& s) {
+                   const LandmarkError& landmarks, const Seconds& s) {
   const ism::IterationLog &first = result.initial, &last = result.final_state();
   const auto size = [](const ism::TriangleMesh& m) {
     return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
@@ -551,9 +589,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
-  if (!input.landmarks.empty())
-    std::printf("landmarks    %zu, at the start at most %.3g apart (1: radius of the domain)\n",
-                input.landmarks.size(), result.start.landmark_distance);
+  if (!input.landmarks.empty()) print_landmarks(input, result, landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
               s.embedding, s.optimization, s.derivatives);
@@ -615,13 +651,14 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(input.a, input.b, result.f, result.g);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
+  const LandmarkError landmarks = landmark_error(input, map);
   std::vector<File> files = result_files(input, result, map);
   seconds.output = seconds_since(start);
-  files.emplace_back("report.json", json_report(args, input, result, seconds));
+  files.emplace_back("report.json", json_report(args, input, result, landmarks, seconds));
   error = write_files(args.out, files);
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
-  if (!args.quiet) print_summary(args, input, result, seconds);
+  if (!args.quiet) print_summary(args, input, result, landmarks, seconds);
   return 0;
 }
 

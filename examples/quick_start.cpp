@@ -1,4 +1,4 @@
-// Maps one mesh onto another:  quick_start A.obj B.obj
+// Maps one mesh onto another:  quick_start A.obj B.obj [landmarks.txt]
 
 #include "ism.hpp"
 #include "mesh_io.hpp"  // reads the files; any other way to fill the arrays will do
@@ -12,26 +12,29 @@ static int fail(const std::string& message) {
 }
 
 int main(int argc, char** argv) {
-  if (argc != 3) return fail("usage: quick_start A.obj B.obj");
+  if (argc < 3) return fail("usage: quick_start A.obj B.obj [landmarks.txt]");
   const mesh_io::ReadResult a = mesh_io::read_mesh(argv[1]);
   const mesh_io::ReadResult b = mesh_io::read_mesh(argv[2]);
   if (!a.ok || !b.ok) return fail(a.ok ? b.error : a.error);
 
-  const std::vector<ism::Landmark> landmarks;  // pairs {vertex of A, vertex of B}, if known
+  std::vector<ism::Landmark> landmarks;  // pairs {vertex of A, vertex of B}, if known
+  if (argc > 3)
+    for (const mesh_io::IdPair& pair : mesh_io::read_pairs(argv[3]).pairs)
+      landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
   const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks);
   if (!ism::is_usable(result.status)) return fail(result.message);
 
   const ism::IterationLog& last = result.final_state();
-  std::cout << "status:     " << ism::to_string(result.status) << '\n'
-            << "distortion: " << last.mean_distortion << " (2 is an isometry)\n"
+  std::cout << "distortion: " << last.mean_distortion << " (2 is an isometry)\n"
             << "coverage:   " << last.coverage_a << " of A, " << last.coverage_b << " of B\n";
 
   const ism::SurfaceMap map(a.mesh, b.mesh, result.f, result.g);
-  const ism::MappedPoint image = map.forward_vertex(0);
-  if (image.covered)
-    std::cout << "vertex 0 of A goes to " << map.position_on_b(image.point).transpose()
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) {
+    const ism::MappedPoint image = map.forward_vertex(v);
+    if (!image.covered) continue;  // outside the common part
+    std::cout << "vertex " << v << " of A goes to " << map.position_on_b(image.point).transpose()
               << " in triangle " << image.point.face << " of B\n";
-  else
-    std::cout << "vertex 0 of A lies outside the common part\n";
+    break;
+  }
   return 0;
 }

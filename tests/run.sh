@@ -14,4 +14,4 @@ install doctest-dev has_header doctest/doctest.h
 cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON
 cmake --build "$build" --parallel "$jobs"
 cd "$build"
-ctest --output-on-failure --no-tests=error
+ctest --parallel "$jobs" --output-on-failure --no-tests=error

@@ -57,7 +57,9 @@ refused "--iterations needs a whole number from 0, not '-1'" a.obj b.obj -o out 
 refused "--iterations needs a whole number from 0, not '1.5'" a.obj b.obj -o out --iterations 1.5
 refused "--threads needs a whole number from 0, not ''" a.obj b.obj -o out --threads ""
 refused "--set needs NAME=VALUE, not 'window'" a.obj b.obj -o out --set window
-refused "--set: there is no option 'windows'" a.obj b.obj -o out --set windows=5
+names="$("$ism_map" a.obj b.obj -o out --set windows=5 2>&1 | grep -o "but these: .*window .*" || true)"
+[ -n "$names" ] || fail "--set does not say which options there are"
+refused "--set: there is no option 'windows', $names" a.obj b.obj -o out --set windows=5
 refused "--set window needs a whole number from 0, not 'x'" a.obj b.obj -o out --set window=x
 refused "--set keep_scale needs 0 or 1, not '2'" a.obj b.obj -o out --set keep_scale=2
 refused "option out of range: history_decay must be in (0, 1]" \

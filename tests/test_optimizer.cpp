@@ -741,6 +741,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
   refuse("window", &Options::window, Ints{0, -3});
+  refuse("threads", &Options::threads, Ints{-1});
 }
 
 TEST_CASE("meshes that are no disks are refused by name") {
