@@ -3546,6 +3546,7 @@ class FlatNewton {
     Array<Eigen::Matrix2d> J;
     for (std::size_t k = 0; k < x.size(); ++k)
       energy += embedding_energy(*problem_.surfaces[k], x[k], J);
+    if (x.size() < 2) return energy;
     for (const Spring& s : problem_.springs)
       energy += s.weight * (row2(x[0], s.a) - row2(x[1], s.b)).squaredNorm();
     return energy;
@@ -3638,9 +3639,14 @@ class FlatNewton {
     system_.gradient.setZero(2 * system_.pattern.rows());
     system_.H.assign(system_.pattern.blocks(), Eigen::Matrix2d::Zero());
     for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
+    if (x.size() == 2) assemble_springs(x[0], x[1]);
+    eliminate(is_fixed_, system_);
+  }
+
+  void assemble_springs(const Points2& f, const Points2& g) {
     for (const Spring& s : problem_.springs) {
       const int i = s.a, j = first_row(1) + s.b;
-      const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
+      const Vec2 force = 2 * s.weight * (row2(f, s.a) - row2(g, s.b));
       system_.gradient.segment<2>(2 * i) += force;
       system_.gradient.segment<2>(2 * j) -= force;
       const Eigen::Matrix2d stiffness = 2 * s.weight * Eigen::Matrix2d::Identity();
@@ -3648,7 +3654,6 @@ class FlatNewton {
       system_.H[find_block(system_.pattern, j, j)] += stiffness;
       system_.H[find_block(system_.pattern, i, j)] -= stiffness;
     }
-    eliminate(is_fixed_, system_);
   }
 
   void assemble_surface(std::size_t k, const Points2& x) {
