@@ -59,8 +59,12 @@
 #define ISM_VERSION_MINOR 1
 #define ISM_VERSION_PATCH 0
 
-#if defined(__FAST_MATH__)
-#error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math"
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
+#error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math and the like"
+#endif
+#include <cfloat>
+#if FLT_EVAL_METHOD != 0
+#error "ism.hpp decides orientations exactly; doubles must be evaluated as doubles (-mfpmath=sse)"
 #endif
 
 #include <Eigen/Core>
@@ -226,15 +230,18 @@ struct Options {
   double least_coverage = 0.5;
   int max_iterations = 400;  // ≥ 0
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
-  /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again.
+  /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again;
+  /// while ω_L comes down and is above 1e-3, nothing stops.
   double tolerance = 1e-4;   // ≥ 0
   int window = 10;           // ≥ 1
-  bool keep_scale = false;   // false: both meshes are scaled to area 1 first
+  bool keep_scale = false;   // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
   int threads = 0;           // ≥ 0; 0: as many as the machine has; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
-  /// Called after each step of either phase, from the calling thread; return false to cancel.
+  /// Called after each level of the embedding and each iteration, from the calling thread; return
+  /// false to cancel.
   std::function<bool(const Progress&)> progress;
-  /// Known planar positions, #V_A×2 and #V_B×2; when set, no initial embedding is computed.
+  /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
+  /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
 
   /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, at
@@ -260,7 +267,7 @@ struct Embedding {
   Status status = Status::kConverged;
   std::string message;
   std::vector<int> ids;  // ids the message speaks of
-  Points2 f;             // #V_A×2, planar positions of the vertices of A
+  Points2 f;             // #V_A×2, planar positions of the vertices of A, about as large as A
   Points2 g;             // #V_B×2, of B
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
@@ -272,7 +279,7 @@ struct Result {
   Status status = Status::kConverged;
   std::string message;            // a sentence for the user
   std::vector<int> ids;           // ids the message speaks of
-  Points2 f, g;                   // final planar positions
+  Points2 f, g;                   // final planar positions, #V_A×2 and #V_B×2
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> log;  // one entry per iteration
@@ -344,8 +351,8 @@ class SurfaceMap {
   MappedPoint backward_vertex(int b) const;
   std::vector<MappedPoint> forward_vertices() const;   // one per vertex of a valid mesh A
   std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
-  /// Where a point lies in space, in the units of the mesh given. p.face must be one of its
-  /// triangles.
+  /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
+  /// p.face one of its triangles.
   Vec3 position_on_a(const SurfacePoint& p) const;
   Vec3 position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh() const;
@@ -1320,7 +1327,8 @@ inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfE
 //             parametrised triangle in closed form, and the projection of Hessians to s.p.d. ones.
 // Invariants: six planar points, two rest frames and a corner code are the whole input; values are
 //             finite whenever both triangles are positive, also for polygons without area.
-// Fails:      never; non-positive triangles have energy +infinity.
+// Fails:      never; triangles that are not positive, or too thin for rounded determinants to be,
+//             have energy +infinity.
 
 namespace ism {
 namespace detail {
@@ -2923,7 +2931,11 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
 
 // ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
-// Purpose:    minimises E from an injective start.
+// Purpose:    minimises E from an injective start. Beyond the paper: the terms of Options that its
+//             preset switches off; bounds on the displacement and on the loss of covered area in a
+//             step; s = 1 is tried where it is within these bounds; Armijo's slope is that of the
+//             newest gradient, so that E never grows; history weights add up to 1, so that ω_L
+//             means the same in the first iterations.
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable, even with the vertices held
 //             at which a boundary touches itself; says so in the status.
@@ -3084,7 +3096,9 @@ class Optimizer {
               options_.least_coverage * x_.area_b};
     result.initial = describe(pair_, x_);
     result.initial.omega = omega_;
-    result.status = x_.overlay.polygons.empty() ? Status::kNoOverlap : Status::kIterationLimit;
+    result.status = Status::kIterationLimit;
+    if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
+    if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -4172,7 +4186,7 @@ class PairEmbedder {
     result.g = g;
     Optimizer(pair, options).run(result);
     const IterationLog& state = result.final_state();
-    if (result.status == Status::kNoOverlap) return kInfinity;
+    if (!is_usable(result.status)) return kInfinity;
     return state.mean_distortion / (state.coverage_a + state.coverage_b);
   }
 
@@ -4326,6 +4340,20 @@ inline void given_positions(const SurfacePair& pair, const Options& options, Emb
   check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
+/// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
+/// on it (§4.6), but E_f and E_g do, and ε. Being a power of two, it can be undone without
+/// rounding.
+inline double plane_scale(const SurfacePair& pair, const Points2& f, const Points2& g) {
+  const auto area = [](const HalfEdgeMesh& m, const Points2& x) {
+    double twice = 0;
+    for (int h : m.boundary) twice += cross(row2(x, m.tail[h]), row2(x, m.tip(h)));
+    return 0.5 * std::abs(twice);
+  };
+  const double ratio = pair.total_area() / (area(pair.a.mesh, f) + area(pair.b.mesh, g));
+  const double exponent = std::round(0.5 * std::log2(ratio));
+  return std::isfinite(exponent) ? std::exp2(exponent) : 1;
+}
+
 inline const char* explain(Status s) {
   switch (s) {
     case Status::kConverged:
@@ -4338,6 +4366,8 @@ inline const char* explain(Status s) {
       return "cancelled; this is the last injective iterate";
     case Status::kNoOverlap:
       return "the two embeddings do not overlap at the start";
+    case Status::kNumericalFailure:
+      return "a triangle of the start is too thin for the energy to be a number";
     default:
       return "";
   }
@@ -4394,7 +4424,8 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   }
   const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
                                     detail::build_surface(b, options.keep_scale)};
-  if (options.initial_f.size() > 0 || options.initial_g.size() > 0)
+  const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
+  if (is_given)
     detail::given_positions(pair, options, result.start);
   else
     detail::embed(pair, landmarks, options, result.start);
@@ -4403,10 +4434,13 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
     return result;
   }
   result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
-  result.f = result.start.f;
-  result.g = result.start.g;
+  const double scale = is_given ? detail::plane_scale(pair, result.start.f, result.start.g) : 1;
+  result.f = scale * result.start.f;
+  result.g = scale * result.start.g;
   detail::Timer timer;
   detail::Optimizer(pair, options).run(result);
+  result.f /= scale;
+  result.g /= scale;
   result.message = detail::explain(result.status);
   result.seconds = timer.lap();
   return result;

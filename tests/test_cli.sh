@@ -119,7 +119,7 @@ refused "-o file: $PWD/file is not a folder" a.obj b.obj -o file
 refused "-o file/x: $PWD/file is not a folder" a.obj b.obj -o file/x
 cp start/B.obj B.obj
 refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
-invalid "" a.obj b.obj --kappa -1
+invalid "coverage_weight must be at least 0" a.obj b.obj --kappa -1
 
 "$ism_map" --help | grep -q -- --landmarks || fail "--help does not help"
 
@@ -163,7 +163,7 @@ mkdir flipped && cp out/one/B.obj flipped/
 awk '/^vt/ { if (++n == 41) { keep = $0; next } if (n == 42) { print; print keep; next } } 1' \
   out/one/A.obj >flipped/A.obj
 rm -rf out.keep && mv out out.keep
-invalid "" a.obj b.obj --initial flipped
+invalid "initial_f is not an injective embedding" a.obj b.obj --initial flipped
 mv out.keep out
 
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.

@@ -11,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -450,4 +451,20 @@ TEST_CASE("the planes are in scaled units unless asked otherwise") {
   options.keep_scale = true;
   const Embedding kept = ism::initial_embedding(disk.mesh, disk.mesh, landmarks, options);
   CHECK(planar_area(kept.g) == doctest::Approx(36).epsilon(0.01));
+}
+
+TEST_CASE("with one landmark, on a boundary or not, the planes overlap") {
+  const Disk fan = shapes::fan(7), grid = shapes::grid(3, 3), strip = shapes::strip(9);
+  const std::pair<Disk, Disk> pairs[] = {{fan, grid}, {grid, strip}, {strip, fan}, {grid, grid}};
+  for (const auto& [a, b] : pairs)
+    for (int v = 0; v < 8; ++v) {
+      CAPTURE(v);
+      ism::Options options;
+      options.max_iterations = 0;
+      const ism::Result result = ism::compute_map(a.mesh, b.mesh, {{v, v}}, options);
+      CAPTURE(result.message);
+      REQUIRE(ism::is_usable(result.status));
+      CHECK(result.initial.coverage_a > 0.1);
+      CHECK(result.initial.coverage_b > 0.1);
+    }
 }

@@ -797,9 +797,29 @@ TEST_CASE("given positions that are no injective embedding are refused by name")
 TEST_CASE("embeddings apart have no map") {
   const Disk a = shapes::grid(2, 2);
   Options options = from_planes(a, a);
-  options.initial_g.col(0).array() += 10;
-  const Result result = ism::compute_map(a.mesh, a.mesh, {}, options);
-  check_refused(result, Status::kNoOverlap, "overlap");
+  for (const Vec2& shift : {Vec2(10, 0), Vec2(2, 0), Vec2(-2, 0), Vec2(0, 2), Vec2(0, -2)}) {
+    CAPTURE(shift.transpose());  // all but the first: they touch
+    options.initial_g = a.plane.rowwise() + shift.transpose();
+    const Result result = ism::compute_map(a.mesh, a.mesh, {}, options);
+    check_refused(result, Status::kNoOverlap, "overlap");
+  }
+}
+
+TEST_CASE("the unit of given positions does not matter") {
+  const auto [a, b] = random_pair(29);
+  const Result expected = ism::compute_map(a.mesh, b.mesh, {}, from_planes(a, b));
+  REQUIRE(ism::is_usable(expected.status));
+  for (double unit : {0x1p-20, 1024.0, 0x1p30}) {
+    CAPTURE(unit);
+    Options options = from_planes(a, b);
+    options.initial_f *= unit;
+    options.initial_g *= unit;
+    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+    CHECK(result.status == expected.status);
+    CHECK(result.f == unit * expected.f);
+    CHECK(result.g == unit * expected.g);
+    CHECK(result.final_state().energy == expected.final_state().energy);
+  }
 }
 
 // ---- presets and names ----
@@ -812,7 +832,9 @@ TEST_CASE("the paper preset has the paper's constants and can be run") {
   CHECK(paper.omega_start == 1e9);
   CHECK(paper.omega_factor == 1.25);
   CHECK(paper.omega_least == 0);
+  CHECK(paper.history_length == 6);
   CHECK(paper.history_decay == 0.5);
+  CHECK(paper.least_coverage == 0);
   CHECK(paper.max_iterations == 550);
   CHECK(paper.variant == ism::Variant::kFull);
   const auto [a, b] = random_pair(28);
