@@ -4011,7 +4011,7 @@ class Hierarchy {
     }
   }
 
-  static constexpr int kMostHalvings = 60;
+  static constexpr int kMostHalvings = 34;  // what is left after them is no room
 
   const Surface& s_;
   Outline outline_;
@@ -4025,6 +4025,26 @@ class Hierarchy {
 };
 
 // ---- both surfaces ----
+
+/// The centre of that triangle which lies farthest from the boundary.
+inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
+  Vec2 deepest = Vec2::Zero();
+  double largest = -1;
+  for (int f = 0; f < m.n_faces; ++f) {
+    const Vec2 p =
+        (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2))) / 3;
+    double depth = kInfinity;
+    for (int h : m.boundary) {
+      const Vec2 u = row2(x, m.tail[h]), edge = row2(x, m.tip(h)) - u;
+      const double t = std::clamp((p - u).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
+      depth = (std::min)(depth, (p - u - t * edge).norm());
+    }
+    if (depth <= largest) continue;
+    largest = depth;
+    deepest = p;
+  }
+  return deepest;
+}
 
 /// The embedding of a pair: each surface alone up to a coarse level, where the planes are brought
 /// together; then both, tied by the landmarks, up to the full meshes. Where the planes meet decides
@@ -4051,7 +4071,7 @@ class PairEmbedder {
       return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
     if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return;
-    if (landmarks_.size() < 2 && !align_by_trial(a, b, result)) return;
+    if (landmarks_.size() < 2 && !align_by_trial(a, b, kTrialIterations, result)) return;
     if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result)) return;
     if (outline_ == Outline::kFree) bring_together(a, b);
     while (!a.is_full() || !b.is_full()) {
@@ -4065,14 +4085,17 @@ class PairEmbedder {
     if (outline_ == Outline::kOnCircle) {  // all vertices are there, none needs the room any more
       outline_ = Outline::kFree;
       relax(a, b, 0);
+      if (landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return;
       bring_together(a, b);
     }
+    make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
   }
 
  private:
   static constexpr int kTrial = 800;           // vertices at which rotations are tried
+  static constexpr int kTrialIterations = 20;  // of Algorithm 1 for each
   static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
   static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
   static constexpr int kMostSteps = 30;        // Newton steps per level
@@ -4142,37 +4165,56 @@ class PairEmbedder {
     a.move(rigid_fit(from, to));
   }
 
-  /// Tries rotations of A about the landmark or the centre: the most promising ones are optimised
-  /// for a while, and the one with the least distortion for its coverage wins.
-  bool align_by_trial(Hierarchy& a, const Hierarchy& b, Embedding& result) const {
-    constexpr int kRotations = 24, kOptimized = 4, kIterations = 20;
+  /// Tries rotations of A about the landmark, or about its centre and its deepest point: the most
+  /// promising ones are optimised for a while, and the one with the least distortion for its
+  /// coverage wins.
+  bool align_by_trial(Hierarchy& a, const Hierarchy& b, int iterations, Embedding& result) const {
+    constexpr int kOptimized = 4;
     const Level level_a = a.current(), level_b = b.current();
     const SurfacePair coarse = {level_a.surface, level_b.surface};
     const Points2 x = a.positions(level_a), y = b.positions(level_b);
+    std::vector<RigidMotion> motions;
+    if (landmarks_.empty()) {
+      add_rotations(a.center(), b.center(), motions);
+      add_rotations(deepest_point(coarse.a.mesh, x), deepest_point(coarse.b.mesh, y), motions);
+    } else {
+      add_rotations(row2(a.positions(), landmarks_[0].a), row2(b.positions(), landmarks_[0].b),
+                    motions);
+    }
     std::vector<std::pair<double, int>> order;
-    for (int i = 0; i < kRotations; ++i)
-      order.push_back({badness(coarse, transformed(x, rotation(a, b, i, kRotations)), y, 0), i});
+    for (int i = 0; i < static_cast<int>(motions.size()); ++i)
+      order.push_back(
+          {badness(coarse, transformed(x, motions[static_cast<std::size_t>(i)]), y, 0), i});
     std::sort(order.begin(), order.end());
-    order.resize(kOptimized);
+    order.resize(iterations > 0 ? kOptimized : 1);
     int tried = 0;
     for (auto& candidate : order) {
-      const Points2 f = transformed(x, rotation(a, b, candidate.second, kRotations));
-      candidate.first = badness(coarse, f, y, kIterations);
+      const RigidMotion& motion = motions[static_cast<std::size_t>(candidate.second)];
+      candidate.first = badness(coarse, transformed(x, motion), y, iterations);
       ++tried;
-      if (!tell("tried rotation " + std::to_string(tried) + " of " + std::to_string(kOptimized),
+      if (!tell("tried rotation " + std::to_string(tried) + " of " + std::to_string(order.size()),
                 result))
         return false;
     }
     const int best = std::min_element(order.begin(), order.end())->second;
-    a.move(rotation(a, b, best, kRotations));
+    a.move(motions[static_cast<std::size_t>(best)]);
     return true;
   }
 
-  /// Rotation i of n that brings the landmark of A, or its centre, to that of B.
-  RigidMotion rotation(const Hierarchy& a, const Hierarchy& b, int i, int n) const {
-    const Vec2 from = landmarks_.empty() ? a.center() : row2(a.positions(), landmarks_[0].a);
-    const Vec2 to = landmarks_.empty() ? b.center() : row2(b.positions(), landmarks_[0].b);
-    return rigid_motion(2 * kPi * i / n, from, to);
+  static void add_rotations(const Vec2& from, const Vec2& to, std::vector<RigidMotion>& motions) {
+    constexpr int kRotations = 24;
+    for (int i = 0; i < kRotations; ++i)
+      motions.push_back(rigid_motion(2 * kPi * i / kRotations, from, to));
+  }
+
+  /// Where the two planes lie apart in spite of all, the deepest points of both come together.
+  void make_overlap(Hierarchy& a, const Hierarchy& b) const {
+    Iterate x;
+    x.f = a.positions();
+    x.g = b.positions();
+    evaluate(pair_, Weights{0, 1, 1}, x);
+    if (x.area_a > 0 && x.area_b > 0) return;
+    a.move(rigid_motion(0, deepest_point(pair_.a.mesh, x.f), deepest_point(pair_.b.mesh, x.g)));
   }
 
   /// Mean distortion divided by coverage, after some iterations of Algorithm 1 (0: as it is).

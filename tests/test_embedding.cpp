@@ -468,3 +468,38 @@ TEST_CASE("with one landmark, on a boundary or not, the planes overlap") {
       CHECK(result.initial.coverage_b > 0.1);
     }
 }
+
+TEST_CASE("planes overlap, whatever lies at their centres") {
+  Disk thin_ring = shapes::slit_ring(24, 0.3, 6);  // nothing at its centre
+  for (int v = 0; v < thin_ring.plane.rows(); ++v) {
+    const double r = thin_ring.plane.row(v).norm();
+    thin_ring.mesh.vertices.row(v) << (1 + 0.1 * r) / r * thin_ring.plane.row(v), 0;
+  }
+  Disk folded = shapes::grid(12, 40);  // unfolds from a circle
+  for (int v = 0; v < folded.plane.rows(); ++v)
+    for (int c = 0; c < 2; ++c) folded.mesh.vertices(v, c) = std::fmod(folded.plane(v, c), 2);
+  const Disk grid = shapes::grid(10, 10), comb = shapes::comb(3, 80);
+  const std::pair<Disk, Disk> pairs[] = {
+      {thin_ring, grid}, {grid, thin_ring}, {thin_ring, thin_ring}, {folded, grid}, {comb, grid}};
+  for (const auto& [a, b] : pairs)
+    for (const std::vector<Landmark>& landmarks :
+         {std::vector<Landmark>(), {{3, 5}}, {{3, 5}, {20, 7}}}) {
+      CAPTURE(landmarks.size());
+      ism::Options options;
+      options.max_iterations = 0;
+      const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+      CAPTURE(result.message);
+      REQUIRE(ism::is_usable(result.status));
+      CHECK(result.initial.coverage_a > 0);
+      CHECK(result.initial.coverage_b > 0);
+    }
+}
+
+TEST_CASE("a comb with long teeth starts isometric to itself") {
+  const Disk comb = shapes::comb(5, 5);
+  ism::Options options;
+  options.max_iterations = 0;
+  const ism::Result result = ism::compute_map(comb.mesh, comb.mesh, {}, options);
+  REQUIRE(ism::is_usable(result.status));
+  CHECK(result.initial.mean_distortion < 2.001);
+}
