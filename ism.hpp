@@ -4011,7 +4011,7 @@ class Hierarchy {
     }
   }
 
-  static constexpr int kMostHalvings = 34;  // what is left after them is no room
+  static constexpr int kMostHalvings = 44;  // what is left after them is no room
 
   const Surface& s_;
   Outline outline_;
