@@ -258,10 +258,13 @@ std::string check_output(const Arguments& args) {
   namespace fs = std::filesystem;
   std::error_code ec;
   for (const char* name :
-       {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "meta_A.obj", "meta_B.obj"})
+       {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "meta_A.obj", "meta_B.obj", "report.json"}) {
+    const fs::path target = fs::path(args.out) / name;
+    if (fs::is_directory(target, ec)) return "-o " + args.out + ": its " + name + " is a folder";
     for (const std::string& input : {args.a, args.b})
-      if (fs::equivalent(fs::path(args.out) / name, input, ec))
+      if (fs::equivalent(target, input, ec))
         return "-o " + args.out + " would overwrite the input " + input;
+  }
   fs::path folder = fs::absolute(args.out, ec);
   while (!folder.empty() && !fs::exists(folder, ec) && folder != folder.parent_path())
     folder = folder.parent_path();

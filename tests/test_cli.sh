@@ -117,6 +117,8 @@ refused "start/A.obj: 4 vertices, but the mesh has 81" a.obj b.obj -o out --init
 touch file
 refused "-o file: $PWD/file is not a folder" a.obj b.obj -o file
 refused "-o file/x: $PWD/file is not a folder" a.obj b.obj -o file/x
+mkdir -p taken/meta_A.obj
+refused "-o taken: its meta_A.obj is a folder" a.obj b.obj -o taken
 cp start/B.obj B.obj
 refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
 invalid "coverage_weight must be at least 0" a.obj b.obj --kappa -1
