@@ -289,10 +289,12 @@ struct Result {
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
-/// Works on every valid disk. With fewer than two landmarks, rotations of one plane against the
-/// other are tried by some iterations of the optimisation; where an outline is in its own way, the
-/// boundary unfolds from a circle, which strains the result. Statuses: kConverged, kInvalidMesh,
-/// kInvalidLandmarks, kInvalidOptions, kAborted, kNumericalFailure. Thread-safe.
+/// Works on most valid disks; kNumericalFailure names the vertex for which rounding leaves no room
+/// (sharply folded surfaces, sizes that differ by many orders of magnitude). With fewer than two
+/// landmarks, rotations of one plane against the other are tried by some iterations of the
+/// optimisation; where an outline is in its own way, the boundary unfolds from a circle, which
+/// strains the result. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions,
+/// kAborted, kNumericalFailure. Thread-safe.
 inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                                    const std::vector<Landmark>& landmarks = {},
                                    const Options& options = {});
@@ -4184,13 +4186,15 @@ class PairEmbedder {
     std::vector<std::pair<double, int>> order;
     for (int i = 0; i < static_cast<int>(motions.size()); ++i)
       order.push_back(
-          {badness(coarse, transformed(x, motions[static_cast<std::size_t>(i)]), y, 0), i});
+          {badness(coarse, transformed(x, motions[static_cast<std::size_t>(i)]), y), i});
     std::sort(order.begin(), order.end());
-    order.resize(iterations > 0 ? kOptimized : 1);
+    order.resize(kOptimized);
     int tried = 0;
     for (auto& candidate : order) {
       const RigidMotion& motion = motions[static_cast<std::size_t>(candidate.second)];
-      candidate.first = badness(coarse, transformed(x, motion), y, iterations);
+      Points2 f = transformed(x, motion), g = y;
+      optimize(coarse, iterations, f, g);
+      candidate.first = badness(coarse, f, g);
       ++tried;
       if (!tell("tried rotation " + std::to_string(tried) + " of " + std::to_string(order.size()),
                 result))
@@ -4209,17 +4213,13 @@ class PairEmbedder {
 
   /// Where the two planes lie apart in spite of all, the deepest points of both come together.
   void make_overlap(Hierarchy& a, const Hierarchy& b) const {
-    Iterate x;
-    x.f = a.positions();
-    x.g = b.positions();
-    evaluate(pair_, Weights{0, 1, 1}, x);
-    if (x.area_a > 0 && x.area_b > 0) return;
-    a.move(rigid_motion(0, deepest_point(pair_.a.mesh, x.f), deepest_point(pair_.b.mesh, x.g)));
+    const Points2 &f = a.positions(), &g = b.positions();
+    if (badness(pair_, f, g) < kInfinity) return;
+    a.move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
   }
 
-  /// Mean distortion divided by coverage, after some iterations of Algorithm 1 (0: as it is).
-  double badness(const SurfacePair& pair, const Points2& f, const Points2& g,
-                 int iterations) const {
+  /// Some iterations of Algorithm 1.
+  void optimize(const SurfacePair& pair, int iterations, Points2& f, Points2& g) const {
     Options options = options_;
     options.max_iterations = iterations;
     options.progress = nullptr;
@@ -4227,9 +4227,20 @@ class PairEmbedder {
     result.f = f;
     result.g = g;
     Optimizer(pair, options).run(result);
-    const IterationLog& state = result.final_state();
-    if (!is_usable(result.status)) return kInfinity;
-    return state.mean_distortion / (state.coverage_a + state.coverage_b);
+    if (!is_usable(result.status)) return;
+    f = result.f;
+    g = result.g;
+  }
+
+  /// Mean distortion divided by coverage; infinite without an overlap.
+  double badness(const SurfacePair& pair, const Points2& f, const Points2& g) const {
+    Iterate x;
+    x.f = f;
+    x.g = g;
+    evaluate(pair, Weights{0, 1, 1}, x);
+    const double coverage = x.area_a / pair.a.total_area + x.area_b / pair.b.total_area;
+    const double value = x.map_energy / (x.area_a + x.area_b) / coverage;
+    return value < kInfinity ? value : kInfinity;  // NaN, too
   }
 
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
