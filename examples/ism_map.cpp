@@ -3,7 +3,8 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 2 writes nothing, nor
+// does 1, unless it is the writing that failed (a full disk).
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
