@@ -289,12 +289,11 @@ struct Result {
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
-/// Works on most valid disks; kNumericalFailure names the vertex for which rounding leaves no room
-/// (sharply folded surfaces, sizes that differ by many orders of magnitude). With fewer than two
+/// kNumericalFailure names the vertex for which rounding leaves no room. With fewer than two
 /// landmarks, rotations of one plane against the other are tried by some iterations of the
-/// optimisation; where an outline is in its own way, the boundary unfolds from a circle, which
-/// strains the result. Statuses: kConverged, kInvalidMesh, kInvalidLandmarks, kInvalidOptions,
-/// kAborted, kNumericalFailure. Thread-safe.
+/// optimisation. Where an outline is in its own way or a surface is folded sharply, the boundary
+/// unfolds from a circle, which may strain the result. Statuses: kConverged, kInvalidMesh,
+/// kInvalidLandmarks, kInvalidOptions, kAborted, kNumericalFailure. Thread-safe.
 inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                                    const std::vector<Landmark>& landmarks = {},
                                    const Options& options = {});
@@ -721,6 +720,19 @@ inline Eigen::Matrix2d rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
   return R;
 }
 
+/// The same from the lengths |b - a|, |c - b|, |a - c|; the area is Kahan's, which keeps thin
+/// triangles positive.
+inline Eigen::Matrix2d rest_frame(const std::array<double, 3>& length) {
+  std::array<double, 3> l = length;
+  std::sort(l.begin(), l.end());
+  const double area = 0.25 * std::sqrt((l[2] + (l[1] + l[0])) * (l[0] - (l[2] - l[1])) *
+                                       (l[0] + (l[2] - l[1])) * (l[2] + (l[1] - l[0])));
+  const double ab = length[0], bc = length[1], ca = length[2];
+  Eigen::Matrix2d R;
+  R << ab, (ab * ab + (ca - bc) * (ca + bc)) / (2 * ab), 0, 2 * area / ab;
+  return R;
+}
+
 inline void compute_rest_frames(Surface& s) {
   const int n = s.mesh.n_faces;
   s.area.resize(n);
@@ -804,24 +816,39 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
     }
 }
 
-/// A triangle is degenerate if a vertex repeats or its height is below 1e-12 of its longest edge.
+/// The edge vectors of a triangle, one per row.
+inline Eigen::Matrix3d edge_vectors(const TriangleMesh& mesh, int f) {
+  const Vec3 a = mesh.vertices.row(mesh.triangles(f, 0)),
+             b = mesh.vertices.row(mesh.triangles(f, 1));
+  const Vec3 c = mesh.vertices.row(mesh.triangles(f, 2));
+  Eigen::Matrix3d edges;
+  edges << (b - a).transpose(), (c - b).transpose(), (a - c).transpose();
+  return edges;
+}
+
+/// A triangle is degenerate if a vertex repeats, if its height is below 1e-12 of its longest edge,
+/// or if it is smaller than 1e-30 of the largest one: fourth powers of the ratio have to exist.
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
-  constexpr double kThinnest = 1e-12;
+  constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
+  const auto add = [&](int f, const char* what) {
+    list.add(Problem::Kind::kDegenerateTriangle, "triangle " + std::to_string(f) + what, {f});
+  };
+  double largest = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f)
+    largest = (std::max)(largest, edge_vectors(mesh, f).cwiseAbs().maxCoeff());
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int i = mesh.triangles(f, 0), j = mesh.triangles(f, 1), k = mesh.triangles(f, 2);
-    Eigen::Matrix3d edges;
-    edges << mesh.vertices.row(j) - mesh.vertices.row(i),
-        mesh.vertices.row(k) - mesh.vertices.row(j), mesh.vertices.row(i) - mesh.vertices.row(k);
+    Eigen::Matrix3d edges = edge_vectors(mesh, f);
     const double extent = edges.cwiseAbs().maxCoeff();  // taken out, so that squares exist
     if (extent > 0) edges /= extent;
     const double longest2 = edges.rowwise().squaredNorm().maxCoeff();
     const double twice_area = edges.row(0).cross(edges.row(1)).norm();
     if (i == j || j == k || k == i)
-      list.add(Problem::Kind::kDegenerateTriangle,
-               "triangle " + std::to_string(f) + " uses a vertex twice", {f});
+      add(f, " uses a vertex twice");
     else if (!(twice_area > kThinnest * longest2))
-      list.add(Problem::Kind::kDegenerateTriangle, "triangle " + std::to_string(f) + " has no area",
-               {f});
+      add(f, " has no area");
+    else if (extent < kSmallest * largest)
+      add(f, " is smaller than 1e-30 of the largest triangle");
   }
 }
 
@@ -3285,8 +3312,10 @@ class Optimizer {
 //             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
 //             below what doubles resolve; so the mesh is decimated, the coarse mesh is embedded by
 //             Tutte's theorem, and its vertices return in the reverse order, relaxed on the way
-//             [Hormann and Greiner 2000; Tutte 1963]. Where a long outline gets in its own way,
-//             the boundary is held on a circle until all vertices are back.
+//             [Hormann and Greiner 2000; Tutte 1963]. Where a long outline gets in its own way or a
+//             fold has no good coarse shape, once more without regard to shape: the boundary on a
+//             circle and all edges alike until every vertex is back, then step by step to their
+//             own lengths.
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
@@ -3393,12 +3422,26 @@ struct DynamicMesh {
   }
 };
 
-/// Chooses the collapses: the error quadric of Garland and Heckbert 1997 plus a little of the edge
-/// length, cheapest first. Protected vertices go as late as the shape of triangles allows.
+/// The lengths that the levels of an embedding are relaxed to.
+enum class Metric {
+  kSurface,  // of the surface, the boundary is free
+  kUniform   // all edges alike, the boundary is held on a circle: connectivity alone counts
+};
+
+/// Chooses the collapses, cheapest first. In the metric of the surface the cost is the error
+/// quadric of Garland and Heckbert 1997 plus a little of the edge length, and protected vertices go
+/// as late as the shape of triangles allows. In the uniform metric it is the number of vertices
+/// that are then merged into one, times its valence, so that every level is as even as the full
+/// mesh.
 class Decimation {
  public:
-  Decimation(const Surface& s, const Array<char>& is_protected, DynamicMesh& mesh)
-      : s_(s), protected_(is_protected), mesh_(mesh), version_(s.mesh.n_vertices, 0) {
+  Decimation(const Surface& s, const Array<char>& is_protected, Metric metric, DynamicMesh& mesh)
+      : s_(s),
+        protected_(is_protected),
+        metric_(metric),
+        mesh_(mesh),
+        version_(s.mesh.n_vertices, 0),
+        merged_(s.mesh.n_vertices, 1) {
     compute_quadrics();
   }
 
@@ -3421,6 +3464,7 @@ class Decimation {
           continue;
         }
         quadric_[c.v] += quadric_[c.u];
+        merged_[c.v] += merged_[c.u];
         collapses.push_back(mesh_.collapse(c.u, c.v));
         ++version_[c.u];
         --active;
@@ -3466,13 +3510,22 @@ class Decimation {
     Candidate best{kInfinity, u, -1, version_[u]};
     const Array<int> ring = mesh_.neighbours(u);
     for (int v : ring) {
-      const double cost = collapse_cost(u, v);
-      if (cost < best.cost && mesh_.may_collapse(u, v, ring) && shape_allows(u, v)) {
+      const bool is_uniform = metric_ == Metric::kUniform;
+      const double cost = is_uniform ? merging_cost(u, v) : collapse_cost(u, v);
+      if (cost < best.cost && mesh_.may_collapse(u, v, ring) &&
+          (is_uniform || shape_allows(u, v))) {
         best.cost = cost;
         best.v = v;
       }
     }
     if (best.v >= 0) queue_.push(best);
+  }
+
+  double merging_cost(int u, int v) const {
+    constexpr int kRegular = 6;
+    const int dead = mesh_.on_boundary(u) ? 1 : 2;
+    const int valence = mesh_.faces_of[u].size() + mesh_.faces_of[v].size() - 2 * dead;
+    return static_cast<double>(merged_[u] + merged_[v]) * (std::max)(valence, kRegular);
   }
 
   double collapse_cost(int u, int v) const {
@@ -3516,9 +3569,11 @@ class Decimation {
 
   const Surface& s_;
   const Array<char>& protected_;
+  const Metric metric_;
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
   Array<int> version_;
+  Array<int> merged_;  // per vertex, those it stands for
   std::priority_queue<Candidate> queue_;
   bool keep_shape_ = true;
 };
@@ -3702,6 +3757,33 @@ struct Level {
   Array<int> place;   // and back, -1 for vertices that are absent
 };
 
+/// The same mesh with every edge length raised to a power t in [0, 1], in all of a given area. From
+/// t = 0, where all triangles are alike, to t = 1 the lengths of a triangle stay those of one:
+/// c ≤ a + b implies c^t ≤ (a + b)^t ≤ a^t + b^t.
+inline Surface softened(const Surface& s, double t, double total_area) {
+  Surface soft = s;
+  soft.total_area = 0;
+  for (int f = 0; f < s.mesh.n_faces; ++f) {
+    std::array<double, 3> length;
+    for (int k = 0; k < 3; ++k) {
+      const int u = s.mesh.corner(f, k), v = s.mesh.corner(f, (k + 1) % 3);
+      const double l = (s.vertices.row(v) - s.vertices.row(u)).norm();
+      length[static_cast<std::size_t>(k)] = std::pow(l, t);
+    }
+    const Eigen::Matrix2d R = rest_frame(length);
+    soft.area[f] = 0.5 * R.determinant();
+    soft.rest_inverse[f] = R.inverse();
+    soft.total_area += soft.area[f];
+  }
+  const double scale = total_area / soft.total_area;
+  for (int f = 0; f < s.mesh.n_faces; ++f) {
+    soft.area[f] *= scale;
+    soft.rest_inverse[f] /= std::sqrt(scale);
+  }
+  soft.total_area = total_area;
+  return soft;
+}
+
 /// Clips a convex polygon by the half-plane left of p → q.
 inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, const Vec2& q) {
   std::vector<Vec2> result;
@@ -3715,20 +3797,16 @@ inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, c
   return result;
 }
 
-/// What becomes of the boundary while vertices return.
-enum class Outline {
-  kFree,     // relaxed with the rest, as long as it does not meet itself
-  kOnCircle  // held: much distortion, but no part of it gets in the way of another
-};
-
 class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
-  Hierarchy(const Surface& s, const Array<char>& is_protected, Outline outline)
-      : s_(s), outline_(outline), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, mesh_).run(kBase);
-    measure_boundary();
+  Hierarchy(const Surface& s, const Array<char>& is_protected, Metric metric)
+      : s_(s), metric_(metric), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
+    collapses_ = Decimation(s, is_protected, metric, mesh_).run(kBase);
+    boundary_index_.assign(s.mesh.n_vertices, -1);
+    for (int i = 0; i < s.mesh.boundary.size(); ++i)
+      boundary_index_[s.mesh.tail[s.mesh.boundary[i]]] = i;
   }
 
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
@@ -3795,12 +3873,12 @@ class Hierarchy {
     for (int i = 0; i < level.vertex.size(); ++i) x_.row(level.vertex[i]) = x.row(i);
   }
   const Points2& positions() const { return x_; }
+  double total_area() const { return s_.total_area; }
   /// Moves the plane, unless rounding would cost the injectivity of so thin an embedding.
   void move(const RigidMotion& motion) {
     const Level level = current();
     if (!is_injective(level.surface.mesh, transformed(positions(level), motion))) return;
     x_ = transformed(x_, motion);
-    circle_center_ = motion * circle_center_.homogeneous();
   }
 
   /// The mean position of the present vertices.
@@ -3811,7 +3889,7 @@ class Hierarchy {
     while (!is_full() && active() < target) {
       const Collapse c = collapses_.back();
       collapses_.pop_back();
-      metric_ = local_metric(c.changed);
+      local_metric_ = local_metric(c.changed);
       mesh_.undo(c);
       if (!place(c)) return c.u;
     }
@@ -3826,6 +3904,11 @@ class Hierarchy {
     return {t[(k + 1) % 3], t[(k + 2) % 3]};
   }
 
+  Eigen::Matrix2d rest(int a, int b, int c) const {
+    if (metric_ == Metric::kUniform) return rest_frame({1.0, 1.0, 1.0});
+    return rest_frame(s_.vertices.row(a), s_.vertices.row(b), s_.vertices.row(c));
+  }
+
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
   Eigen::Matrix2d local_metric(const Array<int>& faces) const {
@@ -3834,8 +3917,7 @@ class Hierarchy {
     double total = 0;
     for (int f : faces) {
       const auto& t = mesh_.face[f];
-      const Eigen::Matrix2d R =
-          rest_frame(s_.vertices.row(t[0]), s_.vertices.row(t[1]), s_.vertices.row(t[2]));
+      const Eigen::Matrix2d R = rest(t[0], t[1], t[2]);
       const Eigen::Matrix2d J =
           jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), R.inverse());
       S += 0.5 * R.determinant() * J * J.transpose();
@@ -3854,7 +3936,7 @@ class Hierarchy {
   /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
   /// triangle, close to the middle of that edge.
   bool place(const Collapse& c) {
-    if (outline_ == Outline::kOnCircle && mesh_.on_boundary(c.u)) return place_on_circle(c);
+    if (metric_ == Metric::kUniform && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
     if (!mesh_.on_boundary(c.u)) return false;
@@ -3864,35 +3946,25 @@ class Hierarchy {
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
   }
 
-  /// Measures the boundary of the full mesh.
-  void measure_boundary() {
-    boundary_position_.assign(s_.mesh.n_vertices, 0);
-    for (int h : s_.mesh.boundary) {
-      const int u = s_.mesh.tail[h], v = s_.mesh.tip(h);
-      boundary_position_[u] = perimeter_;
-      perimeter_ += (s_.vertices.row(v) - s_.vertices.row(u)).norm();
-    }
+  /// The number of edges of the full boundary from u on to v.
+  int boundary_distance(int u, int v) const {
+    const int distance = boundary_index_[v] - boundary_index_[u];
+    return distance > 0 ? distance : distance + s_.mesh.boundary.size();
   }
 
-  /// The length of the full boundary from u on to v.
-  double boundary_length(int u, int v) const {
-    const double length = boundary_position_[v] - boundary_position_[u];
-    return length > 0 ? length : length + perimeter_;
-  }
-
-  /// Puts u on the arc that its boundary edge cut off, where the length of the full boundary says,
-  /// or as close to v as its triangles demand.
+  /// Puts u on the arc that its boundary edge cut off, where the full boundary has it, or as close
+  /// to v as its triangles demand.
   bool place_on_circle(const Collapse& c) {
     const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
-    const double to_u = boundary_length(before, c.u), from_u = boundary_length(c.u, after);
-    const Vec2 p = row2(x_, before) - circle_center_, q = row2(x_, after) - circle_center_;
+    const double to_u = boundary_distance(before, c.u), from_u = boundary_distance(c.u, after);
+    const Vec2 p = row2(x_, before), q = row2(x_, after);
     double arc = std::atan2(cross(p, q), p.dot(q));
     if (arc < 0) arc += 2 * kPi;
     const double ideal = arc * to_u / (to_u + from_u);
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
       const double angle = c.v == before ? t * ideal : arc - t * (arc - ideal);
-      x_.row(c.u) = (circle_center_ + Eigen::Rotation2Dd(angle) * p).transpose();
+      x_.row(c.u) = (Eigen::Rotation2Dd(angle) * p).transpose();
       if (fits(c.u)) return true;
     }
     return false;
@@ -3978,16 +4050,14 @@ class Hierarchy {
     hessian.setZero();
     for (int f : mesh_.faces_of[u]) {
       const auto edge = opposite(f, u);
-      const Vec3 a = s_.vertices.row(u), b = s_.vertices.row(edge.first);
-      const Vec3 c = s_.vertices.row(edge.second);
-      const Eigen::Matrix2d R = rest_frame(a, b, c), inverse = R.inverse();
+      const Eigen::Matrix2d R = rest(u, edge.first, edge.second), inverse = R.inverse();
       const Eigen::Matrix2d J =
           jacobian(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second), inverse);
       const TriangleDerivatives d =
-          triangle_derivatives(metric_ * J, inverse, 0.5 * R.determinant());
+          triangle_derivatives(local_metric_ * J, inverse, 0.5 * R.determinant());
       energy += d.value;
-      gradient += metric_ * d.gradient.head<2>();
-      hessian += metric_ * d.hessian.topLeftCorner<2, 2>() * metric_;
+      gradient += local_metric_ * d.gradient.head<2>();
+      hessian += local_metric_ * d.hessian.topLeftCorner<2, 2>() * local_metric_;
     }
     return energy;
   }
@@ -4016,14 +4086,12 @@ class Hierarchy {
   static constexpr int kMostHalvings = 44;  // what is left after them is no room
 
   const Surface& s_;
-  Outline outline_;
-  Vec2 circle_center_ = Vec2::Zero();
-  double perimeter_ = 0;
-  Array<double> boundary_position_;  // per vertex of the full mesh, along its boundary
+  const Metric metric_;
+  Array<int> boundary_index_;  // per vertex of the full mesh, along its boundary
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
-  Eigen::Matrix2d metric_ = Eigen::Matrix2d::Identity();  // of the plane around the next vertex
+  Eigen::Matrix2d local_metric_ = Eigen::Matrix2d::Identity();  // around the next vertex
 };
 
 // ---- both surfaces ----
@@ -4048,48 +4116,30 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   return deepest;
 }
 
-/// The embedding of a pair: each surface alone up to a coarse level, where the planes are brought
-/// together; then both, tied by the landmarks, up to the full meshes. Where the planes meet decides
-/// the isotopy class of the map around the landmarks, and limbs that have unfolded freely before
-/// decide it better than limbs that are pulled while they unfold. For the same reason boundaries
-/// that were held on circles unfold before the planes are brought together.
+/// The embedding of a pair. In the metric of the surfaces: each alone up to a coarse level, where
+/// the planes are brought together; then both, tied by the landmarks, up to the full meshes. Where
+/// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
+/// unfolded freely before decide it better than limbs that are pulled while they unfold. In the
+/// uniform metric nothing has unfolded before all vertices are there, so all of this comes last.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, Outline outline)
+               const Options& options, Metric metric)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
-        outline_(outline),
+        metric_(metric),
         executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, outline_), b(pair_.b, keep_b, outline_);
-    const bool is_free = outline_ == Outline::kFree;
-    if (!tell(is_free ? "decimated the meshes" : "once more, with the boundaries on circles",
-              result))
+    Hierarchy a(pair_.a, keep_a, metric_), b(pair_.b, keep_b, metric_);
+    const bool is_uniform = metric_ == Metric::kUniform;
+    if (!tell(is_uniform ? "once more, by connectivity alone" : "decimated the meshes", result))
       return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
-    if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return;
-    if (landmarks_.size() < 2 && !align_by_trial(a, b, kTrialIterations, result)) return;
-    if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result)) return;
-    if (outline_ == Outline::kFree) bring_together(a, b);
-    while (!a.is_full() || !b.is_full()) {
-      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
-                    std::to_string(b.active()) + " vertices",
-                result))
-        return;
-      if (!grow(a, "A", result) || !grow(b, "B", result)) return;
-      relax(a, b, outline_ == Outline::kFree ? kStiffest : 0);
-    }
-    if (outline_ == Outline::kOnCircle) {  // all vertices are there, none needs the room any more
-      outline_ = Outline::kFree;
-      relax(a, b, 0);
-      if (landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return;
-      bring_together(a, b);
-    }
+    if (!(is_uniform ? meet_last(a, b, result) : meet_early(a, b, result))) return;
     make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
@@ -4102,6 +4152,32 @@ class PairEmbedder {
   static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
   static constexpr int kMostSteps = 30;        // Newton steps per level
   static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
+
+  bool meet_early(Hierarchy& a, Hierarchy& b, Embedding& result) const {
+    if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return false;
+    if (landmarks_.size() < 2 && !align_by_trial(a, b, kTrialIterations, result)) return false;
+    if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result))
+      return false;
+    bring_together(a, b);
+    while (!a.is_full() || !b.is_full()) {
+      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
+                    std::to_string(b.active()) + " vertices",
+                result))
+        return false;
+      if (!grow(a, "A", result) || !grow(b, "B", result)) return false;
+      relax(a, b, kStiffest);
+    }
+    return true;
+  }
+
+  bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
+    if (!embed_alone(a, "A", pair_.n_a(), result) || !embed_alone(b, "B", pair_.n_b(), result))
+      return false;
+    if (!unfold(a, pair_.a, "A", result) || !unfold(b, pair_.b, "B", result)) return false;
+    if (landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return false;
+    bring_together(a, b);
+    return true;
+  }
 
   bool tell(const std::string& what, Embedding& result) const {
     if (!options_.progress) return true;
@@ -4127,10 +4203,12 @@ class PairEmbedder {
 
   /// Embeds one surface, without the other, up to a number of vertices.
   bool embed_alone(Hierarchy& h, const std::string& name, int target, Embedding& result) const {
+    const bool is_uniform = metric_ == Metric::kUniform;
     while (true) {
-      const Level level = h.current();
+      Level level = h.current();
+      if (is_uniform) level.surface = softened(level.surface, 0, h.total_area());
       std::vector<Points2> x = {h.positions(level)};
-      const FlatProblem problem = {{&level.surface}, {}, outline_ == Outline::kOnCircle};
+      const FlatProblem problem = {{&level.surface}, {}, is_uniform};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
       if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
@@ -4138,6 +4216,23 @@ class PairEmbedder {
       if (h.is_full() || h.active() >= target) return true;
       if (!grow(h, name, result)) return false;
     }
+  }
+
+  /// Lets go of the boundary and returns from the uniform metric to that of the surface.
+  bool unfold(Hierarchy& h, const Surface& s, const std::string& name, Embedding& result) const {
+    constexpr int kStages = 4;
+    std::vector<Points2> x = {h.positions()};
+    for (int i = 0; i <= kStages; ++i) {
+      const Surface soft = i < kStages ? softened(s, i / double{kStages}, s.total_area) : s;
+      const FlatProblem problem = {{&soft}, {}, false};
+      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
+      if (!tell("unfolding " + name + ": stage " + std::to_string(i + 1) + " of " +
+                    std::to_string(kStages + 1),
+                result))
+        return false;
+    }
+    h.set(h.current(), x[0]);
+    return true;
   }
 
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
@@ -4246,8 +4341,7 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
-    FlatProblem problem = {
-        {&level_a.surface, &level_b.surface}, {}, outline_ == Outline::kOnCircle};
+    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}, false};
     if (weight > 0) {
       const std::vector<Landmark> landmarks = present_landmarks(a, b);
       for (const Landmark& l : landmarks)
@@ -4263,7 +4357,7 @@ class PairEmbedder {
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
-  Outline outline_;
+  const Metric metric_;
   Executor executor_;
 };
 
@@ -4360,15 +4454,27 @@ inline double largest_landmark_distance(const Embedding& e,
   return largest / domain_radius(e.f, e.g);
 }
 
-/// Embeds with free boundaries; where a long boundary is in its own way, once more with the
-/// boundaries on circles.
+/// E_f + E_g, infinite for a failure.
+inline double strain(const SurfacePair& pair, const Embedding& e) {
+  if (e.status != Status::kConverged) return kInfinity;
+  Array<Eigen::Matrix2d> J;
+  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
+  return energy < kInfinity ? energy : kInfinity;  // NaN, too
+}
+
+/// Embeds in the metric of the surfaces; where that fails or strains them, once more in the uniform
+/// metric, and the better one counts.
 inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
                   const Options& options, Embedding& embedding) {
+  constexpr double kStrained = 1000;  // of isometries: 4
   Timer timer;
-  PairEmbedder(pair, landmarks, options, Outline::kFree).run(embedding);
-  if (embedding.status == Status::kNumericalFailure) {
-    embedding = Embedding();
-    PairEmbedder(pair, landmarks, options, Outline::kOnCircle).run(embedding);
+  PairEmbedder(pair, landmarks, options, Metric::kSurface).run(embedding);
+  const double energy = strain(pair, embedding) / (pair.a.total_area + pair.b.total_area);
+  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
+    Embedding other;
+    PairEmbedder(pair, landmarks, options, Metric::kUniform).run(other);
+    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
+      embedding = other;
   }
   embedding.seconds = timer.lap();
 }

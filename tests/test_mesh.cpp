@@ -334,6 +334,14 @@ TEST_CASE("triangles without area are reported") {
     m = mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 3, 0}}, {{0, 1, 2}, {0, 2, 3}});
     CHECK(only(ism::validate(m), Kind::kDegenerateTriangle, {{1}}));
   }
+  SUBCASE("because it is of another scale altogether") {
+    shapes::DiskBuilder spiral;  // triangle k is about 1e-4k across
+    for (int k = 0; k < 11; ++k)
+      spiral.vertex(std::pow(1e-4, k) * std::cos(k), std::pow(1e-4, k) * std::sin(k));
+    for (int k = 0; k < 9; ++k)
+      k % 2 == 0 ? spiral.triangle(k, k + 1, k + 2) : spiral.triangle(k + 1, k, k + 2);
+    CHECK(only(ism::validate(spiral.build().mesh), Kind::kDegenerateTriangle, {{8}}));
+  }
   SUBCASE("because everything is in one point") {
     m.vertices.setZero();
     CHECK(ism::validate(m).size() == 8);
