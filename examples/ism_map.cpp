@@ -3,8 +3,7 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 2 writes nothing, nor
-// does 1, unless it is the writing that failed (a full disk).
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
@@ -15,6 +14,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <new>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -534,10 +534,8 @@ std::string mapped_text(const char* comment, const ism::TriangleMesh& mesh,
   return mesh_io::obj_text(comment, points, faces);
 }
 
-using File = std::pair<std::string, std::string>;  // name and text
-
-std::vector<File> result_files(const Input& input, const ism::Result& result,
-                               const ism::SurfaceMap& map) {
+std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
+                                            const ism::SurfaceMap& map) {
   const auto on_a = [&](const ism::SurfacePoint& p) { return map.position_on_a(p); };
   const auto on_b = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
   const ism::MetaMesh meta = map.meta_mesh();
@@ -555,15 +553,15 @@ std::vector<File> result_files(const Input& input, const ism::Result& result,
   };
 }
 
-std::string write_files(const std::string& folder, const std::vector<File>& files) {
+std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile> files) {
   std::error_code ec;
   std::filesystem::create_directories(folder, ec);
   if (ec) return "-o " + folder + ": the folder cannot be made";
-  for (const File& file : files) {
-    const std::string error = mesh_io::write_file(folder + '/' + file.first, file.second);
-    if (!error.empty()) return error;
-  }
-  return {};
+  for (mesh_io::TextFile& file : files) file.path.insert(0, folder + '/');
+#ifdef SIGXFSZ
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit of the file size is an error like a full disk
+#endif
+  return mesh_io::write_files(files);
 }
 
 void print_landmarks(const Input& input, const ism::Result& result, const LandmarkError& error) {
@@ -656,10 +654,10 @@ int run(Arguments& args) {
   const ism::SurfaceMap map(input.a, input.b, result.f, result.g);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
-  std::vector<File> files = result_files(input, result, map);
+  std::vector<mesh_io::TextFile> files = result_files(input, result, map);
   seconds.output = seconds_since(start);
-  files.emplace_back("report.json", json_report(args, input, result, landmarks, seconds));
-  error = write_files(args.out, files);
+  files.push_back({"report.json", json_report(args, input, result, landmarks, seconds)});
+  error = write_files(args.out, std::move(files));
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
   if (!args.quiet) print_summary(args, input, result, landmarks, seconds);
@@ -673,5 +671,9 @@ int main(int argc, char** argv) {
   const std::string error = read_arguments(std::vector<std::string>(argv + 1, argv + argc), args);
   if (!error.empty()) return fail(kBadInput, error);
   if (args.help) return std::fputs(kHelp, stdout) < 0 ? kComputationFailed : 0;
-  return run(args);
+  try {
+    return run(args);
+  } catch (const std::bad_alloc&) {
+    return fail(kComputationFailed, "there is not enough memory for these meshes");
+  }
 }

@@ -59,9 +59,14 @@ struct PairsResult {
 /// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment.
 inline PairsResult read_pairs(const std::string& path);
 
-/// Writes a text under a temporary name and renames it: no reader ever sees half a file.
-/// Returns an empty string, or one sentence that says why it failed.
-inline std::string write_file(const std::string& path, const std::string& text);
+struct TextFile {
+  std::string path, text;
+};
+
+/// Writes files under temporary names and renames them when all are written: no reader sees half a
+/// file, and a full disk leaves all as it was. Returns an empty string, or one sentence that says
+/// why it failed.
+inline std::string write_files(const std::vector<TextFile>& files);
 
 /// The text of an OBJ file, %.17g, so that reading it back gives the same bits. `planar`, if it
 /// has rows, is #V×2 and becomes one vt per vertex. A comment must not contain a line break.
@@ -824,17 +829,32 @@ inline PairsResult read_pairs(const std::string& path) {
   return result;
 }
 
-inline std::string write_file(const std::string& path, const std::string& text) {
-  const std::string temporary = path + ".tmp";
+namespace detail {
+
+inline std::string temporary(const std::string& path) { return path + ".tmp"; }
+
+inline std::string write_temporary(const TextFile& f) {
+  std::FILE* file = std::fopen(temporary(f.path).c_str(), "wb");
+  if (!file) return f.path + ": the file cannot be created";
+  const bool written = std::fwrite(f.text.data(), 1, f.text.size(), file) == f.text.size();
+  return std::fclose(file) == 0 && written ? "" : f.path + ": the file cannot be written";
+}
+
+}  // namespace detail
+
+inline std::string write_files(const std::vector<TextFile>& files) {
+  std::string error;
   std::error_code ec;
-  std::FILE* file = std::fopen(temporary.c_str(), "wb");
-  if (!file) return path + ": the file cannot be created";
-  bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  written = std::fclose(file) == 0 && written;
-  if (written) std::filesystem::rename(temporary, path, ec);
-  if (written && !ec) return {};
-  std::filesystem::remove(temporary, ec);
-  return path + ": the file cannot be written";
+  for (const TextFile& f : files)
+    if (error.empty()) error = detail::write_temporary(f);
+  for (const TextFile& f : files) {
+    if (!error.empty()) break;
+    std::filesystem::rename(detail::temporary(f.path), f.path, ec);
+    if (ec) error = f.path + ": the file cannot be written";
+  }
+  if (!error.empty())
+    for (const TextFile& f : files) std::filesystem::remove(detail::temporary(f.path), ec);
+  return error;
 }
 
 inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,

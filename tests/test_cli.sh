@@ -168,6 +168,15 @@ rm -rf out.keep && mv out out.keep
 invalid "initial_f is not an injective embedding" a.obj b.obj --initial flipped
 mv out.keep out
 
+# Where not all files can be written, the ones of an earlier run stay.
+before=$(cat out/one/* | cksum)
+code=0
+(ulimit -f 16 && "$ism_map" a.obj b.obj -o out/one --kappa 1 >stdout.txt 2>stderr.txt) || code=$?
+[ "$code" = 1 ] || fail "a full disk: exit code $code"
+grep -q "^ism_map: out/one/.*: the file cannot be written$" stderr.txt ||
+  fail "a full disk: $(cat stderr.txt)"
+[ "$(cat out/one/* | cksum)" = "$before" ] || fail "a full disk changed $(ls out/one)"
+
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
 interrupted() {
   : >stderr.txt  # else the last run's lines may be taken for this one's

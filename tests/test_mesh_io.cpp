@@ -434,8 +434,8 @@ TEST_CASE("writing and reading back gives the same bits") {
   mesh.vertices.row(0) << 5e-324, -0.0, 1.7976931348623157e308;
   const Folder folder;
   const std::string file = folder.file("m.obj");
-  REQUIRE(mesh_io::write_file(file,
-                              mesh_io::obj_text("x", mesh.vertices, mesh.triangles, planar)) == "");
+  const std::string text = mesh_io::obj_text("x", mesh.vertices, mesh.triangles, planar);
+  REQUIRE(mesh_io::write_files({{file, text}}) == "");
   const mesh_io::ReadResult r = mesh_io::read_mesh(file);
   REQUIRE_MESSAGE(r.ok, r.error);
   CHECK(std::memcmp(r.mesh.vertices.data(), mesh.vertices.data(), 900 * sizeof(double)) == 0);
@@ -451,13 +451,15 @@ TEST_CASE("polygons are written with their corners; a failed write leaves nothin
   const std::vector<std::vector<int>> polygons = {{0, 1, 0}, {1, 0, 1, 0}};
   CHECK(mesh_io::obj_text("c", points, polygons) ==
         "# c\nv 0 1 2\nv 3 4 0.5\nf 1 2 1\nf 2 1 2 1\n");
-  CHECK(mesh_io::write_file("no/such/folder/x.obj", "") ==
-        "no/such/folder/x.obj: the file cannot be created");
   const Folder folder;
+  CHECK(mesh_io::write_files({{folder.file("a.obj"), ""}, {"no/such/folder/x.obj", ""}}) ==
+        "no/such/folder/x.obj: the file cannot be created");
+  CHECK(fs::is_empty(folder.file("")));
   fs::create_directories(folder.file("x.obj/y"));  // a folder in the way
-  CHECK(mesh_io::write_file(folder.file("x.obj"), "") ==
+  CHECK(mesh_io::write_files({{folder.file("x.obj"), ""}, {folder.file("b.obj"), ""}}) ==
         folder.file("x.obj") + ": the file cannot be written");
   CHECK(!fs::exists(folder.file("x.obj.tmp")));
+  CHECK(!fs::exists(folder.file("b.obj.tmp")));
 }
 
 TEST_CASE("the locale's decimal comma changes nothing") {
