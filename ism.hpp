@@ -119,6 +119,7 @@ enum class Status {
   kInvalidLandmarks,  // a landmark id is out of range or used twice
   kInvalidOptions,    // an option is outside its documented range
   kInvalidPositions,  // given planar positions are not an injective embedding
+  kInvalidPins,       // a pinned vertex is out of range, listed twice, uncovered, or in a chain
   kNoOverlap,         // f(A) and g(B) do not overlap at the start
   kNumericalFailure   // a factorisation or an embedding failed; please report the mesh
 };
@@ -181,13 +182,14 @@ struct IterationLog {
   double map_energy = 0;       // E_Φ, Eq. 4
   double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
   double energy_g = 0;         // E_g, the same of B
-  double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 is an isometry
+  double mean_distortion = 0;  // E_Φ / (area A' + area B'); of an isometry 2, unless measured else
   double coverage_a = 0;       // area A' / area A, in [0, 1]
   double coverage_b = 0;       // area B' / area B
   double omega = 0;            // ω_L of the step taken (§5.4)
   double step = 0;             // s of the step taken
   double max_step = 0;         // s_max at which a triangle would degenerate
   int polygons = 0;            // of the meta mesh
+  double pin_residual = 0;     // largest distance of a pinned vertex from its pin, on the surface
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
@@ -203,11 +205,41 @@ struct Progress {
 /// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
 using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
 
+/// A distortion density with its derivatives with respect to the entries of the two Jacobians, in
+/// the order f11 f21 f12 f22 g11 g21 g12 g22.
+struct Density {
+  double value = 0;
+  Eigen::Matrix<double, 8, 1> gradient = Eigen::Matrix<double, 8, 1>::Zero();
+  Eigen::Matrix<double, 8, 8> hessian = Eigen::Matrix<double, 8, 8>::Zero();
+};
+
+/// What E_Φ measures (§3.2): the integral, over the overlap in the plane, of a function of J_f and
+/// J_g, the Jacobians of the embeddings from the surfaces to the plane. J_Φ = J_g⁻¹ J_f, and an
+/// area of 1 in the plane is 1 / det J_f on A, 1 / det J_g on B. A measure of your own depends on
+/// J_Φ and these areas only, is +∞ unless both determinants are positive, and is thread-safe. It
+/// need not prevent flips; E_f and E_g do.
+struct DistortionMeasure {
+  std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> value;
+  std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> derivatives;
+};
+
+/// ‖J_Φ‖² over B' plus ‖J_Φ⁻¹‖² over A' (Eq. 3). E(Φ) = E(Φ⁻¹); an isometry has 2 per area.
+inline DistortionMeasure symmetric_dirichlet();
+/// (1 - σ_min)² + (1 - σ_max)² over A' [Liu et al. 2008]. Not symmetric; an isometry has 0.
+inline DistortionMeasure arap();
+/// (1 - 1/σ_min)² + (1 - σ_max)², the mean over A' and over B' [Poranne and Lipman 2016].
+/// E(Φ) = E(Φ⁻¹); an isometry has 0, up to 1e-12: where σ_min = σ_max the kink is rounded off.
+inline DistortionMeasure sarap();
+/// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
+inline DistortionMeasure asap();
+
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
+  DistortionMeasure measure = symmetric_dirichlet();
   /// κ ≥ 0: reward for covered area, E gains -κ (area A' + area B'). 0 is the paper's objective,
   /// whose global minimum is the empty overlap. With 2 an isometry neither gains nor loses by
-  /// shrinking; a little more lets it grow; much more trades low distortion for coverage.
+  /// shrinking; a little more lets it grow; much more trades low distortion for coverage. Measures
+  /// that are 0 for an isometry need 2 less.
   double coverage_weight = 2.2;
   /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
   /// and E_Φ meets a wall where the overlap would have to grow into them.
@@ -240,6 +272,15 @@ struct Options {
   /// Called after each level of the embedding and each iteration, from the calling thread; return
   /// false to cancel.
   std::function<bool(const Progress&)> progress;
+  /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
+  /// them may be put into a triangle that has a pinned vertex.
+  std::vector<int> pins_a, pins_b;
+  /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
+  /// to the end.
+  bool exact_landmarks = false;
+  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
+  /// step on that would make one meet itself. Without, a run stalls there.
+  bool scaffold = true;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
@@ -258,6 +299,7 @@ struct Options {
     options.omega_least = 0;
     options.max_iterations = 550;
     options.least_coverage = 0;
+    options.scaffold = false;
     return options;
   }
 };
@@ -1551,20 +1593,91 @@ inline Eigen::Vector4d det_gradient(const Eigen::Matrix2d& m) {
   return Eigen::Vector4d(m(1, 1), -m(0, 1), -m(1, 0), m(0, 0));
 }
 
-/// w = N (f⁻³ + g⁻³) - κ (1/f + 1/g) with N = ‖adj(G) F‖², f = det F, g = det G: the density of
-/// E_Φ (Eq. 4) and of the covered areas per planar area.
-inline double density(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, double kappa) {
-  const double f = F.determinant(), g = G.determinant();
-  if (!(f > 0) || !(g > 0)) return kInfinity;
-  const double N = (adjugate(G) * F).squaredNorm();
-  return N * (1 / (f * f * f) + 1 / (g * g * g)) - kappa * (1 / f + 1 / g);
+// A density depends on J_f = F and J_g = G through three numbers, N = ‖adj(G) F‖², f = det F and
+// g = det G. Of J_Φ = G⁻¹ F, S = N / g² = σ_max² + σ_min² and d = f / g = σ_max σ_min.
+
+/// A function of (N, f, g).
+struct InvariantDerivatives {
+  double value = 0;
+  Vec3 gradient = Vec3::Zero();
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+};
+
+/// N (f⁻³ + g⁻³): the density of the symmetric Dirichlet energy (Eq. 4).
+inline InvariantDerivatives dirichlet_density(double N, double f, double g) {
+  const double i = 1 / f, j = 1 / g, i3 = i * i * i, j3 = j * j * j;
+  InvariantDerivatives w;
+  w.value = N * (i3 + j3);
+  w.gradient << i3 + j3, -3 * N * i3 * i, -3 * N * j3 * j;
+  w.hessian << 0, -3 * i3 * i, -3 * j3 * j,  //
+      -3 * i3 * i, 12 * N * i3 * i * i, 0,   //
+      -3 * j3 * j, 0, 12 * N * j3 * j * j;
+  return w;
 }
 
-struct DensityDerivatives {
-  double value = 0;
-  Vec8 gradient = Vec8::Zero();  // with respect to (F11 F21 F12 F22 G11 G21 G12 G22)
-  Mat8 hessian = Mat8::Zero();
+/// A function D of (S, d), integrated over `on_a` of A' and `on_b` of B'.
+struct StretchDerivatives {
+  double value, S, d, SS, Sd, dd;
 };
+
+/// D (on_a / f + on_b / g) as a function of (N, f, g).
+inline InvariantDerivatives stretch_density(const StretchDerivatives& D, double on_a, double on_b,
+                                            double N, double f, double g) {
+  const double i = 1 / f, j = 1 / g, j2 = j * j;
+  const Vec3 dS(j2, 0, -2 * N * j * j2), dd(0, j, -f * j2);
+  Eigen::Matrix3d hS = Eigen::Matrix3d::Zero(), hd = hS, ha = hS;
+  hS(0, 2) = hS(2, 0) = -2 * j * j2, hS(2, 2) = 6 * N * j2 * j2;
+  hd(1, 2) = hd(2, 1) = -j2, hd(2, 2) = 2 * f * j * j2;
+  const double a = on_a * i + on_b * j;
+  const Vec3 da(0, -on_a * i * i, -on_b * j2);
+  ha(1, 1) = 2 * on_a * i * i * i, ha(2, 2) = 2 * on_b * j * j2;
+  const Vec3 dD = D.S * dS + D.d * dd;
+  const Eigen::Matrix3d hD = D.SS * dS * dS.transpose() + D.dd * dd * dd.transpose() +
+                             D.Sd * (dS * dd.transpose() + dd * dS.transpose()) + D.S * hS +
+                             D.d * hd;
+  InvariantDerivatives w;
+  w.value = D.value * a;
+  w.gradient = a * dD + D.value * da;
+  w.hessian = a * hD + dD * da.transpose() + da * dD.transpose() + D.value * ha;
+  return w;
+}
+
+/// (1 - σ_min)² + (1 - σ_max)² = S + 2 - 2 p with p = σ_max + σ_min = √(S + 2 d).
+inline StretchDerivatives arap_stretch(double S, double d) {
+  const double p = std::sqrt(S + 2 * d), p3 = p * p * p;
+  return {S + 2 - 2 * p, 1 - 1 / p, -2 / p, 0.5 / p3, 1 / p3, 2 / p3};
+}
+
+/// (σ_max - σ_min)² = S - 2 d.
+inline StretchDerivatives asap_stretch(double S, double d) { return {S - 2 * d, 1, -2, 0, 0, 0}; }
+
+/// (1 - 1/σ_min)² + (1 - σ_max)² with σ = (p ± q) / 2, q = √(S - 2 d + δ S). Without δ, q has a
+/// kink where it is 0.
+inline StretchDerivatives sarap_stretch(double S, double d) {
+  constexpr double kDelta = 1e-12;
+  const double p = std::sqrt(S + 2 * d), q = std::sqrt((std::max)(S - 2 * d, 0.0) + kDelta * S);
+  const double s = 0.5 * (p + q), t = (4 * d - kDelta * S) / (2 * (p + q));  // σ_max, σ_min
+  if (!(t > 0)) return {kInfinity, 0, 0, 0, 0, 0};
+  const double p3 = p * p * p, q3 = q * q * q, e = 1 + kDelta;
+  const double p_S = 0.5 / p, p_d = 1 / p, q_S = 0.5 * e / q, q_d = -1 / q;
+  const double p_SS = -0.25 / p3, p_Sd = -0.5 / p3, p_dd = -1 / p3;
+  const double q_SS = -0.25 * e * e / q3, q_Sd = 0.5 * e / q3, q_dd = -1 / q3;
+  const double h_s = 2 * (s - 1), h_t = 2 * (1 - 1 / t) / (t * t);
+  const double h_tt = (6 / t - 4) / (t * t * t);  // h_ss = 2
+  // With u = (h_s + h_t) / 2 and v = (h_s - h_t) / 2 the gradient is u ∇p + v ∇q.
+  const double u = 0.5 * (h_s + h_t), v = 0.5 * (h_s - h_t);
+  const auto second = [&](double p_x, double q_x, double p_y, double q_y, double p_xy,
+                          double q_xy) {
+    return 0.25 * (2 * (p_x + q_x) * (p_y + q_y) + h_tt * (p_x - q_x) * (p_y - q_y)) + u * p_xy +
+           v * q_xy;
+  };
+  return {(1 - 1 / t) * (1 - 1 / t) + (1 - s) * (1 - s),
+          u * p_S + v * q_S,
+          u * p_d + v * q_d,
+          second(p_S, q_S, p_S, q_S, p_SS, q_SS),
+          second(p_S, q_S, p_d, q_d, p_Sd, q_Sd),
+          second(p_d, q_d, p_d, q_d, p_dd, q_dd)};
+}
 
 /// ∇N and ∇²N. N is a sum over columns of F of |adj(G) F_c|², and, because adj(F) G is the
 /// adjugate of adj(G) F and has the same norm, also over columns of G of |adj(F) G_c|².
@@ -1595,29 +1708,58 @@ inline void add_det_hessian(double scale, int first, Mat8& H) {
   H(first + 1, first + 2) -= scale, H(first + 2, first + 1) -= scale;
 }
 
-inline DensityDerivatives density_derivatives(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G,
-                                              double kappa) {
-  DensityDerivatives w;
-  Vec8 dN, df = Vec8::Zero(), dg = Vec8::Zero();
+/// A density of (N, f, g) at Jacobians F and G; +∞ unless both determinants are positive.
+template <class Invariant>
+double density_value(const Invariant& density, const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+  const double f = F.determinant(), g = G.determinant();
+  if (!(f > 0) || !(g > 0)) return kInfinity;
+  return density((adjugate(G) * F).squaredNorm(), f, g).value;
+}
+
+/// The same with derivatives with respect to the entries of F and G.
+template <class Invariant>
+Density density_derivatives(const Invariant& density, const Eigen::Matrix2d& F,
+                            const Eigen::Matrix2d& G) {
+  Eigen::Matrix<double, 8, 3> d = Eigen::Matrix<double, 8, 3>::Zero();  // ∇N, ∇f, ∇g
+  Vec8 dN;
+  Density w;
   norm_derivatives(F, G, dN, w.hessian);
-  df.head<4>() = det_gradient(F);
-  dg.tail<4>() = det_gradient(G);
-  const double N = (adjugate(G) * F).squaredNorm();
-  const double i = 1 / F.determinant(), j = 1 / G.determinant();  // 1/f and 1/g
-  const double i2 = i * i, j2 = j * j, i4 = i2 * i2, j4 = j2 * j2;
-  const double q = i * i2 + j * j2;
-  const double w_f = -3 * N * i4 + kappa * i2, w_g = -3 * N * j4 + kappa * j2;
-  const double w_ff = 12 * N * i4 * i - 2 * kappa * i * i2;
-  const double w_gg = 12 * N * j4 * j - 2 * kappa * j * j2;
-  w.value = N * q - kappa * (i + j);
-  w.gradient = q * dN + w_f * df + w_g * dg;
-  w.hessian *= q;
-  add_det_hessian(w_f, 0, w.hessian);
-  add_det_hessian(w_g, 4, w.hessian);
-  const Vec8 steep = 3 * (i4 * df + j4 * dg);  // -∇(f⁻³ + g⁻³)
-  w.hessian += w_ff * df * df.transpose() + w_gg * dg * dg.transpose() -
-               (dN * steep.transpose() + steep * dN.transpose());
+  d.col(0) = dN;
+  d.block<4, 1>(0, 1) = det_gradient(F);
+  d.block<4, 1>(4, 2) = det_gradient(G);
+  const InvariantDerivatives v =
+      density((adjugate(G) * F).squaredNorm(), F.determinant(), G.determinant());
+  w.value = v.value;
+  w.gradient = d * v.gradient;
+  w.hessian *= v.gradient[0];
+  add_det_hessian(v.gradient[1], 0, w.hessian);
+  add_det_hessian(v.gradient[2], 4, w.hessian);
+  w.hessian += d * v.hessian * d.transpose();
   return w;
+}
+
+template <class Invariant>
+DistortionMeasure measure_of(const Invariant& density) {
+  return {[=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+            return density_value(density, F, G);
+          },
+          [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+            return density_derivatives(density, F, G);
+          }};
+}
+
+/// Adds -κ (1/f + 1/g), the density of the covered areas.
+inline void add_coverage(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, double kappa,
+                         Density& w) {
+  const Eigen::Vector4d df = det_gradient(F), dg = det_gradient(G);
+  const double i = 1 / F.determinant(), j = 1 / G.determinant();
+  w.value -= kappa * (i + j);
+  w.gradient.head<4>() += kappa * i * i * df;
+  w.gradient.tail<4>() += kappa * j * j * dg;
+  add_det_hessian(kappa * i * i, 0, w.hessian);
+  add_det_hessian(kappa * j * j, 4, w.hessian);
+  w.hessian.topLeftCorner<4, 4>() -= 2 * kappa * i * i * i * df * df.transpose();
+  w.hessian.bottomRightCorner<4, 4>() -= 2 * kappa * j * j * j * dg * dg.transpose();
 }
 
 /// The 2×6 map from three points to the columns of J: J_c = Σ_i B(i, c) p_i.
@@ -1641,6 +1783,29 @@ inline Eigen::Matrix<double, 8, 12> jacobian_matrix(const Eigen::Matrix2d& rest_
   return C;
 }
 
+}  // namespace detail
+
+inline DistortionMeasure symmetric_dirichlet() {
+  return detail::measure_of(detail::dirichlet_density);
+}
+inline DistortionMeasure arap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::arap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
+  });
+}
+inline DistortionMeasure sarap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::sarap_stretch(N / (g * g), f / g), 0.5, 0.5, N, f, g);
+  });
+}
+inline DistortionMeasure asap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::asap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
+  });
+}
+
+namespace detail {
+
 // ---- one polygon ----
 
 struct PolygonDerivatives {
@@ -1653,15 +1818,17 @@ struct PolygonDerivatives {
 /// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
 inline PolygonDerivatives polygon_derivatives(const OverlayPolygon& p, const SixPoints& x,
                                               const Eigen::Matrix2d& rest_inverse_a,
-                                              const Eigen::Matrix2d& rest_inverse_b, double kappa) {
+                                              const Eigen::Matrix2d& rest_inverse_b,
+                                              const DistortionMeasure& measure, double kappa) {
   const PolygonShape shape = polygon_shape(p, x);
   const double a = polygon_area(shape, x);
   PolygonDerivatives result;
   result.is_negligible = is_negligible(a, x);
   if (result.is_negligible) return result;
   const Vec12 da = polygon_area_gradient(shape, x);
-  const DensityDerivatives w =
-      density_derivatives(jacobian(x, 0, rest_inverse_a), jacobian(x, 3, rest_inverse_b), kappa);
+  const Eigen::Matrix2d F = jacobian(x, 0, rest_inverse_a), G = jacobian(x, 3, rest_inverse_b);
+  Density w = measure.derivatives(F, G);
+  add_coverage(F, G, kappa, w);
   const Eigen::Matrix<double, 8, 12> C = jacobian_matrix(rest_inverse_a, rest_inverse_b);
   const Vec12 dw = C.transpose() * w.gradient;
   result.value = a * w.value;
@@ -2288,6 +2455,7 @@ struct Weights {
   double kappa;    // κ
   double barrier;  // ω_R
   double epsilon;  // ε
+  const DistortionMeasure* measure;
 };
 
 // ---- value ----
@@ -2335,13 +2503,13 @@ inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const Ove
 }
 
 /// E_Φ and the covered areas over the polygons of x.overlay.
-inline void add_map_energy(const SurfacePair& pair, Iterate& x) {
+inline void add_map_energy(const SurfacePair& pair, const DistortionMeasure& measure, Iterate& x) {
   for (const OverlayPolygon& p : x.overlay.polygons) {
     const SixPoints points = six_points(pair, x, p);
     const double area = polygon_area(polygon_shape(p, points), points);
     if (is_negligible(area, points)) continue;
     const Eigen::Matrix2d &F = x.jacobian_f[p.ta], &G = x.jacobian_g[p.tb];
-    x.map_energy += area * density(F, G, 0);
+    x.map_energy += area * measure.value(F, G);
     x.area_a += area / F.determinant();
     x.area_b += area / G.determinant();
   }
@@ -2353,7 +2521,7 @@ inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x
   x.energy_f = embedding_energy(pair.a, x.f, x.jacobian_f);
   x.energy_g = embedding_energy(pair.b, x.g, x.jacobian_g);
   compute_overlay(pair.a.mesh, x.f, pair.b.mesh, x.g, x.overlay);
-  add_map_energy(pair, x);
+  add_map_energy(pair, *weights.measure, x);
   x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) +
              weights.barrier * (x.energy_f + x.energy_g);
 }
@@ -2527,7 +2695,7 @@ class ModelBuilder {
       const OverlayPolygon& p = x.overlay.polygons[id];
       PolygonDerivatives d =
           polygon_derivatives(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta],
-                              pair_.b.rest_inverse[p.tb], weights_.kappa);
+                              pair_.b.rest_inverse[p.tb], *weights_.measure, weights_.kappa);
       PolygonTerm& term = term_[id];
       term = PolygonTerm();
       if (d.is_negligible) continue;
@@ -2793,6 +2961,147 @@ class SystemBuilder {
   const Executor& executor_;
 };
 
+// ---- blocks that come in later ----
+
+/// A block of the upper triangle, row <= column, that is to be added to a system.
+struct ExtraBlock {
+  int row, column;
+  Eigen::Matrix2d H, Q;
+};
+
+/// Appends a block to the row that is being written, or adds it to the last one if that is there.
+inline void append_block(int column, const Eigen::Matrix2d& H, const Eigen::Matrix2d* Q,
+                         LinearSystem& system) {
+  BlockPattern& pattern = system.pattern;
+  if (pattern.start.back() < pattern.blocks() && pattern.column.back() == column) {
+    system.H.back() += H;
+    if (Q != nullptr) system.Q.back() += *Q;
+    return;
+  }
+  pattern.column.push_back(column);
+  system.H.push_back(H);
+  if (Q != nullptr) system.Q.push_back(*Q);
+}
+
+/// Adds blocks to those of a system that keep(row, column).
+template <class Keep>
+void merge_blocks(const Array<ExtraBlock>& extra, const Keep& keep, LinearSystem& system) {
+  Array<int> order(extra.size());
+  for (int i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    return std::tie(extra[i].row, extra[i].column, i) < std::tie(extra[j].row, extra[j].column, j);
+  });
+  LinearSystem result;
+  result.gradient = system.gradient;
+  result.pattern.start.push_back(0);
+  const bool has_Q = !system.Q.empty();
+  int next = 0;
+  for (int r = 0; r < system.pattern.rows(); ++r) {
+    const auto append_extra = [&](int end) {
+      for (; next < order.size() && extra[order[next]].row == r; ++next) {
+        const ExtraBlock& block = extra[order[next]];
+        if (block.column >= end) return;
+        append_block(block.column, block.H, has_Q ? &block.Q : nullptr, result);
+      }
+    };
+    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
+      const int c = system.pattern.column[b];
+      if (!keep(r, c)) continue;
+      append_extra(c);
+      append_block(c, system.H[b], has_Q ? &system.Q[b] : nullptr, result);
+    }
+    append_extra(system.pattern.rows());
+    result.pattern.start.push_back(result.pattern.blocks());
+  }
+  system = std::move(result);
+}
+
+// ---- constraints (§4.5, §4.6) ----
+
+/// Barycentric coordinates of p in a planar triangle of positive area.
+inline Vec3 barycentric(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
+  const double area = cross(b - a, c - a);
+  const double u = cross(b - p, c - p) / area, v = cross(c - p, a - p) / area;
+  return Vec3(u, v, 1 - u - v);
+}
+
+/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k (§4.5).
+struct Follower {
+  int row;
+  std::array<int, 3> master;
+  Vec3 weight;
+};
+
+/// What keeps unknowns from moving freely. Masters do not follow others themselves.
+struct Constraints {
+  Array<Follower> followers;
+  Array<char> is_fixed;  // coordinate c of row r is constant if is_fixed[2 r + c]
+};
+
+/// The linear map P from the unknowns that are left to all rows: where a row gets its position
+/// from.
+class Substitution {
+ public:
+  Substitution(const Array<Follower>& followers, int rows)
+      : followers_(followers), follower_of_(rows, -1) {
+    for (int i = 0; i < followers.size(); ++i) follower_of_[followers[i].row] = i;
+  }
+  bool is_follower(int row) const { return follower_of_[row] >= 0; }
+
+  /// visit(row, weight) for every unknown that the position of `row` depends on.
+  template <class Visit>
+  void for_each_source(int row, const Visit& visit) const {
+    if (!is_follower(row)) return visit(row, 1.0);
+    const Follower& follower = followers_[follower_of_[row]];
+    for (int k = 0; k < 3; ++k)
+      if (follower.weight[k] != 0)
+        visit(follower.master[static_cast<std::size_t>(k)], follower.weight[k]);
+  }
+
+ private:
+  const Array<Follower>& followers_;
+  Array<int> follower_of_;
+};
+
+/// The blocks of Pᵀ H P and Pᵀ Q P that do not lie where they lay in H and Q.
+inline Array<ExtraBlock> substituted_blocks(const Substitution& P, const LinearSystem& system) {
+  Array<ExtraBlock> moved;
+  const auto add = [&](int i, int j, const Eigen::Matrix2d& H, const Eigen::Matrix2d& Q) {
+    if (i <= j) moved.push_back({i, j, H, Q});
+  };
+  for (int r = 0; r < system.pattern.rows(); ++r)
+    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
+      const int c = system.pattern.column[b];
+      if (!P.is_follower(r) && !P.is_follower(c)) continue;
+      const Eigen::Matrix2d& H = system.H[b];
+      const Eigen::Matrix2d Q = system.Q.empty() ? Eigen::Matrix2d::Zero() : system.Q[b];
+      P.for_each_source(r, [&](int i, double wi) {
+        P.for_each_source(c, [&](int j, double wj) {
+          add(i, j, wi * wj * H, wi * wj * Q);
+          if (r != c) add(j, i, wi * wj * H.transpose(), wi * wj * Q.transpose());
+        });
+      });
+      if (r == c) add(r, r, Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Zero());
+    }
+  return moved;
+}
+
+/// Replaces x by P x in a system: Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Followers become unit rows.
+inline void substitute(const Array<Follower>& followers, LinearSystem& system) {
+  if (followers.empty()) return;
+  const Substitution P(followers, system.pattern.rows());
+  merge_blocks(
+      substituted_blocks(P, system),
+      [&](int r, int c) { return !P.is_follower(r) && !P.is_follower(c); }, system);
+  for (const Follower& follower : followers) {
+    const Vec2 force = system.gradient.segment<2>(2 * follower.row);
+    system.gradient.segment<2>(2 * follower.row).setZero();
+    P.for_each_source(follower.row, [&](int master, double weight) {
+      system.gradient.segment<2>(2 * master) += weight * force;
+    });
+  }
+}
+
 /// Removes unknowns from a system (§4.6): unit rows and columns, so their step is 0. Coordinate c
 /// of row r is removed if is_fixed[2 r + c].
 inline void eliminate(const Array<char>& is_fixed, LinearSystem& system) {
@@ -2809,6 +3118,34 @@ inline void eliminate(const Array<char>& is_fixed, LinearSystem& system) {
       }
   for (int i = 0; i < is_fixed.size(); ++i)
     if (is_fixed[i]) system.gradient(i) = 0;
+}
+
+/// P d, the direction of all rows from that of the unknowns.
+inline Eigen::VectorXd expanded(const Array<Follower>& followers, Eigen::VectorXd d) {
+  const Substitution P(followers, static_cast<int>(d.size()) / 2);
+  for (const Follower& follower : followers) {
+    Vec2 sum = Vec2::Zero();
+    P.for_each_source(follower.row,
+                      [&](int master, double weight) { sum += weight * d.segment<2>(2 * master); });
+    d.segment<2>(2 * follower.row) = sum;
+  }
+  return d;
+}
+
+/// Puts the followers where their masters say.
+inline void place_followers(const Array<Follower>& followers, Points2& f, Points2& g) {
+  const int n_a = static_cast<int>(f.rows());
+  const auto position = [&](int row) { return row < n_a ? row2(f, row) : row2(g, row - n_a); };
+  for (const Follower& follower : followers) {
+    Vec2 p = Vec2::Zero();
+    for (int k = 0; k < 3; ++k)
+      p += follower.weight[k] * position(follower.master[static_cast<std::size_t>(k)]);
+    p = Vec2(flush_tiny(p.x()), flush_tiny(p.y()));
+    if (follower.row < n_a)
+      f.row(follower.row) = p.transpose();
+    else
+      g.row(follower.row - n_a) = p.transpose();
+  }
 }
 
 // ---- rigid motions ----
@@ -2872,7 +3209,235 @@ inline Points2 moved(const Points2& x, const Points2& d, double s) {
 }  // namespace detail
 }  // namespace ism
 
-// ==== [11] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) =====================================
+// ==== [11] SCAFFOLD (paper §4.4; Jiang, Schaefer and Panozzo 2017) ===============================
+//
+// Purpose:    keeps the boundary of an embedding from meeting itself: the space between it and a
+//             box around it is triangulated, and its triangles resist deformation, from the shape
+//             they have now, a little. Their energy is least where they are, so a step that lowers
+//             the sum of both energies lowers E; built anew in every iteration, it yields where the
+//             boundary wants to go, but never to a collision.
+// Method:     ears are clipped off the space, cut open by a bridge to the box; flips make the
+//             result Delaunay, all but the edges of boundary and box.
+// Invariants: the triangles are positive, exactly. While they are, the boundary is simple.
+// Fails:      not on simple boundaries.
+
+namespace ism {
+namespace detail {
+
+/// The space around an embedding in triangles. Vertex n + k, for n vertices of the mesh, is corner
+/// k of the box.
+struct Scaffold {
+  int n_vertices = 0;
+  std::array<Vec2, 4> box;
+  Array<std::array<int, 3>> triangle;
+  Array<Eigen::Matrix2d> rest_inverse;  // of the triangles as they were built
+  Array<double> weight;                 // of the triangles, in place of their areas
+
+  Vec2 point(const Points2& x, int v) const {
+    return v < n_vertices ? row2(x, v) : box[static_cast<std::size_t>(v - n_vertices)];
+  }
+  Vec2 displacement(const Points2& d, int v) const {
+    return v < n_vertices ? row2(d, v) : Vec2::Zero();
+  }
+};
+
+/// A box around an embedding with room on all sides, counter-clockwise from its lower left corner.
+inline std::array<Vec2, 4> roomy_box(const Points2& x) {
+  const Vec2 lo = x.colwise().minCoeff().transpose(), hi = x.colwise().maxCoeff().transpose();
+  const double room = 0.5 * (hi - lo).maxCoeff();
+  const Vec2 p = lo - Vec2::Constant(room), q = hi + Vec2::Constant(room);
+  return {p, Vec2(q.x(), p.y()), q, Vec2(p.x(), q.y())};
+}
+
+/// The space between boundary and box as one polygon, counter-clockwise: a bridge leads from the
+/// second corner of the box to the rightmost vertex of the boundary, which sees it, and back.
+inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x) {
+  int start = 0;
+  const int n = m.boundary.size();
+  for (int i = 1; i < n; ++i)
+    if (x(m.tail[m.boundary[i]], 0) > x(m.tail[m.boundary[start]], 0)) start = i;
+  Array<int> polygon;
+  polygon.push_back(m.n_vertices);
+  polygon.push_back(m.n_vertices + 1);
+  for (int i = 0; i <= n; ++i) polygon.push_back(m.tail[m.boundary[(start + n - i) % n]]);
+  for (int k = 1; k < 4; ++k) polygon.push_back(m.n_vertices + k);
+  return polygon;
+}
+
+/// Clips the ears of a polygon one after the other. Mostly O(n²).
+class EarClipper {
+ public:
+  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
+      : polygon_(polygon), next_(polygon.size()), prev_(polygon.size()) {
+    const int n = polygon.size();
+    for (int i = 0; i < n; ++i) {
+      point_.push_back(scaffold.point(x, polygon[i]));
+      next_[i] = (i + 1) % n;
+      prev_[i] = (i + n - 1) % n;
+    }
+  }
+
+  /// The triangles; fewer than n - 2 if the polygon is not simple.
+  Triangles run() {
+    Triangles triangles(polygon_.size() - 2, 3);
+    int row = 0, left = polygon_.size();
+    for (int i = 0, misses = 0; left >= 3 && misses < left; i = next_[i]) {
+      if (!is_ear(i)) {
+        ++misses;
+        continue;
+      }
+      misses = 0;
+      triangles.row(row++) << polygon_[prev_[i]], polygon_[i], polygon_[next_[i]];
+      next_[prev_[i]] = next_[i];
+      prev_[next_[i]] = prev_[i];
+      --left;
+    }
+    return triangles.topRows(row);
+  }
+
+ private:
+  /// True if the triangle at i is positive and empty of all other vertices that are left.
+  bool is_ear(int i) const {
+    const int a = prev_[i], c = next_[i];
+    const Vec2 &p = point_[a], &q = point_[i], &r = point_[c];
+    if (!(orient2d(p, q, r) > 0)) return false;
+    const Vec2 lo = p.cwiseMin(q).cwiseMin(r), hi = p.cwiseMax(q).cwiseMax(r);
+    for (int k = next_[c]; k != a; k = next_[k]) {
+      const Vec2& s = point_[k];
+      if ((s.array() < lo.array()).any() || (s.array() > hi.array()).any()) continue;
+      const int v = polygon_[k];  // the ends of the bridge are there twice
+      if (v == polygon_[a] || v == polygon_[i] || v == polygon_[c]) continue;
+      if (orient2d(p, q, s) >= 0 && orient2d(q, r, s) >= 0 && orient2d(r, p, s) >= 0) return false;
+    }
+    return true;
+  }
+
+  const Array<int>& polygon_;
+  Array<Vec2> point_;
+  Array<int> next_, prev_;
+};
+
+/// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
+inline void flip(HalfEdgeMesh& m, int h) {
+  const int t = m.twin[h], f = 3 * (h / 3), g = 3 * (t / 3);
+  const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
+  const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
+  const int ad = m.twin[next(t)], db = m.twin[prev(t)];
+  const auto set = [&](int half_edge, int tail, int twin) {
+    m.tail[half_edge] = tail;
+    m.twin[half_edge] = twin;
+    if (twin >= 0) m.twin[twin] = half_edge;
+  };
+  set(f, a, ad), set(f + 1, d, g + 2), set(f + 2, c, ca);
+  set(g, d, db), set(g + 1, b, bc), set(g + 2, c, f + 1);
+}
+
+/// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
+inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
+  constexpr double kClear = 1e-9;  // by which it should, so that rounding does not flip for ever
+  const int t = m.twin[h];
+  const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
+  const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
+  if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
+  const double cot_c = (a - c).dot(b - c) / cross(a - c, b - c);
+  const double cot_d = (b - d).dot(a - d) / cross(b - d, a - d);
+  return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
+}
+
+/// Flips inner edges until all are locally Delaunay.
+inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) {
+  constexpr int kMostFlips = 1000;  // per edge
+  Array<int> stack;
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (m.twin[h] > h) stack.push_back(h);
+  for (int left = kMostFlips * m.n_faces; !stack.empty() && left > 0;) {
+    const int h = stack.back();
+    stack.pop_back();
+    if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
+    const int f = 3 * (h / 3), g = 3 * (m.twin[h] / 3);
+    flip(m, h);
+    --left;
+    for (int outer : {f, f + 2, g, g + 1}) stack.push_back(outer);
+  }
+}
+
+/// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
+inline double height(const Vec2& p, const Vec2& q) {
+  return cross(p, q) /
+         std::sqrt((std::max)({p.squaredNorm(), q.squaredNorm(), (q - p).squaredNorm()}));
+}
+
+/// Triangulates the space around an embedding; `weight` is that of all its triangles together.
+/// Those in gaps that are next to closed get less, or they would be too stiff for the linear
+/// solver.
+inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
+  constexpr double kNarrow = 1e-10;  // of the size of the box
+  Scaffold s;
+  s.n_vertices = m.n_vertices;
+  s.box = roomy_box(x);
+  HalfEdgeMesh space =
+      build_half_edges(m.n_vertices + 4, EarClipper(s, x, space_around(m, x)).run());
+  make_delaunay(s, x, space);
+  const double narrow = kNarrow * (s.box[2] - s.box[0]).norm();
+  for (int f = 0; f < space.n_faces; ++f) {
+    s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
+    const Vec2 a = s.point(x, space.corner(f, 0)), b = s.point(x, space.corner(f, 1));
+    const Vec2 c = s.point(x, space.corner(f, 2));
+    Eigen::Matrix2d R;
+    R << b - a, c - a;
+    s.rest_inverse.push_back(R.inverse());
+    const double openness = (std::min)(1.0, height(b - a, c - a) / narrow);
+    s.weight.push_back(weight / space.n_faces * openness * openness);
+  }
+  return s;
+}
+
+/// The energy above the least, which it has where the scaffold was built; infinite where a triangle
+/// is not positive.
+inline double scaffold_energy(const Scaffold& s, const Points2& x) {
+  double energy = 0;
+  for (int t = 0; t < s.triangle.size(); ++t) {
+    const auto& v = s.triangle[t];
+    const Eigen::Matrix2d J =
+        jacobian(s.point(x, v[0]), s.point(x, v[1]), s.point(x, v[2]), s.rest_inverse[t]);
+    energy += triangle_energy(J, s.weight[t]) - 4 * s.weight[t];
+  }
+  return energy;
+}
+
+/// The s at which the first triangle of the scaffold degenerates.
+inline double max_step(const Scaffold& s, const Points2& x, const Points2& d) {
+  double least = kInfinity;
+  for (const auto& v : s.triangle) {
+    const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
+    least = (std::min)(
+        least, triangle_max_step(s.point(x, v[1]) - p, s.point(x, v[2]) - p,
+                                 s.displacement(d, v[1]) - dp, s.displacement(d, v[2]) - dp));
+  }
+  return least;
+}
+
+/// Adds the Hessian of the scaffold where it was built; its gradient is zero there. `first` is the
+/// row of the embedding's first vertex.
+inline void add_scaffold(const Scaffold& s, int first, Array<ExtraBlock>& blocks) {
+  for (int t = 0; t < s.triangle.size(); ++t) {
+    const auto& v = s.triangle[t];
+    const Mat6 H =
+        triangle_derivatives(Eigen::Matrix2d::Identity(), s.rest_inverse[t], s.weight[t]).hessian;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        const int r = v[static_cast<std::size_t>(i)], c = v[static_cast<std::size_t>(j)];
+        if (r <= c && c < s.n_vertices)
+          blocks.push_back(
+              {first + r, first + c, H.block<2, 2>(2 * i, 2 * j), Eigen::Matrix2d::Zero()});
+      }
+  }
+}
+
+}  // namespace detail
+}  // namespace ism
+
+// ==== [12] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) =====================================
 //
 // Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
 //             decision which of them are injective and improve E enough.
@@ -2897,6 +3462,8 @@ struct Trial {
   int direction = 0;
   double step = 0;
   bool accepted = false;
+  bool collides = false;  // rejected, here or in an earlier block, where a boundary meets itself
+  double resistance = 0;  // of the scaffolds
   Iterate x;
 };
 
@@ -2907,9 +3474,10 @@ struct StepRules {
 };
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
-                          double step, const Iterate& to) {
+                          const Trial& t) {
   constexpr double kArmijo = 1e-4;  // §5.2
-  return to.energy <= from.energy + kArmijo * step * d.slope &&
+  const Iterate& to = t.x;
+  return to.energy + t.resistance <= from.energy + kArmijo * t.step * d.slope &&
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
          to.area_b > rules.least_area_b;
@@ -2925,12 +3493,20 @@ inline void add_block(int direction, const Direction& d, int block,
   if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
 }
 
+/// True if triangles are positive, but a boundary meets itself.
+inline bool collides(const SurfacePair& pair, const Iterate& x) {
+  return all_triangles_positive(pair.a.mesh, x.f) && all_triangles_positive(pair.b.mesh, x.g) &&
+         !(boundary_is_simple(pair.a.mesh, x.f) && boundary_is_simple(pair.b.mesh, x.g));
+}
+
 /// Tries all directions side by side, block by block; the best acceptable trial of the first block
 /// that has one, or -1 (Algorithm 1, lines 17 to 24).
 inline int line_search(const SurfacePair& pair, const Weights& weights, const StepRules& rules,
+                       const Array<Follower>& followers, const Array<Scaffold>& scaffolds,
                        const Iterate& from, const Array<Direction>& directions,
                        const Executor& executor, Array<Trial>& trials) {
   constexpr int kMostBlocks = 10;
+  for (Trial& t : trials) t.collides = false;
   for (int block = 0; block < kMostBlocks; ++block) {
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < directions.size(); ++k) add_block(k, directions[k], block, steps);
@@ -2942,14 +3518,20 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
       const Direction& d = directions[t.direction];
       t.x.f = moved(from.f, d.f, t.step);
       t.x.g = moved(from.g, d.g, t.step);
+      place_followers(followers, t.x.f, t.x.g);
       t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
+      t.collides = t.collides || (!t.accepted && collides(pair, t.x));
       if (!t.accepted) return;
+      t.resistance = scaffolds.empty() ? 0
+                                       : scaffold_energy(scaffolds[0], t.x.f) +
+                                             scaffold_energy(scaffolds[1], t.x.g);
       evaluate(pair, weights, t.x);
-      t.accepted = is_acceptable(rules, from, d, t.step, t.x);
+      t.accepted = is_acceptable(rules, from, d, t);
     });
+    const auto value = [&](int i) { return trials[i].x.energy + trials[i].resistance; };
     int best = -1;
     for (int i = 0; i < n; ++i)
-      if (trials[i].accepted && (best < 0 || trials[i].x.energy < trials[best].x.energy)) best = i;
+      if (trials[i].accepted && (best < 0 || value(i) < value(best))) best = i;
     if (best >= 0) return best;
   }
   return -1;
@@ -2958,7 +3540,7 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
 }  // namespace detail
 }  // namespace ism
 
-// ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
+// ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start. Beyond the paper: the terms of Options that its
 //             preset switches off; bounds on the displacement and on the loss of covered area in a
@@ -2966,8 +3548,7 @@ inline int line_search(const SurfacePair& pair, const Weights& weights, const St
 //             newest gradient, so that E never grows; history weights add up to 1, so that ω_L
 //             means the same in the first iterations.
 // Invariants: every iterate is injective, decided exactly; E never grows.
-// Fails:      stalls where no candidate of any direction is acceptable, even with the vertices held
-//             at which a boundary touches itself; says so in the status.
+// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
 
 namespace ism {
 namespace detail {
@@ -3000,8 +3581,11 @@ struct Anchors {
   int rim = 0;
 };
 
-inline Anchors choose_anchors(const Surface& b) {
-  const Array<int> distance = boundary_distances(b.mesh);
+inline Anchors choose_anchors(const SurfacePair& pair, const Array<Follower>& followers) {
+  const Surface& b = pair.b;
+  Array<int> distance = boundary_distances(b.mesh);
+  for (const Follower& follower : followers)
+    if (follower.row >= pair.n_a()) distance[follower.row - pair.n_a()] = -1;
   Anchors anchors;
   for (int v = 0; v < b.mesh.n_vertices; ++v)
     if (distance[v] > distance[anchors.center]) anchors.center = v;
@@ -3009,7 +3593,7 @@ inline Anchors choose_anchors(const Surface& b) {
   for (int h : b.mesh.boundary) {
     const int v = b.mesh.tail[h];
     const double d = (b.vertices.row(v) - b.vertices.row(anchors.center)).norm();
-    if (v == anchors.center || d <= farthest) continue;
+    if (v == anchors.center || distance[v] < 0 || d <= farthest) continue;
     farthest = d;
     anchors.rim = v;
   }
@@ -3032,7 +3616,31 @@ inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Poi
   return true;
 }
 
-inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
+/// The largest distance, on the surfaces, of a pinned vertex from where it is pinned.
+inline double pin_residual(const SurfacePair& pair, const Array<Follower>& followers,
+                           const Points2& f, const Points2& g) {
+  const int n = pair.n_a();
+  double largest = 0;
+  for (const Follower& follower : followers) {
+    const bool on_b = follower.row < n;
+    const Vec2 p = on_b ? row2(f, follower.row) : row2(g, follower.row - n);
+    std::array<Vec2, 3> corner;
+    for (std::size_t k = 0; k < 3; ++k)
+      corner[k] = on_b ? row2(g, follower.master[k] - n) : row2(f, follower.master[k]);
+    const Vec3 off = barycentric(p, corner[0], corner[1], corner[2]) - follower.weight;
+    const Points3& vertices = on_b ? pair.b.vertices : pair.a.vertices;
+    Vec3 distance = Vec3::Zero();
+    for (int k = 0; k < 3; ++k)
+      distance +=
+          off[k] *
+          vertices.row(follower.master[static_cast<std::size_t>(k)] - (on_b ? n : 0)).transpose();
+    largest = (std::max)(largest, distance.norm());
+  }
+  return largest;
+}
+
+inline IterationLog describe(const SurfacePair& pair, const Array<Follower>& followers,
+                             const Iterate& x) {
   IterationLog log;
   log.energy = x.energy;
   log.map_energy = x.map_energy;
@@ -3042,6 +3650,7 @@ inline IterationLog describe(const SurfacePair& pair, const Iterate& x) {
   log.coverage_a = x.area_a / pair.a.total_area;
   log.coverage_b = x.area_b / pair.b.total_area;
   log.polygons = x.overlay.polygons.size();
+  log.pin_residual = pin_residual(pair, followers, x.f, x.g);
   return log;
 }
 
@@ -3052,40 +3661,14 @@ inline double domain_radius(const Points2& f, const Points2& g) {
   return 0.5 * (hi - lo).norm();
 }
 
-/// Fixes the boundary vertices that have come within `reach` of a boundary edge, and the ends of
-/// that edge; the number of unknowns fixed by it. O(boundary²), for when nothing else moves.
-inline int hold_contacts(const HalfEdgeMesh& m, const Points2& x, double reach, int first,
-                         Array<char>& is_fixed) {
-  int held = 0;
-  const auto hold = [&](int v) {
-    for (int c = 0; c < 2; ++c) {
-      held += is_fixed[2 * (first + v) + c] == 0;
-      is_fixed[2 * (first + v) + c] = 1;
-    }
-  };
-  for (int h : m.boundary) {
-    const int u = m.tail[h], v = m.tip(h);
-    const Vec2 edge = row2(x, v) - row2(x, u);
-    for (int k : m.boundary) {
-      const int w = m.tail[k];
-      if (w == u || w == v) continue;
-      const Vec2 d = row2(x, w) - row2(x, u);
-      const double t = std::clamp(d.dot(edge) / edge.squaredNorm(), 0.0, 1.0);
-      if ((d - t * edge).norm() > reach) continue;
-      hold(w);
-      if (t < 1) hold(u);
-      if (t > 0) hold(v);
-    }
-  }
-  return held;
-}
-
 class Optimizer {
  public:
-  Optimizer(const SurfacePair& pair, const Options& options)
+  Optimizer(const SurfacePair& pair, const Options& options, const Array<Follower>& followers)
       : pair_(pair),
         options_(options),
-        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon},
+        followers_(followers),
+        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
+                 &options.measure},
         executor_(options),
         systems_(pair, options.variant == Variant::kFull, executor_),
         models_(pair, weights_, systems_.one_ring(), executor_),
@@ -3110,12 +3693,13 @@ class Optimizer {
 
  private:
   void start(Result& result) {
-    const Anchors anchors = choose_anchors(pair_.b);
+    const Anchors anchors = choose_anchors(pair_, followers_);
     move_to_anchors(pair_, anchors, result.f, result.g);
     is_fixed_.assign(2 * pair_.rows(), 0);
     is_fixed_[2 * (pair_.n_a() + anchors.center)] = 1;
     is_fixed_[2 * (pair_.n_a() + anchors.center) + 1] = 1;
     is_fixed_[2 * (pair_.n_a() + anchors.rim) + 1] = 1;
+    place_followers(followers_, result.f, result.g);
     x_.f = result.f;
     x_.g = result.g;
     radius_ = domain_radius(x_.f, x_.g);
@@ -3123,7 +3707,7 @@ class Optimizer {
     rules_ = {options_.max_coverage_loss * pair_.a.total_area,
               options_.max_coverage_loss * pair_.b.total_area, options_.least_coverage * x_.area_a,
               options_.least_coverage * x_.area_b};
-    result.initial = describe(pair_, x_);
+    result.initial = describe(pair_, followers_, x_);
     result.initial.omega = omega_;
     result.status = Status::kIterationLimit;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
@@ -3138,33 +3722,37 @@ class Optimizer {
     log.seconds_derivatives = timer.lap();
     remember(models_.assemble(x_));  // lines 8 and 9
     log.seconds_assembly = timer.lap();
-    int best = -1;
+    if (is_scaffolded_) build_scaffolds();
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 10 to 16
       timer.lap();
       stationary_ = is_stationary(directions);
-      if (stationary_) return false;
-      if (!directions.empty())
-        best = line_search(pair_, weights_, rules_, x_, directions, executor_, trials_);
+      if (stationary_ || directions.empty()) return false;
+      const int best = line_search(pair_, weights_, rules_, followers_, scaffolds_, x_, directions,
+                                   executor_, trials_);  // lines 17 to 24
       log.seconds_search += timer.lap();
+      const bool collided =
+          std::any_of(trials_.begin(), trials_.end(), [](const Trial& t) { return t.collides; });
+      const bool is_new = options_.scaffold && collided && !is_scaffolded_;
+      if (is_new) is_scaffolded_ = true;
       if (best >= 0) {
         accept(directions[trials_[best].direction], trials_[best], log, result);
         return true;
       }
-      if (history_.size() > 1)
+      if (is_new)
+        build_scaffolds();
+      else if (history_.size() > 1)
         reset_history(log);
-      else if (!hold_contacts())
+      else
         return false;
     }
   }
 
-  /// Where a boundary touches itself, every direction that closes the gap has a vanishing step. The
-  /// vertices there are held from now on, so that all others can move; false if there are no new.
-  bool hold_contacts() {
-    constexpr double kReach = 1e-6;  // radii of the domain
-    return detail::hold_contacts(pair_.a.mesh, x_.f, kReach * radius_, 0, is_fixed_) +
-               detail::hold_contacts(pair_.b.mesh, x_.g, kReach * radius_, pair_.n_a(), is_fixed_) >
-           0;
+  /// The space around both embeddings, with the weight of E_f and E_g.
+  void build_scaffolds() {
+    scaffolds_.clear();
+    scaffolds_.push_back(build_scaffold(pair_.a.mesh, x_.f, weights_.barrier * pair_.a.total_area));
+    scaffolds_.push_back(build_scaffold(pair_.b.mesh, x_.g, weights_.barrier * pair_.b.total_area));
   }
 
   /// True if all directions promise less than the rounding errors of E.
@@ -3192,6 +3780,8 @@ class Optimizer {
     while (true) {
       Timer timer;
       LinearSystem system = systems_.blend(history_, options_.history_decay);
+      add_scaffolds(system);
+      substitute(followers_, system);
       eliminate(is_fixed_, system);
       log.seconds_assembly += timer.lap();
       const Array<Direction> directions = solve(system);
@@ -3201,6 +3791,15 @@ class Optimizer {
       if (descend || history_.size() == 1) return descend ? directions : descending(directions);
       reset_history(log);
     }
+  }
+
+  void add_scaffolds(LinearSystem& system) const {
+    if (scaffolds_.empty()) return;
+    Array<ExtraBlock> blocks;
+    add_scaffold(scaffolds_[0], 0, blocks);
+    add_scaffold(scaffolds_[1], pair_.n_a(), blocks);
+    merge_blocks(
+        blocks, [](int, int) { return true; }, system);
   }
 
   static Array<Direction> descending(const Array<Direction>& directions) {
@@ -3229,7 +3828,8 @@ class Optimizer {
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
       if (factors_[k].ok)
-        set_direction(ldlt_solve(symbolic, factors_[k], -system.gradient), directions[k]);
+        set_direction(expanded(followers_, ldlt_solve(symbolic, factors_[k], -system.gradient)),
+                      directions[k]);
     });
     return directions;
   }
@@ -3242,6 +3842,10 @@ class Optimizer {
     direction.slope = history_[0].gradient.dot(d);
     direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
                                     max_step(pair_.b.mesh, x_.g, direction.g));
+    if (!scaffolds_.empty())
+      direction.max_step =
+          (std::min)({direction.max_step, max_step(scaffolds_[0], x_.f, direction.f),
+                      max_step(scaffolds_[1], x_.g, direction.g)});
     const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
     direction.first_step =
         (std::min)(0.99 * direction.max_step, options_.max_displacement * radius_ / longest);
@@ -3250,7 +3854,7 @@ class Optimizer {
   void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
     std::swap(x_, trial.x);
     omega_ = direction.omega;
-    IterationLog state = describe(pair_, x_);
+    IterationLog state = describe(pair_, followers_, x_);
     state.iteration = static_cast<int>(result.log.size()) + 1;
     state.omega = direction.omega;
     state.step = trial.step;
@@ -3287,6 +3891,7 @@ class Optimizer {
 
   const SurfacePair& pair_;
   const Options& options_;
+  const Array<Follower>& followers_;
   Weights weights_;
   StepRules rules_{};
   Executor executor_;
@@ -3301,12 +3906,14 @@ class Optimizer {
   Array<QuadraticModel> history_;  // newest first
   Array<LdltFactor> factors_;
   Array<Trial> trials_;
+  Array<Scaffold> scaffolds_;  // around f(A) and g(B), once a trial has met a boundary
+  bool is_scaffolded_ = false;
 };
 
 }  // namespace detail
 }  // namespace ism
 
-// ==== [13] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
+// ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
 //             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
@@ -3591,6 +4198,7 @@ struct FlatProblem {
   std::vector<const Surface*> surfaces;
   std::vector<Spring> springs;
   bool hold_boundary = false;
+  Array<Follower> followers = {};  // vertices of the first surface that follow the second
 };
 
 class FlatNewton {
@@ -3598,7 +4206,6 @@ class FlatNewton {
   FlatNewton(const FlatProblem& problem, const Executor& executor)
       : problem_(problem), executor_(executor) {
     system_.pattern = within_pattern(problem.surfaces, 1);
-    if (!problem.springs.empty()) add_springs_to_pattern();
     is_fixed_.assign(2 * system_.pattern.rows(), 0);
     if (problem.hold_boundary) fix_boundaries();
   }
@@ -3624,31 +4231,9 @@ class FlatNewton {
   }
 
  private:
-  /// Nothing but the step keeps a boundary from itself, so a level ends after a few collisions, and
-  /// the steps that meet one are cut short: gaps that close further from level to level would leave
-  /// no room for vertices that return.
-  static constexpr int kMostCollisions = 3;
   enum class Outcome { kAccepted, kRejected, kCollision };
 
   int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
-
-  void add_springs_to_pattern() {
-    std::vector<std::pair<int, int>> extra;
-    for (const Spring& s : problem_.springs) extra.push_back({s.a, first_row(1) + s.b});
-    std::sort(extra.begin(), extra.end());
-    extra.erase(std::unique(extra.begin(), extra.end()), extra.end());
-    BlockPattern all;
-    all.start.push_back(0);
-    const BlockPattern& within = system_.pattern;
-    auto next = extra.begin();
-    for (int r = 0; r < within.rows(); ++r) {
-      for (int b = within.start[r]; b < within.start[r + 1]; ++b)
-        all.column.push_back(within.column[b]);
-      for (; next != extra.end() && next->first == r; ++next) all.column.push_back(next->second);
-      all.start.push_back(all.blocks());
-    }
-    system_.pattern = all;
-  }
 
   void fix_boundaries() {
     for (std::size_t k = 0; k < problem_.surfaces.size(); ++k) {
@@ -3658,19 +4243,45 @@ class FlatNewton {
     }
   }
 
-  /// One projected Newton step with backtracking; false if nothing was gained.
+  /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
+  /// the boundary, scaffolds keep it away.
   bool step(std::vector<Points2>& x, double& energy) {
-    constexpr int kMostTrials = 30;
     assemble(x);
-    Points2 positions(system_.pattern.rows(), 2);
+    if (is_scaffolded_) build_scaffolds(x);
+    bool collided = false;
+    if (descend(x, energy, collided)) return true;
+    if (is_scaffolded_ || !collided) return false;
+    build_scaffolds(x);
+    is_scaffolded_ = true;
+    return descend(x, energy, collided);
+  }
+
+  void build_scaffolds(const std::vector<Points2>& x) {
+    constexpr double kWeight = 1e-2;  // of all triangles of a scaffold, per area of its surface
+    scaffolds_.clear();
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      const Surface& s = *problem_.surfaces[k];
+      scaffolds_.push_back(build_scaffold(s.mesh, x[k], kWeight * s.total_area));
+    }
+  }
+
+  bool descend(std::vector<Points2>& x, double& energy, bool& collided) {
+    constexpr int kMostTrials = 30;
+    LinearSystem system = system_;
+    merge_blocks(
+        extra_blocks(), [](int, int) { return true; }, system);
+    substitute(problem_.followers, system);
+    eliminate(is_fixed_, system);
+    Points2 positions(system.pattern.rows(), 2);
     for (std::size_t k = 0; k < x.size(); ++k)
       positions.middleRows(first_row(k), x[k].rows()) = x[k];
-    const LdltSymbolic symbolic = NestedDissection(system_.pattern, positions).build();
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
     Array<ShiftedMatrix> matrix(1);
-    matrix[0].H = &system_.H;
+    matrix[0].H = &system.H;
     ldlt_factorize(symbolic, matrix, executor_, factors_);
     if (!factors_[0].ok) return false;
-    const Eigen::VectorXd d = ldlt_solve(symbolic, factors_[0], -system_.gradient);
+    const Eigen::VectorXd d =
+        expanded(problem_.followers, ldlt_solve(symbolic, factors_[0], -system.gradient));
     const double slope = system_.gradient.dot(d);
     if (!(slope < 0) || !d.allFinite()) return false;
     std::vector<Points2> direction(x.size());
@@ -3680,12 +4291,14 @@ class FlatNewton {
                                                                                d.size() / 2);
       direction[k] = columns.middleCols(first_row(k), x[k].rows()).transpose();
       s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
+      if (is_scaffolded_)
+        s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
     }
-    for (int i = 0; i < kMostTrials; ++i) {
+    for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
       const Outcome outcome = try_step(direction, s, slope, x, energy);
       if (outcome == Outcome::kAccepted) return true;
-      if (outcome == Outcome::kCollision && ++collisions_ > kMostCollisions) return false;
-      s *= outcome == Outcome::kCollision ? 0.2 : 0.6;
+      collided = collided || outcome == Outcome::kCollision;
+      if (collided && !is_scaffolded_) return false;
     }
     return false;
   }
@@ -3693,14 +4306,18 @@ class FlatNewton {
   Outcome try_step(const std::vector<Points2>& direction, double s, double slope,
                    std::vector<Points2>& x, double& energy) const {
     std::vector<Points2> y(x.size());
+    for (std::size_t k = 0; k < x.size(); ++k) y[k] = moved(x[k], direction[k], s);
+    if (!problem_.followers.empty()) place_followers(problem_.followers, y[0], y[1]);
     for (std::size_t k = 0; k < x.size(); ++k) {
-      y[k] = moved(x[k], direction[k], s);
       const HalfEdgeMesh& m = problem_.surfaces[k]->mesh;
       if (is_injective(m, y[k])) continue;
       return boundary_is_simple(m, y[k]) ? Outcome::kRejected : Outcome::kCollision;
     }
     const double e = value(y);
-    if (!(e <= energy + 1e-4 * s * slope)) return Outcome::kRejected;
+    double resistance = 0;
+    for (std::size_t k = 0; is_scaffolded_ && k < x.size(); ++k)
+      resistance += scaffold_energy(scaffolds_[static_cast<int>(k)], y[k]);
+    if (!(e + resistance <= energy + 1e-4 * s * slope)) return Outcome::kRejected;
     x = y;
     energy = e;
     return Outcome::kAccepted;
@@ -3710,21 +4327,26 @@ class FlatNewton {
     system_.gradient.setZero(2 * system_.pattern.rows());
     system_.H.assign(system_.pattern.blocks(), Eigen::Matrix2d::Zero());
     for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
-    if (x.size() == 2) assemble_springs(x[0], x[1]);
-    eliminate(is_fixed_, system_);
+    for (const Spring& s : problem_.springs) {
+      const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
+      system_.gradient.segment<2>(2 * s.a) += force;
+      system_.gradient.segment<2>(2 * (first_row(1) + s.b)) -= force;
+    }
   }
 
-  void assemble_springs(const Points2& f, const Points2& g) {
+  /// The Hessians of springs and scaffolds.
+  Array<ExtraBlock> extra_blocks() const {
+    Array<ExtraBlock> blocks;
     for (const Spring& s : problem_.springs) {
       const int i = s.a, j = first_row(1) + s.b;
-      const Vec2 force = 2 * s.weight * (row2(f, s.a) - row2(g, s.b));
-      system_.gradient.segment<2>(2 * i) += force;
-      system_.gradient.segment<2>(2 * j) -= force;
       const Eigen::Matrix2d stiffness = 2 * s.weight * Eigen::Matrix2d::Identity();
-      system_.H[find_block(system_.pattern, i, i)] += stiffness;
-      system_.H[find_block(system_.pattern, j, j)] += stiffness;
-      system_.H[find_block(system_.pattern, i, j)] -= stiffness;
+      blocks.push_back({i, i, stiffness, Eigen::Matrix2d::Zero()});
+      blocks.push_back({j, j, stiffness, Eigen::Matrix2d::Zero()});
+      blocks.push_back({i, j, -stiffness, Eigen::Matrix2d::Zero()});
     }
+    for (int k = 0; is_scaffolded_ && k < scaffolds_.size(); ++k)
+      add_scaffold(scaffolds_[k], first_row(static_cast<std::size_t>(k)), blocks);
+    return blocks;
   }
 
   void assemble_surface(std::size_t k, const Points2& x) {
@@ -3745,7 +4367,8 @@ class FlatNewton {
   Array<char> is_fixed_;  // two per row
   Array<FaceTerm> terms_;
   Array<LdltFactor> factors_;
-  int collisions_ = 0;
+  Array<Scaffold> scaffolds_;  // of each surface, where x was when they were built
+  bool is_scaffolded_ = false;
 };
 
 // ---- one surface across all resolutions ----
@@ -4096,6 +4719,20 @@ class Hierarchy {
 
 // ---- both surfaces ----
 
+/// The vertex of A on that of B, written as a point of a triangle around it.
+inline Follower landmark_follower(const SurfacePair& pair, const Landmark& l) {
+  Follower follower = {l.a, {}, Vec3::Zero()};
+  bool found = false;
+  pair.b.mesh.for_each_outgoing(l.b, [&](int h) {
+    if (found) return;
+    found = true;
+    follower.weight = Vec3::Unit(h % 3);
+    for (int k = 0; k < 3; ++k)
+      follower.master[static_cast<std::size_t>(k)] = pair.n_a() + pair.b.mesh.corner(h / 3, k);
+  });
+  return follower;
+}
+
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   Vec2 deepest = Vec2::Zero();
@@ -4143,6 +4780,7 @@ class PairEmbedder {
     make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
+    if (options_.exact_landmarks) make_exact(result);
   }
 
  private:
@@ -4152,6 +4790,8 @@ class PairEmbedder {
   static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
   static constexpr int kMostSteps = 30;        // Newton steps per level
   static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
+  static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
+  static constexpr double kUnfoldingTolerance = 1e-4;
 
   bool meet_early(Hierarchy& a, Hierarchy& b, Embedding& result) const {
     if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return false;
@@ -4225,7 +4865,7 @@ class PairEmbedder {
     for (int i = 0; i <= kStages; ++i) {
       const Surface soft = i < kStages ? softened(s, i / double{kStages}, s.total_area) : s;
       const FlatProblem problem = {{&soft}, {}, false};
-      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
+      FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
       if (!tell("unfolding " + name + ": stage " + std::to_string(i + 1) + " of " +
                     std::to_string(kStages + 1),
                 result))
@@ -4321,7 +4961,7 @@ class PairEmbedder {
     Result result;
     result.f = f;
     result.g = g;
-    Optimizer(pair, options).run(result);
+    Optimizer(pair, options, {}).run(result);
     if (!is_usable(result.status)) return;
     f = result.f;
     g = result.g;
@@ -4332,7 +4972,8 @@ class PairEmbedder {
     Iterate x;
     x.f = f;
     x.g = g;
-    evaluate(pair, Weights{0, 1, 1}, x);
+    const DistortionMeasure measure = symmetric_dirichlet();
+    evaluate(pair, Weights{0, 1, 1, &measure}, x);
     const double coverage = x.area_a / pair.a.total_area + x.area_b / pair.b.total_area;
     const double value = x.map_energy / (x.area_a + x.area_b) / coverage;
     return value < kInfinity ? value : kInfinity;  // NaN, too
@@ -4354,6 +4995,49 @@ class PairEmbedder {
     b.set(level_b, x[1]);
   }
 
+  /// Pulls the landmarks harder and harder; where one of A can jump onto that of B without turning
+  /// a triangle over, it does, and both move as one from then on.
+  void make_exact(Embedding& result) const {
+    constexpr double kHardest = 1e12;
+    FlatProblem problem = {{&pair_.a, &pair_.b}, {}};
+    std::vector<Landmark> apart = landmarks_;
+    for (double weight = 10 * kStiffest; weight <= kHardest; weight *= 10) {
+      join_landmarks(apart, problem.followers, result);
+      if (!tell("landmarks still apart: " + std::to_string(apart.size()), result)) return;
+      problem.springs.clear();
+      for (const Landmark& l : apart)
+        problem.springs.push_back({l.a, l.b, weight / static_cast<double>(landmarks_.size())});
+      std::vector<Points2> x = {result.f, result.g};
+      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
+      result.f = x[0];
+      result.g = x[1];
+      if (apart.empty()) return;
+    }
+    std::string message = "these landmarks cannot be joined:";
+    std::vector<int> ids;
+    for (const Landmark& l : apart) {
+      message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
+      ids.push_back(l.a);
+    }
+    fail(result, Status::kInvalidLandmarks, message, ids);
+  }
+
+  void join_landmarks(std::vector<Landmark>& apart, Array<Follower>& followers,
+                      Embedding& result) const {
+    std::vector<Landmark> left;
+    for (const Landmark& l : apart) {
+      const Vec2 before = row2(result.f, l.a);
+      result.f.row(l.a) = result.g.row(l.b);
+      if (is_injective(pair_.a.mesh, result.f)) {
+        followers.push_back(landmark_follower(pair_, l));
+      } else {
+        result.f.row(l.a) = before.transpose();
+        left.push_back(l);
+      }
+    }
+    apart = left;
+  }
+
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
@@ -4362,249 +5046,6 @@ class PairEmbedder {
 };
 
 }  // namespace detail
-}  // namespace ism
-
-// ==== [14] ENTRY POINTS ==========================================================================
-//
-// Purpose:    checks the input, runs the parts above in order, and words the outcome.
-// Invariants: nothing is computed on input that fails a check.
-// Fails:      with the status, message and ids of the first check that does.
-
-namespace ism {
-namespace detail {
-
-template <class Output>
-bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
-  const std::vector<Problem> problems = validate(mesh);
-  if (problems.empty()) return true;
-  std::string message = std::string("mesh ") + name + ": " + problems[0].message;
-  if (problems.size() > 1) message += " (problem 1 of " + std::to_string(problems.size()) + ")";
-  return fail(output, Status::kInvalidMesh, message, problems[0].ids);
-}
-
-template <class Output>
-bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
-                     const std::vector<Landmark>& landmarks, Output& output) {
-  Array<char> used_a(static_cast<int>(a.vertices.rows()), 0);
-  Array<char> used_b(static_cast<int>(b.vertices.rows()), 0);
-  for (const Landmark& l : landmarks) {
-    const std::string name = "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) + ": ";
-    if (l.a < 0 || l.a >= used_a.size())
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "mesh A has no vertex " + std::to_string(l.a) + ", it has " +
-                      std::to_string(used_a.size()) + " vertices, counted from 0",
-                  {l.a});
-    if (l.b < 0 || l.b >= used_b.size())
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "mesh B has no vertex " + std::to_string(l.b) + ", it has " +
-                      std::to_string(used_b.size()) + " vertices, counted from 0",
-                  {l.b});
-    if (used_a[l.a]++)
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "vertex " + std::to_string(l.a) + " of A is in another landmark", {l.a});
-    if (used_b[l.b]++)
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "vertex " + std::to_string(l.b) + " of B is in another landmark", {l.b});
-  }
-  return true;
-}
-
-template <class Output>
-bool check_options(const Options& o, Output& output) {
-  const auto require = [&](bool good, const char* rule) {
-    return good ||
-           fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
-  };
-  return require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
-                 "coverage_weight must be at least 0") &&
-         require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),
-                 "barrier_weight must be positive") &&
-         require(o.spd_epsilon > 0 && std::isfinite(o.spd_epsilon),
-                 "spd_epsilon must be positive") &&
-         require(o.history_length >= 1, "history_length must be at least 1") &&
-         require(o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]") &&
-         require(o.omega_start > 0 && std::isfinite(o.omega_start),
-                 "omega_start must be positive") &&
-         require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
-                 "omega_factor must be above 1") &&
-         require(o.omega_least >= 0 && o.omega_least <= o.omega_start,
-                 "omega_least must be in [0, omega_start]") &&
-         require(o.max_displacement > 0, "max_displacement must be positive") &&
-         require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
-         require(o.least_coverage >= 0 && o.least_coverage < 1,
-                 "least_coverage must be in [0, 1)") &&
-         require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
-         require(o.tolerance >= 0, "tolerance must be at least 0") &&
-         require(o.window >= 1, "window must be at least 1") &&
-         require(o.threads >= 0, "threads must be at least 0");
-}
-
-template <class Output>
-bool check_input(const TriangleMesh& a, const TriangleMesh& b,
-                 const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
-  return check_options(options, output) && check_mesh(a, "A", output) &&
-         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
-}
-
-inline double largest_landmark_distance(const Embedding& e,
-                                        const std::vector<Landmark>& landmarks) {
-  double largest = 0;
-  for (const Landmark& l : landmarks)
-    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
-  return largest / domain_radius(e.f, e.g);
-}
-
-/// E_f + E_g, infinite for a failure.
-inline double strain(const SurfacePair& pair, const Embedding& e) {
-  if (e.status != Status::kConverged) return kInfinity;
-  Array<Eigen::Matrix2d> J;
-  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
-  return energy < kInfinity ? energy : kInfinity;  // NaN, too
-}
-
-/// Embeds in the metric of the surfaces; where that fails or strains them, once more in the uniform
-/// metric, and the better one counts.
-inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                  const Options& options, Embedding& embedding) {
-  constexpr double kStrained = 1000;  // of isometries: 4
-  Timer timer;
-  PairEmbedder(pair, landmarks, options, Metric::kSurface).run(embedding);
-  const double energy = strain(pair, embedding) / (pair.a.total_area + pair.b.total_area);
-  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
-    Embedding other;
-    PairEmbedder(pair, landmarks, options, Metric::kUniform).run(other);
-    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
-      embedding = other;
-  }
-  embedding.seconds = timer.lap();
-}
-
-/// True if x holds an injective embedding of m.
-template <class Output>
-bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string& name,
-                     Output& output) {
-  if (x.rows() != m.n_vertices)
-    return fail(output, Status::kInvalidPositions,
-                name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
-                    std::to_string(m.n_vertices) + " vertices");
-  return is_injective(m, x) ||
-         fail(output, Status::kInvalidPositions, name + " is not an injective embedding");
-}
-
-/// Takes the start from Options, after checking it.
-inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
-  start.f = options.initial_f;
-  start.g = options.initial_g;
-  if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
-  check_positions(pair.b.mesh, start.g, "initial_g", start);
-}
-
-/// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
-/// on it (§4.6), but E_f and E_g do, and ε. Being a power of two, it can be undone without
-/// rounding.
-inline double plane_scale(const SurfacePair& pair, const Points2& f, const Points2& g) {
-  const auto area = [](const HalfEdgeMesh& m, const Points2& x) {
-    double twice = 0;
-    for (int h : m.boundary) twice += cross(row2(x, m.tail[h]), row2(x, m.tip(h)));
-    return 0.5 * std::abs(twice);
-  };
-  const double ratio = pair.total_area() / (area(pair.a.mesh, f) + area(pair.b.mesh, g));
-  const double exponent = std::round(0.5 * std::log2(ratio));
-  return std::isfinite(exponent) ? std::exp2(exponent) : 1;
-}
-
-inline const char* explain(Status s) {
-  switch (s) {
-    case Status::kConverged:
-      return "the energy hardly falls any more";
-    case Status::kIterationLimit:
-      return "stopped at the iteration limit";
-    case Status::kStalled:
-      return "no injective step lowers the energy";
-    case Status::kCancelled:
-      return "cancelled; this is the last injective iterate";
-    case Status::kNoOverlap:
-      return "the two embeddings do not overlap at the start";
-    case Status::kNumericalFailure:
-      return "a triangle of the start is too thin for the energy to be a number";
-    default:
-      return "";
-  }
-}
-
-}  // namespace detail
-
-inline const char* to_string(Status s) {
-  switch (s) {
-    case Status::kConverged:
-      return "converged";
-    case Status::kIterationLimit:
-      return "iteration limit";
-    case Status::kStalled:
-      return "stalled";
-    case Status::kCancelled:
-      return "cancelled";
-    case Status::kAborted:
-      return "aborted";
-    case Status::kInvalidMesh:
-      return "invalid mesh";
-    case Status::kInvalidLandmarks:
-      return "invalid landmarks";
-    case Status::kInvalidOptions:
-      return "invalid options";
-    case Status::kInvalidPositions:
-      return "invalid positions";
-    case Status::kNoOverlap:
-      return "no overlap";
-    case Status::kNumericalFailure:
-      return "numerical failure";
-  }
-  return "unknown";
-}
-
-inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
-                                   const std::vector<Landmark>& landmarks, const Options& options) {
-  Embedding embedding;
-  if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
-  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                                    detail::build_surface(b, options.keep_scale)};
-  detail::embed(pair, landmarks, options, embedding);
-  if (embedding.status == Status::kConverged)
-    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
-  return embedding;
-}
-
-inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
-                          const std::vector<Landmark>& landmarks, const Options& options) {
-  Result result;
-  if (!detail::check_input(a, b, landmarks, options, result)) {
-    result.start.status = result.status;
-    return result;
-  }
-  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                                    detail::build_surface(b, options.keep_scale)};
-  const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
-  if (is_given)
-    detail::given_positions(pair, options, result.start);
-  else
-    detail::embed(pair, landmarks, options, result.start);
-  if (result.start.status != Status::kConverged) {
-    detail::fail(result, result.start.status, result.start.message, result.start.ids);
-    return result;
-  }
-  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
-  const double scale = is_given ? detail::plane_scale(pair, result.start.f, result.start.g) : 1;
-  result.f = scale * result.start.f;
-  result.g = scale * result.start.g;
-  detail::Timer timer;
-  detail::Optimizer(pair, options).run(result);
-  result.f /= scale;
-  result.g /= scale;
-  result.message = detail::explain(result.status);
-  result.seconds = timer.lap();
-  return result;
-}
-
 }  // namespace ism
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
@@ -4627,13 +5068,6 @@ struct MapData {
   Overlay overlay;
   FaceGroups by_a, by_b;
 };
-
-/// Barycentric coordinates of p in a planar triangle of positive area.
-inline Vec3 barycentric(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
-  const double area = cross(b - a, c - a);
-  const double u = cross(b - p, c - p) / area, v = cross(c - p, a - p) / area;
-  return Vec3(u, v, 1 - u - v);
-}
 
 inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, const Vec2& p) {
   return barycentric(p, row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)));
@@ -4699,6 +5133,14 @@ struct MapSide {
     return points;
   }
 };
+
+/// Overlays d.f and d.g and groups the polygons by the faces of either mesh.
+inline void index_overlay(MapData& d) {
+  compute_overlay(d.a, d.f, d.b, d.g, d.overlay);
+  const Array<OverlayPolygon>& polygons = d.overlay.polygons;
+  d.by_a = group_polygons(polygons, d.a.n_faces, [](const OverlayPolygon& p) { return p.ta; });
+  d.by_b = group_polygons(polygons, d.b.n_faces, [](const OverlayPolygon& p) { return p.tb; });
+}
 
 inline MapSide forward_side(const MapData& d) {
   return {d.a, d.f, d.b, d.g, d.by_a, d.overlay.polygons, true};
@@ -4812,29 +5254,6 @@ class MetaMeshBuilder {
 
 }  // namespace detail
 
-inline SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
-                              const Points2& g) {
-  auto data = std::make_shared<detail::MapData>();
-  data_ = data;
-  if (!detail::check_mesh(a, "A", *data) || !detail::check_mesh(b, "B", *data)) return;
-  data->vertices_a = a.vertices;
-  data->vertices_b = b.vertices;
-  data->a = detail::build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
-  data->b = detail::build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
-  data->f = f;
-  data->g = g;
-  if (!detail::check_positions(data->a, f, "f", *data)) return;
-  if (!detail::check_positions(data->b, g, "g", *data)) return;
-  detail::compute_overlay(data->a, f, data->b, g, data->overlay);
-  const detail::Array<detail::OverlayPolygon>& polygons = data->overlay.polygons;
-  data->by_a = detail::group_polygons(polygons, data->a.n_faces,
-                                      [](const detail::OverlayPolygon& p) { return p.ta; });
-  data->by_b = detail::group_polygons(polygons, data->b.n_faces,
-                                      [](const detail::OverlayPolygon& p) { return p.tb; });
-  if (polygons.empty())
-    detail::fail(*data, Status::kNoOverlap, detail::explain(Status::kNoOverlap));
-}
-
 inline Status SurfaceMap::status() const { return data_->status; }
 inline const std::string& SurfaceMap::message() const { return data_->message; }
 inline MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
@@ -4865,7 +5284,343 @@ inline MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*
 
 }  // namespace ism
 
-// ==== [16] LICENSE ===============================================================================
+// ==== [16] ENTRY POINTS ==========================================================================
+//
+// Purpose:    checks the input, runs the parts above in order, and words the outcome.
+// Invariants: nothing is computed on input that fails a check.
+// Fails:      with the status, message and ids of the first check that does.
+
+namespace ism {
+namespace detail {
+
+template <class Output>
+bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
+  const std::vector<Problem> problems = validate(mesh);
+  if (problems.empty()) return true;
+  std::string message = std::string("mesh ") + name + ": " + problems[0].message;
+  if (problems.size() > 1) message += " (problem 1 of " + std::to_string(problems.size()) + ")";
+  return fail(output, Status::kInvalidMesh, message, problems[0].ids);
+}
+
+template <class Output>
+bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
+                     const std::vector<Landmark>& landmarks, Output& output) {
+  Array<char> used_a(static_cast<int>(a.vertices.rows()), 0);
+  Array<char> used_b(static_cast<int>(b.vertices.rows()), 0);
+  for (const Landmark& l : landmarks) {
+    const std::string name = "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) + ": ";
+    if (l.a < 0 || l.a >= used_a.size())
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "mesh A has no vertex " + std::to_string(l.a) + ", it has " +
+                      std::to_string(used_a.size()) + " vertices, counted from 0",
+                  {l.a});
+    if (l.b < 0 || l.b >= used_b.size())
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "mesh B has no vertex " + std::to_string(l.b) + ", it has " +
+                      std::to_string(used_b.size()) + " vertices, counted from 0",
+                  {l.b});
+    if (used_a[l.a]++)
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "vertex " + std::to_string(l.a) + " of A is in another landmark", {l.a});
+    if (used_b[l.b]++)
+      return fail(output, Status::kInvalidLandmarks,
+                  name + "vertex " + std::to_string(l.b) + " of B is in another landmark", {l.b});
+  }
+  return true;
+}
+
+template <class Output>
+bool check_options(const Options& o, Output& output) {
+  const auto require = [&](bool good, const char* rule) {
+    return good ||
+           fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
+  };
+  return require(o.measure.value && o.measure.derivatives,
+                 "measure must have a value and derivatives") &&
+         require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
+                 "coverage_weight must be at least 0") &&
+         require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),
+                 "barrier_weight must be positive") &&
+         require(o.spd_epsilon > 0 && std::isfinite(o.spd_epsilon),
+                 "spd_epsilon must be positive") &&
+         require(o.history_length >= 1, "history_length must be at least 1") &&
+         require(o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]") &&
+         require(o.omega_start > 0 && std::isfinite(o.omega_start),
+                 "omega_start must be positive") &&
+         require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
+                 "omega_factor must be above 1") &&
+         require(o.omega_least >= 0 && o.omega_least <= o.omega_start,
+                 "omega_least must be in [0, omega_start]") &&
+         require(o.max_displacement > 0, "max_displacement must be positive") &&
+         require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
+         require(o.least_coverage >= 0 && o.least_coverage < 1,
+                 "least_coverage must be in [0, 1)") &&
+         require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
+         require(o.tolerance >= 0, "tolerance must be at least 0") &&
+         require(o.window >= 1, "window must be at least 1") &&
+         require(o.threads >= 0, "threads must be at least 0");
+}
+
+template <class Output>
+bool check_input(const TriangleMesh& a, const TriangleMesh& b,
+                 const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
+  return check_options(options, output) && check_mesh(a, "A", output) &&
+         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
+}
+
+inline double largest_landmark_distance(const Embedding& e,
+                                        const std::vector<Landmark>& landmarks) {
+  double largest = 0;
+  for (const Landmark& l : landmarks)
+    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
+  return largest / domain_radius(e.f, e.g);
+}
+
+/// E_f + E_g, infinite for a failure.
+inline double strain(const SurfacePair& pair, const Embedding& e) {
+  if (e.status != Status::kConverged) return kInfinity;
+  Array<Eigen::Matrix2d> J;
+  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
+  return energy < kInfinity ? energy : kInfinity;  // NaN, too
+}
+
+/// Embeds in the metric of the surfaces; where that fails or strains them, once more in the uniform
+/// metric, and the better one counts.
+inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                  const Options& options, Embedding& embedding) {
+  constexpr double kStrained = 100;  // of isometries: 4
+  Timer timer;
+  PairEmbedder(pair, landmarks, options, Metric::kSurface).run(embedding);
+  const double energy = strain(pair, embedding) / (pair.a.total_area + pair.b.total_area);
+  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
+    Embedding other;
+    PairEmbedder(pair, landmarks, options, Metric::kUniform).run(other);
+    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
+      embedding = other;
+  }
+  embedding.seconds = timer.lap();
+}
+
+/// True if x holds an injective embedding of m.
+template <class Output>
+bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string& name,
+                     Output& output) {
+  if (x.rows() != m.n_vertices)
+    return fail(output, Status::kInvalidPositions,
+                name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
+                    std::to_string(m.n_vertices) + " vertices");
+  return is_injective(m, x) ||
+         fail(output, Status::kInvalidPositions, name + " is not an injective embedding");
+}
+
+/// Takes the start from Options, after checking it.
+inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+  start.f = options.initial_f;
+  start.g = options.initial_g;
+  if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
+  check_positions(pair.b.mesh, start.g, "initial_g", start);
+}
+
+/// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
+/// on it (§4.6), but E_f and E_g do, and ε. Being a power of two, it can be undone without
+/// rounding.
+inline double plane_scale(const SurfacePair& pair, const Points2& f, const Points2& g) {
+  const auto area = [](const HalfEdgeMesh& m, const Points2& x) {
+    double twice = 0;
+    for (int h : m.boundary) twice += cross(row2(x, m.tail[h]), row2(x, m.tip(h)));
+    return 0.5 * std::abs(twice);
+  };
+  const double ratio = pair.total_area() / (area(pair.a.mesh, f) + area(pair.b.mesh, g));
+  const double exponent = std::round(0.5 * std::log2(ratio));
+  return std::isfinite(exponent) ? std::exp2(exponent) : 1;
+}
+
+/// Where the pins of one mesh are put: the images of its vertices under one side of the map.
+struct PinnedSide {
+  const std::vector<int>& vertices;
+  const char *mesh, *other;
+  MapSide map;
+  int first_row, first_master;
+};
+
+inline bool add_pins(const PinnedSide& side, Array<Follower>& followers, Result& result) {
+  for (int v : side.vertices) {
+    const std::string name = "pin: vertex " + std::to_string(v) + " of " + side.mesh;
+    if (v < 0 || v >= side.map.from.n_vertices)
+      return fail(
+          result, Status::kInvalidPins,
+          name + " does not exist, ids are 0 to " + std::to_string(side.map.from.n_vertices - 1),
+          {v});
+    for (const Follower& other : followers)
+      if (other.row == side.first_row + v)
+        return fail(result, Status::kInvalidPins, name + " is pinned twice", {v});
+    const MappedPoint image = side.map.map_vertex(v);
+    if (!image.covered)
+      return fail(result, Status::kInvalidPins,
+                  name + " is not mapped to " + side.other + " by the start", {v});
+    Follower follower = {side.first_row + v, {}, image.point.barycentric};
+    for (int k = 0; k < 3; ++k)
+      follower.master[static_cast<std::size_t>(k)] =
+          side.first_master + side.map.to.corner(image.point.face, k);
+    followers.push_back(follower);
+  }
+  return true;
+}
+
+/// A pin must not lie in a triangle with a pinned vertex: followers of followers are not resolved.
+inline bool check_chains(const Array<Follower>& followers, int n_a, Result& result) {
+  const auto id = [&](int row) { return row < n_a ? row : row - n_a; };
+  const auto name = [&](int row) {
+    return "vertex " + std::to_string(id(row)) + (row < n_a ? " of A" : " of B");
+  };
+  std::vector<int> pinned;
+  for (const Follower& follower : followers) pinned.push_back(follower.row);
+  std::sort(pinned.begin(), pinned.end());
+  for (const Follower& follower : followers)
+    for (int master : follower.master)
+      if (std::binary_search(pinned.begin(), pinned.end(), master))
+        return fail(result, Status::kInvalidPins,
+                    "pin: " + name(follower.row) + " lies in a triangle of " + name(master) +
+                        ", which is pinned too",
+                    {id(follower.row), id(master)});
+  return true;
+}
+
+/// The followers that Options::pins_a and pins_b ask for.
+inline bool find_followers(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                           const Options& options, Array<Follower>& followers, Result& result) {
+  if (options.exact_landmarks)
+    for (const Landmark& l : landmarks) followers.push_back(landmark_follower(pair, l));
+  if (options.pins_a.empty() && options.pins_b.empty()) return true;
+  MapData map;
+  map.a = pair.a.mesh;
+  map.b = pair.b.mesh;
+  map.f = result.f;
+  map.g = result.g;
+  index_overlay(map);
+  const int n = pair.n_a();
+  return add_pins({options.pins_a, "A", "B", forward_side(map), 0, n}, followers, result) &&
+         add_pins({options.pins_b, "B", "A", backward_side(map), n, 0}, followers, result) &&
+         check_chains(followers, n, result);
+}
+
+inline const char* explain(Status s) {
+  switch (s) {
+    case Status::kConverged:
+      return "the energy hardly falls any more";
+    case Status::kIterationLimit:
+      return "stopped at the iteration limit";
+    case Status::kStalled:
+      return "no injective step lowers the energy";
+    case Status::kCancelled:
+      return "cancelled; this is the last injective iterate";
+    case Status::kNoOverlap:
+      return "the two embeddings do not overlap at the start";
+    case Status::kNumericalFailure:
+      return "a triangle of the start is too thin for the energy to be a number";
+    default:
+      return "";
+  }
+}
+
+}  // namespace detail
+
+inline const char* to_string(Status s) {
+  switch (s) {
+    case Status::kConverged:
+      return "converged";
+    case Status::kIterationLimit:
+      return "iteration limit";
+    case Status::kStalled:
+      return "stalled";
+    case Status::kCancelled:
+      return "cancelled";
+    case Status::kAborted:
+      return "aborted";
+    case Status::kInvalidMesh:
+      return "invalid mesh";
+    case Status::kInvalidLandmarks:
+      return "invalid landmarks";
+    case Status::kInvalidOptions:
+      return "invalid options";
+    case Status::kInvalidPositions:
+      return "invalid positions";
+    case Status::kInvalidPins:
+      return "invalid pins";
+    case Status::kNoOverlap:
+      return "no overlap";
+    case Status::kNumericalFailure:
+      return "numerical failure";
+  }
+  return "unknown";
+}
+
+inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+                                   const std::vector<Landmark>& landmarks, const Options& options) {
+  Embedding embedding;
+  if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
+  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                                    detail::build_surface(b, options.keep_scale)};
+  detail::embed(pair, landmarks, options, embedding);
+  if (embedding.status == Status::kConverged)
+    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
+  return embedding;
+}
+
+inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+                          const std::vector<Landmark>& landmarks, const Options& options) {
+  Result result;
+  if (!detail::check_input(a, b, landmarks, options, result)) {
+    result.start.status = result.status;
+    return result;
+  }
+  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                                    detail::build_surface(b, options.keep_scale)};
+  const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
+  if (is_given)
+    detail::given_positions(pair, options, result.start);
+  else
+    detail::embed(pair, landmarks, options, result.start);
+  if (result.start.status != Status::kConverged) {
+    detail::fail(result, result.start.status, result.start.message, result.start.ids);
+    return result;
+  }
+  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
+  const double scale = is_given ? detail::plane_scale(pair, result.start.f, result.start.g) : 1;
+  result.f = scale * result.start.f;
+  result.g = scale * result.start.g;
+  detail::Timer timer;
+  detail::Array<detail::Follower> followers;
+  if (!detail::find_followers(pair, landmarks, options, followers, result)) return result;
+  detail::Optimizer(pair, options, followers).run(result);
+  result.f /= scale;
+  result.g /= scale;
+  result.message = detail::explain(result.status);
+  result.seconds = timer.lap();
+  return result;
+}
+
+inline SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
+                              const Points2& g) {
+  auto data = std::make_shared<detail::MapData>();
+  data_ = data;
+  if (!detail::check_mesh(a, "A", *data) || !detail::check_mesh(b, "B", *data)) return;
+  data->vertices_a = a.vertices;
+  data->vertices_b = b.vertices;
+  data->a = detail::build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
+  data->b = detail::build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
+  data->f = f;
+  data->g = g;
+  if (!detail::check_positions(data->a, f, "f", *data)) return;
+  if (!detail::check_positions(data->b, g, "g", *data)) return;
+  detail::index_overlay(*data);
+  if (data->overlay.polygons.empty())
+    detail::fail(*data, Status::kNoOverlap, detail::explain(Status::kNoOverlap));
+}
+
+}  // namespace ism
+
+// ==== [17] LICENSE ===============================================================================
 //
 // MIT License
 //

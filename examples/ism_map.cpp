@@ -35,10 +35,15 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
 
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
+  --exact-landmarks  landmarks coincide exactly, from the start to the end
+  --pin-landmarks    the landmarks of A stay on B where the start puts them
+  --pins FILE        more landmarks, of which these vertices of A stay where the start puts them
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
   --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2.2)
   --preset paper     the constants of the paper (kappa 0, omega from 1e9, at most 550 iterations)
+  --measure M        sd (symmetric Dirichlet, default), arap, sarap or asap; all but sd are 0 for
+                     an isometry, not 2, so their default kappa is 0.2
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 400)
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
@@ -59,10 +64,10 @@ Files in OUT:
 // ==== [1] ARGUMENTS ==============================================================================
 
 struct Arguments {
-  std::string a, b, out, landmarks, initial;
-  std::string preset = "default";
+  std::string a, b, out, landmarks, pins, initial;
+  std::string preset = "default", measure = "sd";
   ism::Options options;
-  bool start_only = false, quiet = false, help = false;
+  bool has_kappa = false, pin_landmarks = false, start_only = false, quiet = false, help = false;
 };
 
 std::string read_number(const std::string& flag, const std::string& text, double& value) {
@@ -102,6 +107,8 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("tolerance", o.tolerance);
   visit("window", o.window);
   visit("keep_scale", o.keep_scale);
+  visit("exact_landmarks", o.exact_landmarks);
+  visit("scaffold", o.scaffold);
   visit("threads", o.threads);
 }
 
@@ -136,6 +143,21 @@ std::string read_variant(const std::string& text, ism::Variant& variant) {
 }
 
 /// The preset comes first, wherever it stands, so that the other options refine it.
+std::string read_measure(const std::string& text, Arguments& args) {
+  const std::pair<const char*, ism::DistortionMeasure> known[] = {
+      {"sd", ism::symmetric_dirichlet()},
+      {"arap", ism::arap()},
+      {"sarap", ism::sarap()},
+      {"asap", ism::asap()}};
+  for (const auto& [name, measure] : known) {
+    if (text != name) continue;
+    args.measure = text;
+    args.options.measure = measure;
+    return {};
+  }
+  return "--measure must be sd, arap, sarap or asap, not '" + text + "'";
+}
+
 std::string read_preset(const std::vector<std::string>& words, Arguments& args) {
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
     if (words[i] != "--preset") continue;
@@ -148,6 +170,8 @@ std::string read_preset(const std::vector<std::string>& words, Arguments& args) 
 
 bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--start-only") return args.start_only = true;
+  if (flag == "--pin-landmarks") return args.pin_landmarks = true;
+  if (flag == "--exact-landmarks") return args.options.exact_landmarks = true;
   if (flag == "--keep-scale") return args.options.keep_scale = true;
   if (flag == "--quiet") return args.quiet = true;
   if (flag == "--help" || flag == "-h") return args.help = true;
@@ -155,21 +179,29 @@ bool read_switch(const std::string& flag, Arguments& args) {
 }
 
 bool takes_value(const std::string& flag) {
-  for (const char* known : {"-o", "--landmarks", "--initial", "--kappa", "--preset", "--variant",
-                            "--iterations", "--tolerance", "--threads", "--set"})
+  for (const char* known :
+       {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
+        "--iterations", "--tolerance", "--threads", "--set"})
     if (flag == known) return true;
   return false;
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
-  if (flag == "--kappa") return read_number(flag, text, args.options.coverage_weight);
+  if (flag == "--kappa") {
+    args.has_kappa = true;
+    return read_number(flag, text, args.options.coverage_weight);
+  }
+  if (flag == "--measure") return read_measure(text, args);
   if (flag == "--tolerance") return read_number(flag, text, args.options.tolerance);
   if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
   if (flag == "--threads") return read_number(flag, text, args.options.threads);
   if (flag == "--set") return read_setting(text, args.options);
   if (flag == "--variant") return read_variant(text, args.options.variant);
   if (flag == "--preset") return {};  // see read_preset()
-  (flag == "-o" ? args.out : flag == "--landmarks" ? args.landmarks : args.initial) = text;
+  (flag == "-o"            ? args.out
+   : flag == "--landmarks" ? args.landmarks
+   : flag == "--pins"      ? args.pins
+                           : args.initial) = text;
   return text.empty() ? flag + " needs a name" : "";
 }
 
@@ -194,6 +226,7 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
   if (meshes < 2) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
   if (args.out.empty()) return "a folder for the results is needed: -o OUT";
   if (args.start_only) args.options.max_iterations = 0;
+  if (args.measure != "sd" && !args.has_kappa) args.options.coverage_weight = 0.2;
   return {};
 }
 
@@ -280,6 +313,10 @@ std::string read_input(Arguments& args, Input& input) {
   std::string error = read_disk(args.a, input.a);
   if (error.empty()) error = read_disk(args.b, input.b);
   if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
+  const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
+  if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
+  for (std::size_t i = pinned_from; i < input.landmarks.size(); ++i)
+    args.options.pins_a.push_back(input.landmarks[i].a);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())
@@ -446,6 +483,7 @@ std::string json_iteration(const ism::IterationLog& it) {
       .add("omega", it.omega)
       .add("step", it.step)
       .add("max_step", it.max_step)
+      .add("pin_residual", it.pin_residual)
       .add("history_reset", it.history_reset)
       .add("seconds_derivatives", it.seconds_derivatives)
       .add("seconds_assembly", it.seconds_assembly)
@@ -468,6 +506,7 @@ std::string json_options(const Arguments& args) {
   json.add("preset", args.preset)
       .add("landmarks", args.landmarks)
       .add("initial", args.initial)
+      .add("measure", args.measure)
       .add("variant", variants[static_cast<int>(args.options.variant)]);
   ism::Options options = args.options;
   for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
@@ -586,8 +625,8 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("B            %s: %s\n", args.b.c_str(), size(input.b).c_str());
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
-  std::printf("distortion   %.4f on average, 2 is an isometry (%.4f at the start)\n",
-              last.mean_distortion, first.mean_distortion);
+  std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
+              last.mean_distortion, args.measure == "sd" ? 2 : 0, first.mean_distortion);
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
@@ -614,6 +653,7 @@ int exit_code(ism::Status status, bool own_start) {
   switch (status) {
     case ism::Status::kInvalidMesh:
     case ism::Status::kInvalidLandmarks:
+    case ism::Status::kInvalidPins:
     case ism::Status::kInvalidOptions:
     case ism::Status::kInvalidPositions:
       return kBadInput;

@@ -65,6 +65,7 @@ refused "--set keep_scale needs 0 or 1, not '2'" a.obj b.obj -o out --set keep_s
 refused "option out of range: history_decay must be in (0, 1]" \
   a.obj b.obj -o out --set history_decay=0
 refused "--variant must be pn, spn or full, not 'PN'" a.obj b.obj -o out --variant PN
+refused "--measure must be sd, arap, sarap or asap, not 'mips'" a.obj b.obj -o out --measure mips
 refused "the only preset is paper, not 'fast'" a.obj b.obj -o out --preset fast
 refused "-o needs a name" a.obj b.obj -o ""
 
@@ -109,6 +110,8 @@ refused_marks '1 2\n3 2\n' "2: vertex 2 of B is in two landmarks"
 refused_marks '1 2 3\n' "1: two vertex ids are expected"
 refused "none.txt: there is no such file" a.obj b.obj -o out --landmarks none.txt
 
+refused "marks_bad.txt, line 1: two vertex ids are expected" \
+  a.obj b.obj -o out --pins marks_bad.txt
 refused "none/A.obj: there is no such file" a.obj b.obj -o out --initial none
 mkdir start && cp a.obj start/A.obj && cp b.obj start/B.obj
 refused "start/A.obj: not every vertex has one vt of its own" a.obj b.obj -o out --initial start
@@ -176,6 +179,28 @@ code=0
 grep -q "^ism_map: out/one/.*: the file cannot be written$" stderr.txt ||
   fail "a full disk: $(cat stderr.txt)"
 [ "$(cat out/one/* | cksum)" = "$before" ] || fail "a full disk changed $(ls out/one)"
+
+"$ism_map" a.obj b.obj -o out/arap --measure arap --iterations 3 >stdout.txt 2>/dev/null ||
+  fail "--measure"
+grep -q " 0 is an isometry" stdout.txt || fail "--measure arap: $(cat stdout.txt)"
+grep -q '"coverage_weight": 0.2' out/arap/report.json || fail "--measure arap: kappa"
+
+# Constraints: 40 and 60 are the middles of the grids.
+printf '40 60\n' >pins.txt
+for pins in "--landmarks marks.txt --pins pins.txt" "--landmarks pins.txt --pin-landmarks"; do
+  "$ism_map" a.obj b.obj -o out/pins $pins --iterations 5 --quiet || fail "$pins"
+  grep -Eq '"pin_residual": [0-9.]+e-1[5-9]' out/pins/report.json || fail "$pins: no residual"
+done
+code=0
+"$ism_map" a.obj b.obj -o out/far --landmarks marks.txt --pin-landmarks 2>stderr.txt || code=$?
+[ "$code" = 2 ] && grep -q "pin: vertex [0-9]* of A is not mapped to B by the start" stderr.txt ||
+  fail "a pin outside the overlap: $(cat stderr.txt)"
+"$ism_map" a.obj b.obj -o out/exact --landmarks marks.txt --exact-landmarks --iterations 5 \
+  --quiet || fail "--exact-landmarks"
+for v in 1:1 81:121; do  # vt of the landmarks
+  [ "$(grep '^vt' out/exact/A.obj | sed -n "${v%:*}p")" = \
+    "$(grep '^vt' out/exact/B.obj | sed -n "${v#*:}p")" ] || fail "--exact-landmarks: $v"
+done
 
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
 interrupted() {

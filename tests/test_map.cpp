@@ -108,7 +108,8 @@ ism::detail::Iterate covered(const Disk& a, const Disk& b) {
   ism::detail::Iterate x;
   x.f = a.plane;
   x.g = b.plane;
-  ism::detail::evaluate(pair, ism::detail::Weights{2, 1e-8, 1e-3}, x);
+  const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
+  ism::detail::evaluate(pair, ism::detail::Weights{2, 1e-8, 1e-3, &measure}, x);
   return x;
 }
 

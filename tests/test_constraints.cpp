@@ -1,0 +1,298 @@
+// Pins: substituted systems, residuals, and what is refused.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace ism::detail;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using ism::IterationLog;
+using ism::Options;
+using ism::Points2;
+using ism::Result;
+using ism::Status;
+using ism::SurfaceMap;
+using ism::TriangleMesh;
+using ism::Vec2;
+using ism::Vec3;
+using shapes::Disk;
+using shapes::half_edges;
+using shapes::Rng;
+
+/// The full symmetric matrix of an upper triangle of blocks.
+MatrixXd dense(const BlockPattern& pattern, const BlockValues& values) {
+  MatrixXd H = MatrixXd::Zero(2 * pattern.rows(), 2 * pattern.rows());
+  for (int r = 0; r < pattern.rows(); ++r)
+    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
+      const int c = pattern.column[b];
+      H.block<2, 2>(2 * r, 2 * c) = values[b];
+      H.block<2, 2>(2 * c, 2 * r) = values[b].transpose();
+    }
+  return H;
+}
+
+/// P as a matrix.
+MatrixXd dense(const Array<Follower>& followers, int rows) {
+  MatrixXd P = MatrixXd::Identity(2 * rows, 2 * rows);
+  for (const Follower& follower : followers) {
+    P.block<2, 2>(2 * follower.row, 2 * follower.row).setZero();
+    for (int k = 0; k < 3; ++k)
+      P.block<2, 2>(2 * follower.row, 2 * follower.master[static_cast<std::size_t>(k)]) +=
+          follower.weight[k] * Eigen::Matrix2d::Identity();
+  }
+  return P;
+}
+
+/// A random symmetric system of n rows.
+LinearSystem random_system(int n, Rng& rng) {
+  LinearSystem system;
+  system.pattern.start.push_back(0);
+  for (int r = 0; r < n; ++r) {
+    for (int c = r; c < n; ++c) {
+      if (c > r && rng.below(3) > 0) continue;
+      Eigen::Matrix2d H, Q;
+      for (int i = 0; i < 4; ++i) H(i / 2, i % 2) = rng.uniform(-1, 1);
+      Q = rng.uniform(-1, 1) * Eigen::Matrix2d::Identity();
+      if (c == r) H = (H + H.transpose()).eval();
+      system.pattern.column.push_back(c);
+      system.H.push_back(H);
+      system.Q.push_back(Q);
+    }
+    system.pattern.start.push_back(system.pattern.blocks());
+  }
+  system.gradient = VectorXd::NullaryExpr(2 * n, [&](Eigen::Index) { return rng.uniform(-1, 1); });
+  return system;
+}
+
+/// Two bent random disks; every vertex of the smaller one, A, lies over B.
+std::pair<Disk, Disk> nested_pair(std::uint64_t seed) {
+  Rng rng(seed);
+  Disk a = shapes::random_disk(4, 4, rng), b = shapes::random_disk(6, 6, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.3);
+  a.plane = shapes::moved(a.plane, shapes::rotation(0.2), Vec2(1.3, 0.9));
+  return {a, b};
+}
+
+Options from_planes(const Disk& a, const Disk& b) {
+  Options options;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  options.keep_scale = true;
+  return options;
+}
+
+/// Options that pin vertices of both meshes, none in a triangle of another.
+Options with_pins(const Disk& a, const Disk& b) {
+  Options options = from_planes(a, b);
+  options.pins_a = {0, 6, 18};
+  options.max_iterations = 0;
+  for (int v = 0; v < b.plane.rows(); ++v) {
+    options.pins_b = {v};
+    if (ism::is_usable(ism::compute_map(a.mesh, b.mesh, {}, options).status)) break;
+  }
+  options.max_iterations = Options().max_iterations;
+  return options;
+}
+
+void check_refused(const Result& result, const std::string& what, const std::vector<int>& ids) {
+  CAPTURE(what);
+  CAPTURE(result.message);
+  CHECK(result.status == Status::kInvalidPins);
+  CHECK_FALSE(ism::is_usable(result.status));
+  CHECK(result.message.find(what) != std::string::npos);
+  CHECK(result.ids == ids);
+  CHECK(result.log.empty());
+}
+
+}  // namespace
+
+TEST_CASE("a substituted system is the product of matrices") {
+  Rng rng(1);
+  for (int round = 0; round < 20; ++round) {
+    const int n = 12;
+    LinearSystem system = random_system(n, rng);
+    const Array<Follower> followers = [&] {
+      Array<Follower> all;
+      all.push_back({2, {{7, 9, 11}}, Vec3(0.2, 0.3, 0.5)});
+      all.push_back({3, {{7, 8, 9}}, Vec3(0.6, 0, 0.4)});
+      all.push_back({10, {{0, 1, 4}}, Vec3(0, 1, 0)});
+      return all;
+    }();
+    const MatrixXd P = dense(followers, n);
+    MatrixXd H = P.transpose() * dense(system.pattern, system.H) * P;
+    const MatrixXd Q = P.transpose() * dense(system.pattern, system.Q) * P;
+    const VectorXd gradient = P.transpose() * system.gradient;
+    for (const Follower& follower : followers)
+      for (int i : {2 * follower.row, 2 * follower.row + 1}) H(i, i) = 1;
+    substitute(followers, system);
+    for (int r = 0; r < n; ++r)
+      for (int b = system.pattern.start[r]; b + 1 < system.pattern.start[r + 1]; ++b)
+        CHECK(system.pattern.column[b] < system.pattern.column[b + 1]);
+    CHECK((dense(system.pattern, system.H) - H).norm() < 1e-14 * H.norm());
+    CHECK((dense(system.pattern, system.Q) - Q).norm() < 1e-14 * Q.norm());
+    CHECK((system.gradient - gradient).norm() < 1e-14 * gradient.norm());
+    const VectorXd y = VectorXd::NullaryExpr(2 * n, [&](Eigen::Index) { return rng.uniform(); });
+    CHECK((expanded(followers, y) - P * y).norm() < 1e-14 * y.norm());
+  }
+}
+
+TEST_CASE("the gradient of a pinned problem agrees with differences") {
+  const auto [a, b] = nested_pair(3);
+  const SurfacePair pair = {build_surface(a.mesh, true), build_surface(b.mesh, true)};
+  const Options options = with_pins(a, b);
+  Result result;
+  result.f = a.plane;
+  result.g = b.plane;
+  Array<Follower> followers;
+  REQUIRE(find_followers(pair, {}, options, followers, result));
+  REQUIRE(followers.size() == 4);
+  const Weights weights = {2.2, 1e-2, 1e-3, &options.measure};
+  const Executor executor(options);
+  const SystemBuilder systems(pair, false, executor);
+  const auto at = [&](const Points2& f, const Points2& g) {
+    Iterate x;
+    x.f = f;
+    x.g = g;
+    place_followers(followers, x.f, x.g);
+    evaluate(pair, weights, x);
+    return x;
+  };
+  const Iterate x = at(a.plane, b.plane);
+  CHECK((x.f - a.plane).norm() + (x.g - b.plane).norm() < 1e-14);
+  ModelBuilder builder(pair, weights, systems.one_ring(), executor);
+  builder.differentiate(x);
+  LinearSystem system = systems.blend(Array<QuadraticModel>(1, builder.assemble(x)), 1);
+  substitute(followers, system);
+  VectorXd expected(2 * pair.rows());
+  for (int i = 0; i < expected.size(); ++i) {
+    const double h = 1e-6;
+    double e[2];
+    for (int side = 0; side < 2; ++side) {
+      Points2 f = x.f, g = x.g;
+      const int row = i / 2, n = pair.n_a();
+      (row < n ? f(row, i % 2) : g(row - n, i % 2)) += side == 0 ? -h : h;
+      e[side] = at(f, g).energy;
+    }
+    expected[i] = (e[1] - e[0]) / (2 * h);
+  }
+  CHECK(expected.norm() > 1);
+  CHECK((system.gradient - expected).norm() < 1e-6 * expected.norm());
+}
+
+TEST_CASE("pinned vertices stay where they are on the other surface") {
+  for (std::uint64_t seed : {4u, 5u, 6u}) {
+    CAPTURE(seed);
+    const auto [a, b] = nested_pair(seed);
+    Options options = with_pins(a, b);
+    const int pin_b = options.pins_b[0];
+    const SurfaceMap before(a.mesh, b.mesh, a.plane, b.plane);
+    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+    REQUIRE(ism::is_usable(result.status));
+    CHECK(result.log.size() > 5);
+    for (const IterationLog& log : result.log) CHECK(log.pin_residual < 1e-12);
+    CHECK(is_injective(half_edges(a.mesh), result.f));
+    CHECK(is_injective(half_edges(b.mesh), result.g));
+    const SurfaceMap after(a.mesh, b.mesh, result.f, result.g);
+    for (int v : options.pins_a) {
+      const Vec3 p = before.position_on_b(before.forward_vertex(v).point);
+      const Vec3 q = after.position_on_b(after.forward_vertex(v).point);
+      CHECK((p - q).norm() < 1e-12);
+    }
+    const Vec3 p = before.position_on_a(before.backward_vertex(pin_b).point);
+    const Vec3 q = after.position_on_a(after.backward_vertex(pin_b).point);
+    CHECK((p - q).norm() < 1e-12);
+    options.pins_a.clear();
+    const Result free = ism::compute_map(a.mesh, b.mesh, {}, options);
+    CHECK(free.final_state().energy < result.final_state().energy);
+    const SurfaceMap moved(a.mesh, b.mesh, free.f, free.g);
+    const Vec3 r = moved.position_on_b(moved.forward_vertex(6).point);
+    CHECK((before.position_on_b(before.forward_vertex(6).point) - r).norm() > 1e-3);
+  }
+}
+
+TEST_CASE("several pins in one triangle") {
+  Rng rng(7);
+  Disk a = shapes::random_disk(5, 5, rng);
+  shapes::bend(a, 0.5);
+  Disk b = shapes::triangle({-9, -9}, {16, -8}, {3, 17});
+  Options options = from_planes(a, b);
+  for (int v = 0; v < 12; ++v) options.pins_a.push_back(v);
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(ism::is_usable(result.status));
+  CHECK(result.final_state().energy < result.initial.energy);
+  CHECK(result.final_state().pin_residual < 1e-12);
+}
+
+TEST_CASE("bad pins are refused with the vertices") {
+  const auto [a, b] = nested_pair(8);
+  const auto refuse = [&, &a = a, &b = b](const std::vector<int>& pins_a,
+                                          const std::vector<int>& pins_b, const std::string& what,
+                                          const std::vector<int>& ids) {
+    Options options = from_planes(a, b);
+    options.pins_a = pins_a;
+    options.pins_b = pins_b;
+    check_refused(ism::compute_map(a.mesh, b.mesh, {}, options), what, ids);
+  };
+  const int n_a = static_cast<int>(a.plane.rows()), n_b = static_cast<int>(b.plane.rows());
+  refuse({0, n_a}, {}, "vertex " + std::to_string(n_a) + " of A does not exist", {n_a});
+  refuse({-1}, {}, "vertex -1 of A does not exist", {-1});
+  refuse({}, {n_b}, "vertex " + std::to_string(n_b) + " of B does not exist", {n_b});
+  refuse({3, 4, 3}, {}, "vertex 3 of A is pinned twice", {3});
+  refuse({}, {0}, "vertex 0 of B is not mapped to A by the start", {0});
+  const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+  const ism::MappedPoint image = map.backward_vertex(24);
+  REQUIRE(image.covered);
+  const int v = a.mesh.triangles(image.point.face, 0);
+  refuse({v}, {24}, "vertex " + std::to_string(v) + " of A lies in a triangle of vertex 24 of B",
+         {v, 24});
+}
+
+// ---- exact landmarks ----
+
+TEST_CASE("exact landmarks coincide to the last bit, from the start to the end") {
+  for (std::uint64_t seed : {9u, 10u, 11u}) {
+    CAPTURE(seed);
+    Rng rng(seed);
+    Disk a = shapes::random_disk(7, 6, rng), b = shapes::random_disk(6, 8, rng);
+    shapes::bend(a, 0.5);
+    shapes::bend(b, -0.4);
+    const std::vector<ism::Landmark> landmarks = {{8, 7}, {20, 22}, {30, 31}};
+    Options options;
+    options.exact_landmarks = true;
+    const Result result = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+    CAPTURE(result.message);
+    REQUIRE(ism::is_usable(result.status));
+    CHECK(result.start.landmark_distance == 0);
+    for (const ism::Landmark& l : landmarks) {
+      CHECK(result.start.f.row(l.a) == result.start.g.row(l.b));
+      CHECK(result.f.row(l.a) == result.g.row(l.b));
+    }
+    CHECK(result.log.size() > 5);
+    for (const IterationLog& log : result.log) CHECK(log.pin_residual < 1e-12);
+    CHECK(is_injective(half_edges(a.mesh), result.f));
+    CHECK(is_injective(half_edges(b.mesh), result.g));
+  }
+}
+
+TEST_CASE("exact landmarks that no map without folds can join end with their ids") {
+  const TriangleMesh a = shapes::grid(5, 5).mesh;
+  Options options;
+  options.exact_landmarks = true;
+  // Two corners of a triangle exchanged.
+  const int u = a.triangles(9, 0), v = a.triangles(9, 1), w = a.triangles(9, 2);
+  const Result result = ism::compute_map(a, a, {{u, u}, {v, w}, {w, v}}, options);
+  CAPTURE(result.message);
+  CHECK(result.status == Status::kInvalidLandmarks);
+  CHECK(result.message.find("cannot be joined") != std::string::npos);
+  CHECK_FALSE(result.ids.empty());
+  for (int id : result.ids) CHECK((id == u || id == v || id == w));
+}
