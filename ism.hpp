@@ -8,9 +8,9 @@
 //   ACM Transactions on Graphics 38(6), 2019.
 //
 // Both meshes are embedded in one plane, by f and by g; then Φ = g⁻¹ ∘ f. The unknowns are the
-// planar positions of all vertices. The objective is the symmetric Dirichlet energy of Φ, summed
-// exactly over the polygons of the overlay of f(A) and g(B). "§" and "Eq." in the comments below
-// mean sections and equations of that paper.
+// planar positions of all vertices. The objective is the symmetric Dirichlet energy of Φ, or
+// another measure, summed exactly over the polygons of the overlay of f(A) and g(B). "§" and "Eq."
+// in the comments below mean sections and equations of that paper.
 //
 // QUICK START
 //
@@ -31,7 +31,7 @@
 //            simple. Exact predicates decide this on the very coordinates that are returned.
 // NOT KEPT   The result is a local minimum; where A and B overlap in the plane is where they are
 //            mapped, the rest is not covered (IterationLog::coverage_a). Landmarks guide the start
-//            only.
+//            only, unless Options::exact_landmarks is set.
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own.
@@ -44,9 +44,10 @@
 // CONTENTS   [1] version and configuration   [2] public API        [3] notation
 //            [4] small helpers               [5] exact predicates  [6] half-edge mesh
 //            [7] overlay                     [8] energies          [9] sparse LDLT
-//            [10] objective and its quadratic model                [11] line search
-//            [12] the loop (Algorithm 1)     [13] initial embedding
-//            [14] entry points               [15] map evaluation and meta mesh
+//            [10] objective, quadratic model and constraints       [11] scaffold
+//            [12] line search                [13] the loop (Algorithm 1)
+//            [14] initial embedding          [15] map evaluation and meta mesh
+//            [16] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -394,6 +395,12 @@ class SurfaceMap {
   MappedPoint backward_vertex(int b) const;
   std::vector<MappedPoint> forward_vertices() const;   // one per vertex of a valid mesh A
   std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
+  /// The image of the edge from vertex u to v of A on B: a polyline for every stretch of it that is
+  /// covered, in order. The segment from point i to i + 1 lies in the triangle of point i. Empty if
+  /// there is no such edge. Edges of polygons that were cut into triangles are images of template
+  /// edges (§6.3).
+  std::vector<std::vector<SurfacePoint>> forward_edge(int u, int v) const;
+  std::vector<std::vector<SurfacePoint>> backward_edge(int u, int v) const;  // of B on A
   /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
   /// p.face one of its triangles.
   Vec3 position_on_a(const SurfacePoint& p) const;
@@ -3025,17 +3032,12 @@ inline Vec3 barycentric(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2&
   return Vec3(u, v, 1 - u - v);
 }
 
-/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k (§4.5).
+/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k (§4.5). Masters
+/// do not follow others themselves.
 struct Follower {
   int row;
   std::array<int, 3> master;
   Vec3 weight;
-};
-
-/// What keeps unknowns from moving freely. Masters do not follow others themselves.
-struct Constraints {
-  Array<Follower> followers;
-  Array<char> is_fixed;  // coordinate c of row r is constant if is_fixed[2 r + c]
 };
 
 /// The linear map P from the unknowns that are left to all rows: where a row gets its position
@@ -3499,34 +3501,50 @@ inline bool collides(const SurfacePair& pair, const Iterate& x) {
          !(boundary_is_simple(pair.a.mesh, x.f) && boundary_is_simple(pair.b.mesh, x.g));
 }
 
+/// What the trials of one line search have in common.
+struct SearchProblem {
+  const SurfacePair& pair;
+  const Weights& weights;
+  const StepRules& rules;
+  const Array<Follower>& followers;
+  const Array<Scaffold>& scaffolds;  // of f(A) and g(B), or none
+  const Iterate& from;
+  const Array<Direction>& directions;
+};
+
+/// Takes the step of a trial and decides whether it is acceptable.
+inline void evaluate_trial(const SearchProblem& problem, Trial& t) {
+  const SurfacePair& pair = problem.pair;
+  const Direction& d = problem.directions[t.direction];
+  t.x.f = moved(problem.from.f, d.f, t.step);
+  t.x.g = moved(problem.from.g, d.g, t.step);
+  place_followers(problem.followers, t.x.f, t.x.g);
+  t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
+  t.collides = t.collides || (!t.accepted && collides(pair, t.x));
+  if (!t.accepted) return;
+  t.resistance = 0;
+  if (!problem.scaffolds.empty())
+    t.resistance =
+        scaffold_energy(problem.scaffolds[0], t.x.f) + scaffold_energy(problem.scaffolds[1], t.x.g);
+  evaluate(pair, problem.weights, t.x);
+  t.accepted = is_acceptable(problem.rules, problem.from, d, t);
+}
+
 /// Tries all directions side by side, block by block; the best acceptable trial of the first block
 /// that has one, or -1 (Algorithm 1, lines 17 to 24).
-inline int line_search(const SurfacePair& pair, const Weights& weights, const StepRules& rules,
-                       const Array<Follower>& followers, const Array<Scaffold>& scaffolds,
-                       const Iterate& from, const Array<Direction>& directions,
-                       const Executor& executor, Array<Trial>& trials) {
+inline int line_search(const SearchProblem& problem, const Executor& executor,
+                       Array<Trial>& trials) {
   constexpr int kMostBlocks = 10;
   for (Trial& t : trials) t.collides = false;
   for (int block = 0; block < kMostBlocks; ++block) {
     std::vector<std::pair<int, double>> steps;
-    for (int k = 0; k < directions.size(); ++k) add_block(k, directions[k], block, steps);
+    for (int k = 0; k < problem.directions.size(); ++k)
+      add_block(k, problem.directions[k], block, steps);
     const int n = static_cast<int>(steps.size());
     if (trials.size() < n) trials.resize(n);
     executor.run(n, [&](int i) {
-      Trial& t = trials[i];
-      std::tie(t.direction, t.step) = steps[static_cast<std::size_t>(i)];
-      const Direction& d = directions[t.direction];
-      t.x.f = moved(from.f, d.f, t.step);
-      t.x.g = moved(from.g, d.g, t.step);
-      place_followers(followers, t.x.f, t.x.g);
-      t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
-      t.collides = t.collides || (!t.accepted && collides(pair, t.x));
-      if (!t.accepted) return;
-      t.resistance = scaffolds.empty() ? 0
-                                       : scaffold_energy(scaffolds[0], t.x.f) +
-                                             scaffold_energy(scaffolds[1], t.x.g);
-      evaluate(pair, weights, t.x);
-      t.accepted = is_acceptable(rules, from, d, t);
+      std::tie(trials[i].direction, trials[i].step) = steps[static_cast<std::size_t>(i)];
+      evaluate_trial(problem, trials[i]);
     });
     const auto value = [&](int i) { return trials[i].x.energy + trials[i].resistance; };
     int best = -1;
@@ -3700,6 +3718,8 @@ class Optimizer {
     is_fixed_[2 * (pair_.n_a() + anchors.center) + 1] = 1;
     is_fixed_[2 * (pair_.n_a() + anchors.rim) + 1] = 1;
     place_followers(followers_, result.f, result.g);
+    const bool is_valid = followers_.empty() || (is_injective(pair_.a.mesh, result.f) &&
+                                                 is_injective(pair_.b.mesh, result.g));
     x_.f = result.f;
     x_.g = result.g;
     radius_ = domain_radius(x_.f, x_.g);
@@ -3711,7 +3731,7 @@ class Optimizer {
     result.initial.omega = omega_;
     result.status = Status::kIterationLimit;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
-    if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
+    if (!std::isfinite(x_.energy) || !is_valid) result.status = Status::kNumericalFailure;
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -3728,8 +3748,9 @@ class Optimizer {
       timer.lap();
       stationary_ = is_stationary(directions);
       if (stationary_ || directions.empty()) return false;
-      const int best = line_search(pair_, weights_, rules_, followers_, scaffolds_, x_, directions,
-                                   executor_, trials_);  // lines 17 to 24
+      const SearchProblem search = {pair_,      weights_, rules_,    followers_,
+                                    scaffolds_, x_,       directions};
+      const int best = line_search(search, executor_, trials_);  // lines 17 to 24
       log.seconds_search += timer.lap();
       const bool collided =
           std::any_of(trials_.begin(), trials_.end(), [](const Trial& t) { return t.collides; });
@@ -5134,6 +5155,72 @@ struct MapSide {
   }
 };
 
+/// A stretch of an edge whose image lies in one triangle: from parameter s to t, 0 at its start.
+struct EdgeStretch {
+  double s, t;
+  int face;  // of the other mesh
+};
+
+/// The stretches of half-edge h of the first mesh of a side, in order.
+inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
+  std::vector<EdgeStretch> stretches;
+  const int face = h / 3, edge = (side.forward ? 0 : 3) + h % 3;
+  for (int i = side.groups.start[face]; i < side.groups.start[face + 1]; ++i) {
+    const OverlayPolygon& p = side.polygons[side.groups.item[i]];
+    const SixPoints x = side.forward ? six_points(side.from, side.x, side.to, side.y, p)
+                                     : six_points(side.to, side.y, side.from, side.x, p);
+    const PolygonShape shape = polygon_shape(p, x);
+    for (int k = 0; k < p.count; ++k)
+      if (shape[k].e == edge && shape[k].s < shape[k].t)
+        stretches.push_back({shape[k].s, shape[k].t, side.forward ? p.tb : p.ta});
+  }
+  std::sort(stretches.begin(), stretches.end(),
+            [](const EdgeStretch& a, const EdgeStretch& b) { return a.s < b.s; });
+  return stretches;
+}
+
+/// The half-edge from u to v, or -1.
+inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
+  int found = -1;
+  if (u >= 0 && u < m.n_vertices)
+    m.for_each_outgoing(u, [&](int h) {
+      if (m.tip(h) == v) found = h;
+    });
+  return found;
+}
+
+/// The image of the edge u → v of the first mesh of a side.
+inline std::vector<std::vector<SurfacePoint>> map_edge(const MapSide& side, int u, int v) {
+  constexpr double kGap = 1e-9;  // of an edge, between stretches that rounding may part
+  int h = find_half_edge(side.from, u, v);
+  const bool is_reversed = h < 0;
+  if (is_reversed) h = find_half_edge(side.from, v, u);
+  std::vector<std::vector<SurfacePoint>> polylines;
+  if (h < 0 || side.groups.start.empty()) return polylines;
+  std::vector<EdgeStretch> stretches = edge_stretches(side, h);
+  const Vec2 start = row2(side.x, side.from.tail[h]);
+  const Vec2 along = row2(side.x, side.from.tip(h)) - start;
+  const auto point = [&](int face, double t) -> SurfacePoint {
+    const Vec3 b = barycentric(side.to, side.y, face, start + t * along).cwiseMax(0.0);
+    return {face, b / b.sum()};
+  };
+  if (is_reversed) {
+    std::reverse(stretches.begin(), stretches.end());
+    for (EdgeStretch& stretch : stretches) std::swap(stretch.s, stretch.t);
+  }
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    const EdgeStretch& now = stretches[i];
+    const bool is_next = i > 0 && std::abs(now.s - stretches[i - 1].t) < kGap;
+    if (!is_next)
+      polylines.emplace_back();
+    else
+      polylines.back().pop_back();
+    polylines.back().push_back(point(now.face, now.s));
+    polylines.back().push_back(point(now.face, now.t));
+  }
+  return polylines;
+}
+
 /// Overlays d.f and d.g and groups the polygons by the faces of either mesh.
 inline void index_overlay(MapData& d) {
   compute_overlay(d.a, d.f, d.b, d.g, d.overlay);
@@ -5273,6 +5360,12 @@ inline std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
 }
 inline std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
   return detail::backward_side(*data_).map_vertices();
+}
+inline std::vector<std::vector<SurfacePoint>> SurfaceMap::forward_edge(int u, int v) const {
+  return detail::map_edge(detail::forward_side(*data_), u, v);
+}
+inline std::vector<std::vector<SurfacePoint>> SurfaceMap::backward_edge(int u, int v) const {
+  return detail::map_edge(detail::backward_side(*data_), u, v);
 }
 inline Vec3 SurfaceMap::position_on_a(const SurfacePoint& p) const {
   return detail::surface_position(data_->vertices_a, data_->a, p);
@@ -5477,20 +5570,30 @@ inline bool check_chains(const Array<Follower>& followers, int n_a, Result& resu
   for (const Follower& follower : followers) pinned.push_back(follower.row);
   std::sort(pinned.begin(), pinned.end());
   for (const Follower& follower : followers)
-    for (int master : follower.master)
-      if (std::binary_search(pinned.begin(), pinned.end(), master))
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int master = follower.master[k];
+      if (follower.weight[static_cast<int>(k)] != 0 &&
+          std::binary_search(pinned.begin(), pinned.end(), master))
         return fail(result, Status::kInvalidPins,
                     "pin: " + name(follower.row) + " lies in a triangle of " + name(master) +
                         ", which is pinned too",
                     {id(follower.row), id(master)});
+    }
   return true;
 }
 
 /// The followers that Options::pins_a and pins_b ask for.
 inline bool find_followers(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
                            const Options& options, Array<Follower>& followers, Result& result) {
-  if (options.exact_landmarks)
-    for (const Landmark& l : landmarks) followers.push_back(landmark_follower(pair, l));
+  for (const Landmark& l : landmarks) {
+    if (!options.exact_landmarks) break;
+    if (result.f.row(l.a) != result.g.row(l.b))
+      return fail(result, Status::kInvalidPositions,
+                  "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) +
+                      ": exact_landmarks needs given positions in which its images coincide",
+                  {l.a, l.b});
+    followers.push_back(landmark_follower(pair, l));
+  }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   MapData map;
   map.a = pair.a.mesh;

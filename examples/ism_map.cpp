@@ -8,6 +8,7 @@
 #include "ism.hpp"
 #include "mesh_io.hpp"
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -57,6 +58,8 @@ Files in OUT:
   A.obj B.obj            the triangulated input; the vt of a vertex is its place in the plane
   A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
                          without an image are in no face
+  A_edges_on_B.obj       the edges of A's polygons, not of the triangles they are cut into, as
+                         polylines on B
   meta_A.obj meta_B.obj  the common refinement on either surface, with the same faces
   report.json            status, options, energies and seconds of every iteration
 )";
@@ -234,14 +237,17 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
 
 struct Input {
   ism::TriangleMesh a, b;
+  std::vector<std::array<int, 2>> edges_a;  // of the polygons of A
   std::vector<ism::Landmark> landmarks;
 };
 
 /// Every function of this part returns an error sentence, or an empty string.
-std::string read_disk(const std::string& path, ism::TriangleMesh& mesh) {
+std::string read_disk(const std::string& path, ism::TriangleMesh& mesh,
+                      std::vector<std::array<int, 2>>& edges) {
   mesh_io::ReadResult file = mesh_io::read_mesh(path);
   if (!file.ok) return file.error;
   mesh = std::move(file.mesh);
+  edges = std::move(file.edges);
   const std::vector<ism::Problem> problems = ism::validate(mesh);
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
@@ -310,8 +316,9 @@ std::string check_output(const Arguments& args) {
 }
 
 std::string read_input(Arguments& args, Input& input) {
-  std::string error = read_disk(args.a, input.a);
-  if (error.empty()) error = read_disk(args.b, input.b);
+  std::vector<std::array<int, 2>> edges_b;
+  std::string error = read_disk(args.a, input.a, input.edges_a);
+  if (error.empty()) error = read_disk(args.b, input.b, edges_b);
   if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
   if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
@@ -573,6 +580,24 @@ std::string mapped_text(const char* comment, const ism::TriangleMesh& mesh,
   return mesh_io::obj_text(comment, points, faces);
 }
 
+/// The edges of A's polygons as polylines on B.
+std::string edges_text(const Input& input, const ism::SurfaceMap& map) {
+  std::vector<ism::Vec3> points;
+  std::vector<std::vector<int>> lines;
+  for (const std::array<int, 2>& edge : input.edges_a)
+    for (const std::vector<ism::SurfacePoint>& polyline : map.forward_edge(edge[0], edge[1])) {
+      lines.emplace_back();
+      for (const ism::SurfacePoint& p : polyline) {
+        lines.back().push_back(static_cast<int>(points.size()));
+        points.push_back(map.position_on_b(p));
+      }
+    }
+  ism::Points3 vertices(static_cast<Eigen::Index>(points.size()), 3);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    vertices.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
+  return mesh_io::obj_text("edges of the polygons of A on B", vertices, lines, 'l');
+}
+
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
                                             const ism::SurfaceMap& map) {
   const auto on_a = [&](const ism::SurfacePoint& p) { return map.position_on_a(p); };
@@ -587,6 +612,7 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
                                  input.a, map.forward_vertices(), on_b)},
       {"B_on_A.obj", mapped_text("mesh B mapped to A; vertices without an image are in no face",
                                  input.b, map.backward_vertices(), on_a)},
+      {"A_edges_on_B.obj", edges_text(input, map)},
       {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
       {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},
   };
@@ -638,7 +664,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
               s.search, s.reading + s.output);
   std::printf("results in   %s: A.obj B.obj (vt: the plane), A_on_B.obj B_on_A.obj, ",
               args.out.c_str());
-  std::printf("meta_A.obj meta_B.obj, report.json\n");
+  std::printf("A_edges_on_B.obj, meta_A.obj meta_B.obj, report.json\n");
 }
 
 // ==== [6] MAIN ===================================================================================

@@ -34,6 +34,7 @@ struct ReadResult {
   bool ok = false;
   std::string error;  // one sentence: the file, the line or element, what is wrong
   ism::TriangleMesh mesh;
+  std::vector<std::array<int, 2>> edges;  // of the polygons before they were cut, each once
   ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
 };
 
@@ -73,7 +74,7 @@ inline std::string write_files(const std::vector<TextFile>& files);
 inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
                             const ism::Triangles& triangles, const ism::Points2& planar = {});
 inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
-                            const std::vector<std::vector<int>>& polygons);
+                            const std::vector<std::vector<int>>& items, char kind = 'f');
 
 /// Reads a whole text as one number or one integer; false if it is anything else.
 inline bool parse_number(std::string_view text, double& value);
@@ -670,6 +671,23 @@ inline std::string add_triangles(const Soup& soup, const std::vector<int>& ids,
   return {};
 }
 
+/// The sides of all polygons, each once, ascending; ids have been checked.
+inline std::vector<std::array<int, 2>> soup_edges(const Soup& soup) {
+  std::vector<std::array<int, 2>> edges;
+  std::size_t begin = 0;
+  for (const std::size_t end : soup.face_end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const int u = static_cast<int>(soup.corner[k]);
+      const int v = static_cast<int>(soup.corner[k + 1 < end ? k + 1 : begin]);
+      edges.push_back({(std::min)(u, v), (std::max)(u, v)});
+    }
+    begin = end;
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
+
 inline std::string soup_triangles(const Soup& soup, ism::Triangles& triangles) {
   std::vector<std::array<int, 3>> list;
   std::vector<int> ids;
@@ -729,8 +747,10 @@ inline std::string soup_to_mesh(const Soup& soup, ReadResult& result) {
     result.mesh.vertices.row(static_cast<Eigen::Index>(i)) << soup.points[i][0], soup.points[i][1],
         soup.points[i][2];
   const std::string error = soup_triangles(soup, result.mesh.triangles);
-  if (error.empty()) result.planar = soup_planar(soup);
-  return error;
+  if (!error.empty()) return error;
+  result.edges = soup_edges(soup);
+  result.planar = soup_planar(soup);
+  return {};
 }
 
 // ==== [6] FILES ==================================================================================
@@ -871,12 +891,12 @@ inline std::string obj_text(const std::string& comment, const ism::Points3& vert
 }
 
 inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
-                            const std::vector<std::vector<int>>& polygons) {
+                            const std::vector<std::vector<int>>& items, char kind) {
   std::string text = "# " + comment + '\n';
   detail::append_points(text, "v", vertices);
-  for (const std::vector<int>& polygon : polygons) {
-    text += 'f';
-    for (const int id : polygon) detail::append_corner(text, id, false);
+  for (const std::vector<int>& item : items) {
+    text += kind;
+    for (const int id : item) detail::append_corner(text, id, false);
     text += '\n';
   }
   return text;

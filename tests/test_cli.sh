@@ -130,7 +130,7 @@ invalid "coverage_weight must be at least 0" a.obj b.obj --kappa -1
 
 # ---- A good run ----------------------------------------------------------------------------------
 
-files="A.obj A_on_B.obj B.obj B_on_A.obj meta_A.obj meta_B.obj report.json"
+files="A.obj A_edges_on_B.obj A_on_B.obj B.obj B_on_A.obj meta_A.obj meta_B.obj report.json"
 "$ism_map" a.obj b.obj -o out/one --landmarks marks.txt --iterations 5 >stdout.txt 2>stderr.txt ||
   fail "a good run: $(cat stderr.txt)"
 [ "$(cd out/one && echo *)" = "$files" ] || fail "the files are $(cd out/one && echo *)"
@@ -139,6 +139,8 @@ grep -q "^iteration   1 " stderr.txt || fail "no progress: $(cat stderr.txt)"
 if grep -q nan out/one/*; then fail "NaN in a result"; fi
 [ "$(grep -c '^vt ' out/one/A.obj)" = 81 ] || fail "A.obj needs a vt for every vertex"
 [ "$(grep -c '^v ' out/one/B_on_A.obj)" = 121 ] || fail "B_on_A.obj must keep the ids of B"
+lines=$(grep -c '^l ' out/one/A_edges_on_B.obj)  # of 144 sides of quads, without the 64 diagonals
+[ "$lines" -gt 100 ] && [ "$lines" -le 150 ] || fail "A_edges_on_B.obj has $lines lines"
 diff <(grep '^f' out/one/meta_A.obj) <(grep '^f' out/one/meta_B.obj) >/dev/null ||
   fail "the faces of the meta mesh differ"
 if command -v python3 >/dev/null; then

@@ -296,3 +296,13 @@ TEST_CASE("exact landmarks that no map without folds can join end with their ids
   CHECK_FALSE(result.ids.empty());
   for (int id : result.ids) CHECK((id == u || id == v || id == w));
 }
+
+TEST_CASE("given positions must agree with exact landmarks") {
+  const auto [a, b] = nested_pair(12);
+  Options options = from_planes(a, b);
+  options.exact_landmarks = true;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {{3, 5}}, options);
+  CHECK(result.status == Status::kInvalidPositions);
+  CHECK(result.message.find("landmark 3 5: ") == 0);
+  CHECK(result.ids == std::vector<int>{3, 5});
+}

@@ -418,3 +418,78 @@ TEST_CASE("queries outside the meshes are not covered") {
   CHECK(map.forward({7, middle}).covered);
   CHECK(map.forward_vertex(8).covered);
 }
+
+TEST_CASE("edges are mapped to polylines that join the images of their ends") {
+  Rng rng(31);
+  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(7, 6, rng);
+  shapes::bend(a, 0.4);
+  shapes::bend(b, -0.3);
+  a.plane = shapes::moved(a.plane, shapes::rotation(0.1), Vec2(0.8, 0.4));
+  const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+  REQUIRE(map.status() == Status::kConverged);
+  const ism::detail::HalfEdgeMesh m = shapes::half_edges(a.mesh);
+  int whole = 0, crossings = 0;
+  for (int h = 0; h < m.tail.size(); ++h) {
+    const int u = m.tail[h], v = m.tip(h);
+    const auto polylines = map.forward_edge(u, v), reversed = map.forward_edge(v, u);
+    REQUIRE(polylines.size() == reversed.size());
+    for (std::size_t i = 0; i < polylines.size(); ++i) {
+      const auto& line = polylines[i];
+      REQUIRE(line.size() >= 2);
+      REQUIRE(reversed[reversed.size() - 1 - i].size() == line.size());
+      for (std::size_t k = 0; k + 1 < line.size(); ++k) {
+        // The middle of every segment comes from the edge.
+        ism::SurfacePoint end = line[k + 1], middle = line[k];
+        const Vec3 p = map.position_on_b(line[k]), q = map.position_on_b(end);
+        if (end.face != line[k].face) {  // its coordinates in the triangle of the segment
+          Eigen::Matrix<double, 4, 3> corners;
+          corners.row(3).setOnes();
+          for (int c = 0; c < 3; ++c)
+            corners.col(c).head<3>() =
+                b.mesh.vertices.row(b.mesh.triangles(line[k].face, c)).transpose();
+          end = {line[k].face, corners.colPivHouseholderQr().solve(q.homogeneous())};
+        }
+        middle.barycentric = 0.5 * (line[k].barycentric + end.barycentric);
+        CHECK((map.position_on_b(middle) - 0.5 * (p + q)).norm() < 1e-9);
+        const ism::MappedPoint back = map.backward(middle);
+        REQUIRE(back.covered);
+        const Vec3 on_a = map.position_on_a(back.point);
+        const Vec3 from = a.mesh.vertices.row(u), to = a.mesh.vertices.row(v);
+        CHECK((on_a - from).cross(to - from).norm() < 1e-9 * (to - from).squaredNorm());
+        crossings += k > 0;
+      }
+    }
+    if (polylines.size() != 1) continue;
+    const ism::MappedPoint start = map.forward_vertex(u), end = map.forward_vertex(v);
+    if (!start.covered || !end.covered) continue;
+    ++whole;
+    const auto distance = [&](const ism::SurfacePoint& p, const ism::SurfacePoint& q) {
+      return (map.position_on_b(p) - map.position_on_b(q)).norm();
+    };
+    CHECK(distance(polylines[0].front(), start.point) < 1e-9);
+    CHECK(distance(polylines[0].back(), end.point) < 1e-9);
+  }
+  CHECK(whole > 100);
+  CHECK(crossings > 100);
+  CHECK(map.forward_edge(0, 0).empty());
+  CHECK(map.forward_edge(-1, 0).empty());
+  CHECK(map.forward_edge(0, 100000).empty());
+  const int boundary = m.boundary[0];
+  CHECK(map.forward_edge(m.tip(boundary), m.tail[boundary]).size() ==
+        map.forward_edge(m.tail[boundary], m.tip(boundary)).size());
+}
+
+TEST_CASE("an edge that leaves the overlap and comes back has two polylines") {
+  const Disk a = shapes::triangle({0.2, -1}, {2.8, 0.5}, {0.2, 0.5});
+  Disk b = shapes::comb(2, 1);  // a bar with two teeth, from (0, 0) to (3, 2)
+  Disk a_up = a;
+  a_up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1));
+  const SurfaceMap map(a_up.mesh, b.mesh, a_up.plane, b.plane);
+  REQUIRE(map.status() == Status::kConverged);
+  const auto polylines = map.forward_edge(1, 2);  // y = 1.5: across both teeth
+  REQUIRE(polylines.size() == 2);
+  CHECK((map.position_on_b(polylines[0].front()) - Vec3(2.8, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[0].back()) - Vec3(2, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[1].front()) - Vec3(1, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[1].back()) - Vec3(0.2, 1.5, 0)).norm() < 1e-12);
+}
