@@ -1,5 +1,6 @@
 // Pins: substituted systems, residuals, and what is refused.
 
+#include "dense.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -27,20 +28,8 @@ using shapes::Disk;
 using shapes::half_edges;
 using shapes::Rng;
 
-/// The full symmetric matrix of an upper triangle of blocks.
-MatrixXd dense(const BlockPattern& pattern, const BlockValues& values) {
-  MatrixXd H = MatrixXd::Zero(2 * pattern.rows(), 2 * pattern.rows());
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const int c = pattern.column[b];
-      H.block<2, 2>(2 * r, 2 * c) = values[b];
-      H.block<2, 2>(2 * c, 2 * r) = values[b].transpose();
-    }
-  return H;
-}
-
 /// P as a matrix.
-MatrixXd dense(const Array<Follower>& followers, int rows) {
+MatrixXd substitution_matrix(const Array<Follower>& followers, int rows) {
   MatrixXd P = MatrixXd::Identity(2 * rows, 2 * rows);
   for (const Follower& follower : followers) {
     P.block<2, 2>(2 * follower.row, 2 * follower.row).setZero();
@@ -127,7 +116,7 @@ TEST_CASE("a substituted system is the product of matrices") {
       all.push_back({10, {{0, 1, 4}}, Vec3(0, 1, 0)});
       return all;
     }();
-    const MatrixXd P = dense(followers, n);
+    const MatrixXd P = substitution_matrix(followers, n);
     MatrixXd H = P.transpose() * dense(system.pattern, system.H) * P;
     const MatrixXd Q = P.transpose() * dense(system.pattern, system.Q) * P;
     const VectorXd gradient = P.transpose() * system.gradient;

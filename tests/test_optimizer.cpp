@@ -1,5 +1,6 @@
 // The objective, its quadratic model, the line search's bounds and the loop of Algorithm 1.
 
+#include "dense.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -104,19 +105,7 @@ struct Modelled {
   }
 };
 
-/// The full symmetric matrix of an upper triangle of blocks.
-MatrixXd dense(const BlockPattern& pattern, const BlockValues& values) {
-  MatrixXd H = MatrixXd::Zero(2 * pattern.rows(), 2 * pattern.rows());
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const int c = pattern.column[b];
-      H.block<2, 2>(2 * r, 2 * c) = values[b];
-      H.block<2, 2>(2 * c, 2 * r) = values[b].transpose();
-    }
-  return H;
-}
-
-MatrixXd dense(const Modelled& m, const QuadraticModel& model) {
+MatrixXd dense_model(const Modelled& m, const QuadraticModel& model) {
   const LinearSystem system = m.system({model});
   return dense(system.pattern, system.H);
 }
@@ -270,7 +259,7 @@ TEST_CASE("the identity has no energy but the barrier, and no forces, in any emb
     CHECK(std::abs(m.x.energy - barrier) < 1e-10);
     CHECK(m.x.area_a == doctest::Approx(m.pair.a.total_area).epsilon(1e-11));
     CHECK(m.model.gradient.cwiseAbs().maxCoeff() < 1e-9);
-    CHECK(dense(m, m.model).allFinite());
+    CHECK(dense_model(m, m.model).allFinite());
   }
 }
 
@@ -342,7 +331,7 @@ TEST_CASE("a blended system is the weighted mean of models with different coupli
     const Points2 g = shapes::moved(b.plane, shapes::rotation(0.3), Vec2(-0.6, 0.4));
     const QuadraticModel old = m.model_at(evaluated(m.pair, m.weights, a.plane, g));
     const LinearSystem system = m.system({m.model, old}, 0.5);
-    const MatrixXd H0 = dense(m, m.model), H1 = dense(m, old);
+    const MatrixXd H0 = dense_model(m, m.model), H1 = dense_model(m, old);
     const MatrixXd expected = (H0 + 0.5 * H1) / 1.5;
     CHECK((H0 - H1).norm() > 0.1 * H0.norm());
     CHECK((dense(system.pattern, system.H) - expected).norm() < 1e-13 * expected.norm());
