@@ -3731,7 +3731,8 @@ class Optimizer {
     result.initial.omega = omega_;
     result.status = Status::kIterationLimit;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
-    if (!std::isfinite(x_.energy) || !is_valid) result.status = Status::kNumericalFailure;
+    if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
+    if (!is_valid) result.status = Status::kInvalidPins;
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -5619,6 +5620,8 @@ inline const char* explain(Status s) {
       return "cancelled; this is the last injective iterate";
     case Status::kNoOverlap:
       return "the two embeddings do not overlap at the start";
+    case Status::kInvalidPins:
+      return "a triangle at a pinned vertex is so thin at the start that rounding turns it over";
     case Status::kNumericalFailure:
       return "a triangle of the start is too thin for the energy to be a number";
     default:
