@@ -217,8 +217,8 @@ struct Density {
 /// What E_Φ measures (§3.2): the integral, over the overlap in the plane, of a function of J_f and
 /// J_g, the Jacobians of the embeddings from the surfaces to the plane. J_Φ = J_g⁻¹ J_f, and an
 /// area of 1 in the plane is 1 / det J_f on A, 1 / det J_g on B. A measure of your own depends on
-/// J_Φ and these areas only, is +∞ unless both determinants are positive, and is thread-safe. It
-/// need not prevent flips; E_f and E_g do.
+/// J_Φ and these areas only, is at least 0 and +∞ unless both determinants are positive, and is
+/// thread-safe. It need not prevent flips; E_f and E_g do.
 struct DistortionMeasure {
   std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> value;
   std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> derivatives;
@@ -228,7 +228,7 @@ struct DistortionMeasure {
 inline DistortionMeasure symmetric_dirichlet();
 /// (1 - σ_min)² + (1 - σ_max)² over A' [Liu et al. 2008]. Not symmetric; an isometry has 0.
 inline DistortionMeasure arap();
-/// (1 - 1/σ_min)² + (1 - σ_max)², the mean over A' and over B' [Poranne and Lipman 2016].
+/// (1 - 1/σ_min)² + (1 - σ_max)², half over A' and half over B' [Poranne and Lipman 2016].
 /// E(Φ) = E(Φ⁻¹); an isometry has 0, up to 1e-12: where σ_min = σ_max the kink is rounded off.
 inline DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
@@ -397,8 +397,8 @@ class SurfaceMap {
   std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
   /// The image of the edge from vertex u to v of A on B: a polyline for every stretch of it that is
   /// covered, in order. The segment from point i to i + 1 lies in the triangle of point i. Empty if
-  /// there is no such edge. Edges of polygons that were cut into triangles are images of template
-  /// edges (§6.3).
+  /// there is no such edge. Of a polygon mesh that was cut into triangles (§6.3), ask for the edges
+  /// of its polygons.
   std::vector<std::vector<SurfacePoint>> forward_edge(int u, int v) const;
   std::vector<std::vector<SurfacePoint>> backward_edge(int u, int v) const;  // of B on A
   /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
@@ -3221,7 +3221,8 @@ inline Points2 moved(const Points2& x, const Points2& d, double s) {
 // Method:     ears are clipped off the space, cut open by a bridge to the box; flips make the
 //             result Delaunay, all but the edges of boundary and box.
 // Invariants: the triangles are positive, exactly. While they are, the boundary is simple.
-// Fails:      not on simple boundaries.
+// Fails:      where rounding leaves a triangle no area, it is left out, and the exact test of the
+//             boundary alone guards that place.
 
 namespace ism {
 namespace detail {
@@ -3266,7 +3267,7 @@ inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x) {
   return polygon;
 }
 
-/// Clips the ears of a polygon one after the other. Mostly O(n²).
+/// Clips the ears of a polygon one after the other. O(n²) on usual outlines, O(n³) at worst.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -3341,8 +3342,9 @@ inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMes
   const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
   const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
   if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
-  const double cot_c = (a - c).dot(b - c) / cross(a - c, b - c);
-  const double cot_d = (b - d).dot(a - d) / cross(b - d, a - d);
+  // Exact signs: on a boundary that is straight up to rounding, areas round to 0.
+  const double cot_c = (a - c).dot(b - c) / orient2d(a, b, c);
+  const double cot_d = (b - d).dot(a - d) / orient2d(b, a, d);
   return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
 }
 
@@ -3352,7 +3354,7 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
   Array<int> stack;
   for (int h = 0; h < m.tail.size(); ++h)
     if (m.twin[h] > h) stack.push_back(h);
-  for (int left = kMostFlips * m.n_faces; !stack.empty() && left > 0;) {
+  for (std::int64_t left = kMostFlips * std::int64_t{m.n_faces}; !stack.empty() && left > 0;) {
     const int h = stack.back();
     stack.pop_back();
     if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
@@ -3387,7 +3389,12 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
     const Vec2 c = s.point(x, space.corner(f, 2));
     Eigen::Matrix2d R;
     R << b - a, c - a;
-    s.rest_inverse.push_back(R.inverse());
+    const Eigen::Matrix2d inverse = R.inverse();
+    if (!(R.determinant() > 0) || !inverse.allFinite()) {  // no area but for exact arithmetic
+      s.triangle.pop_back();
+      continue;
+    }
+    s.rest_inverse.push_back(inverse);
     const double openness = (std::min)(1.0, height(b - a, c - a) / narrow);
     s.weight.push_back(weight / space.n_faces * openness * openness);
   }
@@ -3479,7 +3486,7 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
                           const Trial& t) {
   constexpr double kArmijo = 1e-4;  // §5.2
   const Iterate& to = t.x;
-  return to.energy + t.resistance <= from.energy + kArmijo * t.step * d.slope &&
+  return to.energy + (std::max)(t.resistance, 0.0) <= from.energy + kArmijo * t.step * d.slope &&
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
          to.area_b > rules.least_area_b;
@@ -5021,6 +5028,7 @@ class PairEmbedder {
   /// a triangle over, it does, and both move as one from then on.
   void make_exact(Embedding& result) const {
     constexpr double kHardest = 1e12;
+    if (landmarks_.empty()) return;
     FlatProblem problem = {{&pair_.a, &pair_.b}, {}};
     std::vector<Landmark> apart = landmarks_;
     for (double weight = 10 * kStiffest; weight <= kHardest; weight *= 10) {
@@ -5035,6 +5043,8 @@ class PairEmbedder {
       result.g = x[1];
       if (apart.empty()) return;
     }
+    join_landmarks(apart, problem.followers, result);
+    if (apart.empty()) return;
     std::string message = "these landmarks cannot be joined:";
     std::vector<int> ids;
     for (const Landmark& l : apart) {
@@ -5159,25 +5169,57 @@ struct MapSide {
 /// A stretch of an edge whose image lies in one triangle: from parameter s to t, 0 at its start.
 struct EdgeStretch {
   double s, t;
-  int face;  // of the other mesh
+  int face;          // of the other mesh
+  int enter, leave;  // half-edges of that face, -1 where the stretch does not end at one
 };
 
-/// The stretches of half-edge h of the first mesh of a side, in order.
+/// The stretches of half-edge h of the first mesh of a side, in the order of s.
 inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
   std::vector<EdgeStretch> stretches;
-  const int face = h / 3, edge = (side.forward ? 0 : 3) + h % 3;
+  const int face = h / 3, own = side.forward ? 0 : 3, other = 3 - own;
   for (int i = side.groups.start[face]; i < side.groups.start[face + 1]; ++i) {
     const OverlayPolygon& p = side.polygons[side.groups.item[i]];
     const SixPoints x = side.forward ? six_points(side.from, side.x, side.to, side.y, p)
                                      : six_points(side.to, side.y, side.from, side.x, p);
     const PolygonShape shape = polygon_shape(p, x);
+    const int target = side.forward ? p.tb : p.ta;
+    const auto half_edge = [&](int k) {
+      const int e = shape[k].e - other;
+      return e >= 0 && e < 3 ? 3 * target + e : -1;
+    };
     for (int k = 0; k < p.count; ++k)
-      if (shape[k].e == edge && shape[k].s < shape[k].t)
-        stretches.push_back({shape[k].s, shape[k].t, side.forward ? p.tb : p.ta});
+      if (shape[k].e == own + h % 3)
+        stretches.push_back({shape[k].s, shape[k].t, target, half_edge((k + p.count - 1) % p.count),
+                             half_edge((k + 1) % p.count)});
   }
   std::sort(stretches.begin(), stretches.end(),
             [](const EdgeStretch& a, const EdgeStretch& b) { return a.s < b.s; });
   return stretches;
+}
+
+/// Chains of stretches, each of which enters the triangle beyond the half-edge by which the one
+/// before it leaves. Parameters are rounded and could tell neither gaps nor the order of short
+/// ones.
+inline std::vector<std::vector<EdgeStretch>> chains(const HalfEdgeMesh& m,
+                                                    const std::vector<EdgeStretch>& stretches) {
+  const auto follows = [&](const EdgeStretch& a, const EdgeStretch& b) {
+    return a.leave >= 0 && b.enter >= 0 && m.twin[a.leave] == b.enter;
+  };
+  std::vector<std::vector<EdgeStretch>> result;
+  for (const EdgeStretch& first : stretches) {
+    if (std::any_of(stretches.begin(), stretches.end(),
+                    [&](const EdgeStretch& s) { return follows(s, first); }))
+      continue;
+    result.push_back({first});
+    while (result.back().size() < stretches.size()) {
+      const auto next = std::find_if(stretches.begin(), stretches.end(), [&](const EdgeStretch& s) {
+        return follows(result.back().back(), s);
+      });
+      if (next == stretches.end()) break;
+      result.back().push_back(*next);
+    }
+  }
+  return result;
 }
 
 /// The half-edge from u to v, or -1.
@@ -5192,33 +5234,28 @@ inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
 
 /// The image of the edge u → v of the first mesh of a side.
 inline std::vector<std::vector<SurfacePoint>> map_edge(const MapSide& side, int u, int v) {
-  constexpr double kGap = 1e-9;  // of an edge, between stretches that rounding may part
   int h = find_half_edge(side.from, u, v);
   const bool is_reversed = h < 0;
   if (is_reversed) h = find_half_edge(side.from, v, u);
   std::vector<std::vector<SurfacePoint>> polylines;
   if (h < 0 || side.groups.start.empty()) return polylines;
-  std::vector<EdgeStretch> stretches = edge_stretches(side, h);
   const Vec2 start = row2(side.x, side.from.tail[h]);
   const Vec2 along = row2(side.x, side.from.tip(h)) - start;
   const auto point = [&](int face, double t) -> SurfacePoint {
     const Vec3 b = barycentric(side.to, side.y, face, start + t * along).cwiseMax(0.0);
-    return {face, b / b.sum()};
+    return {face, b.sum() > 0 ? Vec3(b / b.sum()) : Vec3::Constant(1.0 / 3)};
   };
-  if (is_reversed) {
-    std::reverse(stretches.begin(), stretches.end());
-    for (EdgeStretch& stretch : stretches) std::swap(stretch.s, stretch.t);
+  for (std::vector<EdgeStretch>& chain : chains(side.to, edge_stretches(side, h))) {
+    if (is_reversed) {
+      std::reverse(chain.begin(), chain.end());
+      for (EdgeStretch& stretch : chain) std::swap(stretch.s, stretch.t);
+    }
+    polylines.emplace_back();
+    for (const EdgeStretch& stretch : chain)
+      polylines.back().push_back(point(stretch.face, stretch.s));
+    polylines.back().push_back(point(chain.back().face, chain.back().t));
   }
-  for (std::size_t i = 0; i < stretches.size(); ++i) {
-    const EdgeStretch& now = stretches[i];
-    const bool is_next = i > 0 && std::abs(now.s - stretches[i - 1].t) < kGap;
-    if (!is_next)
-      polylines.emplace_back();
-    else
-      polylines.back().pop_back();
-    polylines.back().push_back(point(now.face, now.s));
-    polylines.back().push_back(point(now.face, now.t));
-  }
+  if (is_reversed) std::reverse(polylines.begin(), polylines.end());
   return polylines;
 }
 

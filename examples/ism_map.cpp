@@ -3,7 +3,7 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 change nothing.
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
@@ -145,7 +145,6 @@ std::string read_variant(const std::string& text, ism::Variant& variant) {
   return {};
 }
 
-/// The preset comes first, wherever it stands, so that the other options refine it.
 std::string read_measure(const std::string& text, Arguments& args) {
   const std::pair<const char*, ism::DistortionMeasure> known[] = {
       {"sd", ism::symmetric_dirichlet()},
@@ -161,6 +160,7 @@ std::string read_measure(const std::string& text, Arguments& args) {
   return "--measure must be sd, arap, sarap or asap, not '" + text + "'";
 }
 
+/// The preset comes first, wherever it stands, so that the other options refine it.
 std::string read_preset(const std::vector<std::string>& words, Arguments& args) {
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
     if (words[i] != "--preset") continue;
@@ -229,7 +229,9 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
   if (meshes < 2) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
   if (args.out.empty()) return "a folder for the results is needed: -o OUT";
   if (args.start_only) args.options.max_iterations = 0;
-  if (args.measure != "sd" && !args.has_kappa) args.options.coverage_weight = 0.2;
+  if (args.measure != "sd" && !args.has_kappa &&
+      args.options.coverage_weight == ism::Options().coverage_weight)
+    args.options.coverage_weight = 0.2;
   return {};
 }
 
@@ -323,7 +325,8 @@ std::string read_input(Arguments& args, Input& input) {
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
   if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
   for (std::size_t i = pinned_from; i < input.landmarks.size(); ++i)
-    args.options.pins_a.push_back(input.landmarks[i].a);
+    if (!args.options.exact_landmarks)  // exact landmarks are pinned already
+      args.options.pins_a.push_back(input.landmarks[i].a);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())

@@ -479,6 +479,31 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
         map.forward_edge(m.tail[boundary], m.tip(boundary)).size());
 }
 
+TEST_CASE("a covered edge has one polyline, however close the map is to the identity") {
+  Rng rng(32);
+  const Disk b = shapes::perturbed_grid(12, 12, 0.2, rng);
+  const ism::detail::HalfEdgeMesh m = shapes::half_edges(b.mesh);
+  for (double amount : {1e-3, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15, 0.0}) {
+    Disk a = b;
+    for (int v = 0; v < a.plane.rows(); ++v) a.plane.row(v) += rng.point(amount).transpose();
+    const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+    REQUIRE(map.status() == Status::kConverged);
+    int split = 0, tested = 0;
+    for (int h = 0; h < m.tail.size(); ++h) {
+      bool is_inside = true;
+      for (int v : {m.tail[h], m.tip(h)})
+        is_inside = is_inside && (b.plane.row(v).array() > 0.9).all() &&
+                    (b.plane.row(v).array() < 11.1).all();
+      if (!is_inside) continue;
+      ++tested;
+      split += map.forward_edge(m.tail[h], m.tip(h)).size() != 1;
+    }
+    CAPTURE(amount);
+    CHECK(tested > 100);
+    CHECK(split == 0);
+  }
+}
+
 TEST_CASE("an edge that leaves the overlap and comes back has two polylines") {
   const Disk a = shapes::triangle({0.2, -1}, {2.8, 0.5}, {0.2, 0.5});
   Disk b = shapes::comb(2, 1);  // a bar with two teeth, from (0, 0) to (3, 2)

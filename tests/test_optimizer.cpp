@@ -690,6 +690,23 @@ TEST_CASE("a scaffold fills the space between boundary and box with positive tri
   }
 }
 
+TEST_CASE("a scaffold is usable where a boundary is straight but for rounding") {
+  Rng rng(31);
+  for (int n : {6, 10, 20, 40})
+    for (int k = 0; k < 6; ++k) {
+      Disk disk = shapes::grid(n, n);
+      disk.plane = shapes::moved(disk.plane, shapes::rotation(rng.uniform(0, 6)), rng.point(9));
+      const HalfEdgeMesh m = half_edges(disk.mesh);
+      if (!is_injective(m, disk.plane)) continue;
+      const Scaffold s = build_scaffold(m, disk.plane, 1);
+      CHECK(std::abs(scaffold_energy(s, disk.plane)) < 1e-9);
+      for (const Eigen::Matrix2d& inverse : s.rest_inverse) CHECK(inverse.allFinite());
+      Points2 d(disk.plane.rows(), 2);
+      for (int v = 0; v < d.rows(); ++v) d.row(v) = rng.point(1).transpose();
+      CHECK(max_step(s, disk.plane, d) > 1e-6);
+    }
+}
+
 TEST_CASE("a scaffold is locally Delaunay") {
   for (const Disk& disk : disks_with_outlines()) {
     CAPTURE(disk.name);
