@@ -274,7 +274,8 @@ struct Options {
   /// false to cancel.
   std::function<bool(const Progress&)> progress;
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
-  /// them may be put into a triangle that has a pinned vertex.
+  /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
+  /// count as pinned.
   std::vector<int> pins_a, pins_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end.
@@ -5493,10 +5494,31 @@ bool check_options(const Options& o, Output& output) {
 }
 
 template <class Output>
+bool check_pins(const std::vector<int>& pins, const char* mesh, Array<char> is_held,
+                Output& output) {
+  for (int v : pins) {
+    const std::string name = "pin: vertex " + std::to_string(v) + " of " + mesh;
+    if (v < 0 || v >= is_held.size())
+      return fail(output, Status::kInvalidPins,
+                  name + " does not exist, ids are 0 to " + std::to_string(is_held.size() - 1),
+                  {v});
+    if (is_held[v]) return fail(output, Status::kInvalidPins, name + " is pinned twice", {v});
+    is_held[v] = 1;
+  }
+  return true;
+}
+
+template <class Output>
 bool check_input(const TriangleMesh& a, const TriangleMesh& b,
                  const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
-  return check_options(options, output) && check_mesh(a, "A", output) &&
-         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output);
+  if (!check_options(options, output) || !check_mesh(a, "A", output) ||
+      !check_mesh(b, "B", output) || !check_landmarks(a, b, landmarks, output))
+    return false;
+  Array<char> held_a(static_cast<int>(a.vertices.rows()), 0);
+  const Array<char> held_b(static_cast<int>(b.vertices.rows()), 0);
+  for (const Landmark& l : landmarks) held_a[l.a] = options.exact_landmarks;
+  return check_pins(options.pins_a, "A", held_a, output) &&
+         check_pins(options.pins_b, "B", held_b, output);
 }
 
 inline double largest_landmark_distance(const Embedding& e,
@@ -5576,19 +5598,12 @@ struct PinnedSide {
 
 inline bool add_pins(const PinnedSide& side, Array<Follower>& followers, Result& result) {
   for (int v : side.vertices) {
-    const std::string name = "pin: vertex " + std::to_string(v) + " of " + side.mesh;
-    if (v < 0 || v >= side.map.from.n_vertices)
-      return fail(
-          result, Status::kInvalidPins,
-          name + " does not exist, ids are 0 to " + std::to_string(side.map.from.n_vertices - 1),
-          {v});
-    for (const Follower& other : followers)
-      if (other.row == side.first_row + v)
-        return fail(result, Status::kInvalidPins, name + " is pinned twice", {v});
     const MappedPoint image = side.map.map_vertex(v);
     if (!image.covered)
       return fail(result, Status::kInvalidPins,
-                  name + " is not mapped to " + side.other + " by the start", {v});
+                  "pin: vertex " + std::to_string(v) + " of " + side.mesh + " is not mapped to " +
+                      side.other + " by the start",
+                  {v});
     Follower follower = {side.first_row + v, {}, image.point.barycentric};
     for (int k = 0; k < 3; ++k)
       follower.master[static_cast<std::size_t>(k)] =

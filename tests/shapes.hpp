@@ -54,6 +54,15 @@ struct Disk {
   std::string name = {};
 };
 
+/// Options that start from the planes of two disks as they are.
+inline ism::Options from_planes(const Disk& a, const Disk& b) {
+  ism::Options options;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  options.keep_scale = true;
+  return options;
+}
+
 /// Collects vertices and triangles of a planar disk.
 class DiskBuilder {
  public:

@@ -25,6 +25,7 @@ using ism::TriangleMesh;
 using ism::Vec2;
 using ism::Vec3;
 using shapes::Disk;
+using shapes::from_planes;
 using shapes::half_edges;
 using shapes::Rng;
 
@@ -69,14 +70,6 @@ std::pair<Disk, Disk> nested_pair(std::uint64_t seed) {
   shapes::bend(b, -0.3);
   a.plane = shapes::moved(a.plane, shapes::rotation(0.2), Vec2(1.3, 0.9));
   return {a, b};
-}
-
-Options from_planes(const Disk& a, const Disk& b) {
-  Options options;
-  options.initial_f = a.plane;
-  options.initial_g = b.plane;
-  options.keep_scale = true;
-  return options;
 }
 
 /// Options that pin vertices of both meshes, none in a triangle of another.
@@ -284,6 +277,19 @@ TEST_CASE("exact landmarks that no map without folds can join end with their ids
   CHECK(result.message.find("cannot be joined") != std::string::npos);
   CHECK_FALSE(result.ids.empty());
   for (int id : result.ids) CHECK((id == u || id == v || id == w));
+}
+
+TEST_CASE("pins that do not exist are refused before the embedding") {
+  const TriangleMesh a = shapes::grid(8, 8).mesh;
+  Options options;
+  int reports = 0;
+  options.progress = [&](const ism::Progress&) { return ++reports > 0; };
+  options.pins_a = {81};
+  check_refused(ism::compute_map(a, a, {}, options), "vertex 81 of A does not exist", {81});
+  options.pins_a = {40};
+  options.exact_landmarks = true;
+  check_refused(ism::compute_map(a, a, {{40, 40}}, options), "40 of A is pinned twice", {40});
+  CHECK(reports == 0);
 }
 
 TEST_CASE("given positions must agree with exact landmarks") {

@@ -33,6 +33,7 @@ using ism::TriangleMesh;
 using ism::Vec2;
 using ism::Vec3;
 using shapes::Disk;
+using shapes::from_planes;
 using shapes::half_edges;
 using shapes::Rng;
 
@@ -66,14 +67,6 @@ std::pair<Disk, Disk> random_pair(std::uint64_t seed, int nx = 4, int ny = 4) {
   shapes::bend(b, -0.3);
   b.plane = shapes::moved(b.plane, shapes::rotation(0.4), Vec2(0.53, -0.71));
   return {a, b};
-}
-
-Options from_planes(const Disk& a, const Disk& b) {
-  Options options;
-  options.initial_f = a.plane;
-  options.initial_g = b.plane;
-  options.keep_scale = true;
-  return options;
 }
 
 /// An iterate of a pair and its quadratic model, with what either refers to.
