@@ -117,10 +117,11 @@ enum class Status {
   kCancelled,         // the progress callback said stop; the result is the last injective iterate
   kAborted,           // the progress callback said stop before there was a map; no positions
   kInvalidMesh,       // an input mesh is not a clean triangulated disk, see validate()
-  kInvalidLandmarks,  // a landmark id is out of range or used twice
+  kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
   kInvalidPositions,  // given planar positions are not an injective embedding
-  kInvalidPins,       // a pinned vertex is out of range, listed twice, uncovered, or in a chain
+  kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
+                      // constraint, is uncovered, or in a chain
   kNoOverlap,         // f(A) and g(B) do not overlap at the start
   kNumericalFailure   // a factorisation or an embedding failed; please report the mesh
 };
@@ -166,6 +167,19 @@ inline std::vector<Problem> validate(const TriangleMesh& mesh);
 struct Landmark {
   int a;
   int b;
+};
+
+/// What the boundaries may do (§7).
+enum class Boundary {
+  /// They move freely. What A and B have in common is where they overlap in the plane.
+  kFree,
+  /// They are laid along the sides of one square and stay there, so A and B cover each other. Four
+  /// pairs of vertices become its corners. What corresponds is given by landmarks on the boundaries
+  /// and by arc length between them; without such landmarks, by arc length from where the
+  /// boundaries lie closest to each other in a free embedding.
+  kFixed,
+  /// The same at the start, but all vertices except for the corners may slide along their side.
+  kSlide
 };
 
 /// The variants of the optimiser that the paper compares (§6.1, Fig. 9).
@@ -277,9 +291,14 @@ struct Options {
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
   /// count as pinned.
   std::vector<int> pins_a, pins_b;
+  /// Vertices of A (of B) whose planar positions stay what they are at the start.
+  std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end.
   bool exact_landmarks = false;
+  /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
+  /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
+  Boundary boundary = Boundary::kFree;
   /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
   /// step on that would make one meet itself. Without, a run stalls there.
   bool scaffold = true;
@@ -306,13 +325,20 @@ struct Options {
   }
 };
 
+/// The ends of the edge in whose middle a vertex was added to a mesh.
+using Midpoint = std::array<int, 2>;
+
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding {
   Status status = Status::kConverged;
   std::string message;
   std::vector<int> ids;  // ids the message speaks of
-  Points2 f;             // #V_A×2, planar positions of the vertices of A, about as large as A
-  Points2 g;             // #V_B×2, of B
+  /// The meshes that were embedded: those given, and where a constraint needs it, with vertices
+  /// added behind the given ones. The surfaces are the same.
+  TriangleMesh a, b;
+  std::vector<Midpoint> added_a, added_b;  // the added vertices in order; earlier ones may be ends
+  Points2 f;  // planar positions of the vertices of `a`, about as large as A
+  Points2 g;  // of the vertices of `b`
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
   double seconds = 0;
@@ -323,7 +349,7 @@ struct Result {
   Status status = Status::kConverged;
   std::string message;            // a sentence for the user
   std::vector<int> ids;           // ids the message speaks of
-  Points2 f, g;                   // final planar positions, #V_A×2 and #V_B×2
+  Points2 f, g;                   // final planar positions of the vertices of start.a, start.b
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> log;  // one entry per iteration
@@ -725,6 +751,19 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
+/// Lists the boundary, counter-clockwise; empty for a closed mesh.
+inline void trace_boundary(HalfEdgeMesh& m) {
+  m.boundary.clear();
+  int first = 0;
+  while (first < 3 * m.n_faces && m.twin[first] >= 0) ++first;
+  if (first == 3 * m.n_faces) return;
+  for (int h = first, n = 0; n < 3 * m.n_faces; ++n) {
+    m.boundary.push_back(h);
+    h = m.out[m.tip(h)];
+    if (h == first) break;
+  }
+}
+
 inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   HalfEdgeMesh m;
   m.n_vertices = n_vertices;
@@ -741,21 +780,50 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   m.out.assign(n_vertices, -1);
   for (int h = 3 * m.n_faces - 1; h >= 0; --h)
     if (m.out[m.tail[h]] < 0 || m.twin[h] < 0) m.out[m.tail[h]] = h;
-  int first = 0;
-  while (first < 3 * m.n_faces && m.twin[first] >= 0) ++first;
-  if (first == 3 * m.n_faces) return m;  // closed
-  for (int h = first, n = 0; n < 3 * m.n_faces; ++n) {
-    m.boundary.push_back(h);
-    h = m.out[m.tip(h)];
-    if (h == first) break;
-  }
+  trace_boundary(m);
   return m;
+}
+
+/// The half-edge from u to v, or -1.
+inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
+  int found = -1;
+  if (u >= 0 && u < m.n_vertices)
+    m.for_each_outgoing(u, [&](int h) {
+      if (m.tip(h) == v) found = h;
+    });
+  return found;
+}
+
+/// Cuts the triangle of h in two along the line from the middle of its edge u → v to the corner
+/// opposite; h then ends in the middle. Returns the half-edge from there to v.
+inline int split_face(HalfEdgeMesh& m, int h, int middle) {
+  const int a = next(h), rest = 3 * m.n_faces++;
+  const int v = m.tail[a], w = m.tip(a), outer = m.twin[a];
+  for (int tail : {middle, v, w}) m.tail.push_back(tail);
+  for (int twin : {-1, outer, a}) m.twin.push_back(twin);
+  if (outer >= 0) m.twin[outer] = rest + 1;
+  if (m.out[v] == a) m.out[v] = rest + 1;
+  m.tail[a] = middle;
+  m.twin[a] = rest + 2;
+  return rest;
+}
+
+/// Halves the edge of h; the new vertex is the last one. The list of the boundary is then stale.
+inline void split_edge(HalfEdgeMesh& m, int h) {
+  const int t = m.twin[h], middle = m.n_vertices++;
+  const int to_tip = split_face(m, h, middle);
+  m.out.push_back(to_tip);
+  if (t < 0) return;
+  const int to_tail = split_face(m, t, middle);
+  m.twin[h] = to_tail, m.twin[to_tail] = h;
+  m.twin[t] = to_tip, m.twin[to_tip] = t;
 }
 
 /// A half-edge mesh with the intrinsic geometry the energies need.
 struct Surface {
   HalfEdgeMesh mesh;
-  Points3 vertices;  // scaled to total area 1 unless asked otherwise
+  Points3 vertices;             // scaled to total area 1 unless asked otherwise
+  std::vector<Midpoint> added;  // the last of them, which were not given
   double total_area = 0;
   Array<double> area;                   // #F
   Array<Eigen::Matrix2d> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
@@ -822,6 +890,35 @@ inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
   }
   compute_rest_frames(s);
   return s;
+}
+
+/// Halves edges, one after the other; the surface stays the same.
+inline void split_edges(const std::vector<Midpoint>& edges, Surface& s) {
+  for (const Midpoint& edge : edges) {
+    const int h = find_half_edge(s.mesh, edge[0], edge[1]);
+    split_edge(s.mesh, h >= 0 ? h : find_half_edge(s.mesh, edge[1], edge[0]));
+  }
+  trace_boundary(s.mesh);
+  int v = static_cast<int>(s.vertices.rows());
+  s.vertices.conservativeResize(s.mesh.n_vertices, 3);
+  for (const Midpoint& edge : edges)
+    s.vertices.row(v++) = 0.5 * s.vertices.row(edge[0]) + 0.5 * s.vertices.row(edge[1]);
+  s.added.insert(s.added.end(), edges.begin(), edges.end());
+  compute_rest_frames(s);
+}
+
+/// The mesh that a surface was built from, with the vertices added since.
+inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface& s) {
+  TriangleMesh mesh;
+  mesh.vertices.resize(s.mesh.n_vertices, 3);
+  int v = static_cast<int>(given.vertices.rows());
+  mesh.vertices.topRows(v) = given.vertices;
+  for (const Midpoint& edge : s.added)
+    mesh.vertices.row(v++) = 0.5 * mesh.vertices.row(edge[0]) + 0.5 * mesh.vertices.row(edge[1]);
+  mesh.triangles.resize(s.mesh.n_faces, 3);
+  for (int f = 0; f < s.mesh.n_faces; ++f)
+    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = s.mesh.corner(f, k);
+  return mesh;
 }
 
 // ---- validation ----
@@ -3123,6 +3220,22 @@ inline void eliminate(const Array<char>& is_fixed, LinearSystem& system) {
     if (is_fixed[i]) system.gradient(i) = 0;
 }
 
+/// Fixes what a held boundary must not move. A vertex in a row with its neighbours, parallel to an
+/// axis, may slide along it.
+inline void hold_boundary(const HalfEdgeMesh& m, const Points2& x, Boundary boundary, int first,
+                          Array<char>& is_fixed) {
+  if (boundary == Boundary::kFree) return;
+  const int n = m.boundary.size();
+  for (int i = 0; i < n; ++i) {
+    const int u = m.tail[m.boundary[(i + n - 1) % n]], v = m.tail[m.boundary[i]];
+    const int w = m.tip(m.boundary[i]);
+    for (int c = 0; c < 2; ++c) {
+      const bool in_a_row = x(u, 1 - c) == x(v, 1 - c) && x(v, 1 - c) == x(w, 1 - c);
+      is_fixed[2 * (first + v) + c] = boundary == Boundary::kFixed || !in_a_row;
+    }
+  }
+}
+
 /// P d, the direction of all rows from that of the unknowns.
 inline Eigen::VectorXd expanded(const Array<Follower>& followers, Eigen::VectorXd d) {
   const Substitution P(followers, static_cast<int>(d.size()) / 2);
@@ -3719,12 +3832,7 @@ class Optimizer {
 
  private:
   void start(Result& result) {
-    const Anchors anchors = choose_anchors(pair_, followers_);
-    move_to_anchors(pair_, anchors, result.f, result.g);
-    is_fixed_.assign(2 * pair_.rows(), 0);
-    is_fixed_[2 * (pair_.n_a() + anchors.center)] = 1;
-    is_fixed_[2 * (pair_.n_a() + anchors.center) + 1] = 1;
-    is_fixed_[2 * (pair_.n_a() + anchors.rim) + 1] = 1;
+    fix(result);
     place_followers(followers_, result.f, result.g);
     const bool is_valid = followers_.empty() || (is_injective(pair_.a.mesh, result.f) &&
                                                  is_injective(pair_.b.mesh, result.g));
@@ -3741,6 +3849,24 @@ class Optimizer {
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
     if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
     if (!is_valid) result.status = Status::kInvalidPins;
+  }
+
+  /// Removes what the constraints hold from the unknowns, or else rigid motions (§4.6).
+  void fix(Result& result) {
+    const int n = pair_.n_a();
+    is_fixed_.assign(2 * pair_.rows(), 0);
+    hold_boundary(pair_.a.mesh, result.f, options_.boundary, 0, is_fixed_);
+    hold_boundary(pair_.b.mesh, result.g, options_.boundary, n, is_fixed_);
+    for (int c = 0; c < 2; ++c) {
+      for (int v : options_.fixed_a) is_fixed_[2 * v + c] = 1;
+      for (int v : options_.fixed_b) is_fixed_[2 * (n + v) + c] = 1;
+    }
+    if (std::find(is_fixed_.begin(), is_fixed_.end(), 1) != is_fixed_.end()) return;
+    const Anchors anchors = choose_anchors(pair_, followers_);
+    move_to_anchors(pair_, anchors, result.f, result.g);
+    is_fixed_[2 * (n + anchors.center)] = 1;
+    is_fixed_[2 * (n + anchors.center) + 1] = 1;
+    is_fixed_[2 * (n + anchors.rim) + 1] = 1;
   }
 
   /// One iteration; false if no step was found or none is left to find.
@@ -3773,7 +3899,7 @@ class Optimizer {
         build_scaffolds();
       else if (history_.size() > 1)
         reset_history(log);
-      else
+      else if (!release())
         return false;
     }
   }
@@ -3802,6 +3928,15 @@ class Optimizer {
   void reset_history(IterationLog& log) {
     history_.resize(1);
     log.history_reset = true;
+  }
+
+  /// Lowers ω_L at once where no step is found: at a kink of E, as when both planes are the same, a
+  /// direction that is smoothed too much may climb. False if it hardly acts any more.
+  bool release() {
+    constexpr double kRelease = 16;
+    if (omega_ <= kReleased || omega_ <= options_.omega_least) return false;
+    omega_ = (std::max)(omega_ / kRelease, options_.omega_least);
+    return true;
   }
 
   /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
@@ -3910,7 +4045,6 @@ class Optimizer {
   bool converged(const Result& result) const {
     const int n = static_cast<int>(result.log.size()), w = options_.window;
     if (n < w) return false;
-    constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
     const IterationLog& now = result.log.back();
     const IterationLog& before =
         n == w ? result.initial : result.log[static_cast<std::size_t>(n - 1 - w)];
@@ -3918,6 +4052,8 @@ class Optimizer {
     const double scale = now.energy + weights_.kappa * pair_.total_area();
     return before.energy - now.energy < w * options_.tolerance * scale;
   }
+
+  static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
   const Options& options_;
@@ -4227,7 +4363,7 @@ struct Spring {
 struct FlatProblem {
   std::vector<const Surface*> surfaces;
   std::vector<Spring> springs;
-  bool hold_boundary = false;
+  Boundary boundary = Boundary::kFree;
   Array<Follower> followers = {};  // vertices of the first surface that follow the second
 };
 
@@ -4236,17 +4372,30 @@ class FlatNewton {
   FlatNewton(const FlatProblem& problem, const Executor& executor)
       : problem_(problem), executor_(executor) {
     system_.pattern = within_pattern(problem.surfaces, 1);
-    is_fixed_.assign(2 * system_.pattern.rows(), 0);
-    if (problem.hold_boundary) fix_boundaries();
   }
 
   /// At most `most` steps, until one lowers the energy by less than `tolerance` of it.
   void minimize(int most, double tolerance, std::vector<Points2>& x) {
+    fix_boundaries(x);
     double energy = value(x);
     for (int i = 0; i < most; ++i) {
       const double before = energy;
       if (!step(x, energy) || before - energy < tolerance * energy) return;
     }
+  }
+
+  /// Moves the boundary of a single surface to where `target` has it, and the interior along with
+  /// it; false if it does not get there. Boundary::kFixed only.
+  bool drag(const Points2& target, std::vector<Points2>& x) {
+    constexpr int kMostSteps = 200, kRelaxations = 2;
+    fix_boundaries(x);
+    for (int i = 0; i < kMostSteps; ++i) {
+      bool is_there = false;
+      if (!drag_step(target, x, is_there)) return false;
+      if (is_there) return true;
+      minimize(kRelaxations, 0, x);
+    }
+    return false;
   }
 
   double value(const std::vector<Points2>& x) const {
@@ -4265,12 +4414,10 @@ class FlatNewton {
 
   int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
 
-  void fix_boundaries() {
-    for (std::size_t k = 0; k < problem_.surfaces.size(); ++k) {
-      const HalfEdgeMesh& m = problem_.surfaces[k]->mesh;
-      for (int h : m.boundary)
-        for (int c = 0; c < 2; ++c) is_fixed_[2 * (first_row(k) + m.tail[h]) + c] = 1;
-    }
+  void fix_boundaries(const std::vector<Points2>& x) {
+    is_fixed_.assign(2 * system_.pattern.rows(), 0);
+    for (std::size_t k = 0; k < x.size(); ++k)
+      hold_boundary(problem_.surfaces[k]->mesh, x[k], problem_.boundary, first_row(k), is_fixed_);
   }
 
   /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
@@ -4302,28 +4449,13 @@ class FlatNewton {
         extra_blocks(), [](int, int) { return true; }, system);
     substitute(problem_.followers, system);
     eliminate(is_fixed_, system);
-    Points2 positions(system.pattern.rows(), 2);
-    for (std::size_t k = 0; k < x.size(); ++k)
-      positions.middleRows(first_row(k), x[k].rows()) = x[k];
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
-    Array<ShiftedMatrix> matrix(1);
-    matrix[0].H = &system.H;
-    ldlt_factorize(symbolic, matrix, executor_, factors_);
-    if (!factors_[0].ok) return false;
-    const Eigen::VectorXd d =
-        expanded(problem_.followers, ldlt_solve(symbolic, factors_[0], -system.gradient));
+    Eigen::VectorXd d = solve(system, x);
+    if (!d.allFinite()) return false;
+    d = expanded(problem_.followers, d);
     const double slope = system_.gradient.dot(d);
-    if (!(slope < 0) || !d.allFinite()) return false;
-    std::vector<Points2> direction(x.size());
-    double s = 1;
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
-                                                                               d.size() / 2);
-      direction[k] = columns.middleCols(first_row(k), x[k].rows()).transpose();
-      s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
-      if (is_scaffolded_)
-        s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
-    }
+    if (!(slope < 0)) return false;
+    const std::vector<Points2> direction = per_surface(d, x);
+    double s = first_step(x, direction);
     for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
       const Outcome outcome = try_step(direction, s, slope, x, energy);
       if (outcome == Outcome::kAccepted) return true;
@@ -4331,6 +4463,78 @@ class FlatNewton {
       if (collided && !is_scaffolded_) return false;
     }
     return false;
+  }
+
+  /// The solution of a system, not finite if there is none.
+  Eigen::VectorXd solve(const LinearSystem& system, const std::vector<Points2>& x) {
+    Points2 positions(system.pattern.rows(), 2);
+    for (std::size_t k = 0; k < x.size(); ++k)
+      positions.middleRows(first_row(k), x[k].rows()) = x[k];
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    Array<ShiftedMatrix> matrix(1);
+    matrix[0].H = &system.H;
+    ldlt_factorize(symbolic, matrix, executor_, factors_);
+    if (!factors_[0].ok) return Eigen::VectorXd::Constant(system.gradient.size(), kInfinity);
+    return ldlt_solve(symbolic, factors_[0], -system.gradient);
+  }
+
+  std::vector<Points2> per_surface(const Eigen::VectorXd& d, const std::vector<Points2>& x) const {
+    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
+                                                                             d.size() / 2);
+    std::vector<Points2> parts;
+    for (std::size_t k = 0; k < x.size(); ++k)
+      parts.push_back(columns.middleCols(first_row(k), x[k].rows()).transpose());
+    return parts;
+  }
+
+  /// A step of 1, or what the first triangle to degenerate leaves of it.
+  double first_step(const std::vector<Points2>& x, const std::vector<Points2>& direction) const {
+    double s = 1;
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
+      if (is_scaffolded_)
+        s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
+    }
+    return s;
+  }
+
+  /// As much as possible of the way of the boundary to its target; the interior takes the Newton
+  /// step that goes with it.
+  bool drag_step(const Points2& target, std::vector<Points2>& x, bool& is_there) {
+    constexpr int kMostTrials = 40;
+    const HalfEdgeMesh& m = problem_.surfaces[0]->mesh;
+    assemble(x);
+    LinearSystem system = system_;
+    Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(system.gradient.size());
+    for (int h : m.boundary)
+      prescribed.segment<2>(2 * m.tail[h]) = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
+    add_product(system, prescribed, system.gradient);
+    eliminate(is_fixed_, system);
+    const Eigen::VectorXd d = solve(system, x) + prescribed;
+    if (!d.allFinite()) return false;
+    const std::vector<Points2> direction = per_surface(d, x);
+    double s = first_step(x, direction);
+    for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
+      std::vector<Points2> y = {moved(x[0], direction[0], s)};
+      is_there = s == 1;
+      for (int h : m.boundary)
+        if (is_there) y[0].row(m.tail[h]) = target.row(m.tail[h]);
+      if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) continue;
+      x = y;
+      return true;
+    }
+    return false;
+  }
+
+  /// y += H x, of which the upper triangle is stored.
+  static void add_product(const LinearSystem& system, const Eigen::VectorXd& x,
+                          Eigen::VectorXd& y) {
+    for (int r = 0; r < system.pattern.rows(); ++r)
+      for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
+        const int c = system.pattern.column[b];
+        y.segment<2>(2 * r) += system.H[b] * x.segment<2>(2 * c);
+        if (r != c) y.segment<2>(2 * c) += system.H[b].transpose() * x.segment<2>(2 * r);
+      }
   }
 
   Outcome try_step(const std::vector<Points2>& direction, double s, double slope,
@@ -4454,12 +4658,15 @@ class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
-  Hierarchy(const Surface& s, const Array<char>& is_protected, Metric metric)
-      : s_(s), metric_(metric), mesh_(s.mesh), x_(Points2::Zero(s.mesh.n_vertices, 2)) {
+  /// `angle`: where boundary vertices go on the circle, in the uniform metric.
+  Hierarchy(const Surface& s, const Array<char>& is_protected, Metric metric,
+            const Array<double>& angle)
+      : s_(s),
+        metric_(metric),
+        angle_(angle),
+        mesh_(s.mesh),
+        x_(Points2::Zero(s.mesh.n_vertices, 2)) {
     collapses_ = Decimation(s, is_protected, metric, mesh_).run(kBase);
-    boundary_index_.assign(s.mesh.n_vertices, -1);
-    for (int i = 0; i < s.mesh.boundary.size(); ++i)
-      boundary_index_[s.mesh.tail[s.mesh.boundary[i]]] = i;
   }
 
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
@@ -4482,7 +4689,8 @@ class Hierarchy {
     const double radius = std::sqrt(s_.total_area / kPi);
     for (int i = 0; i < m.boundary.size(); ++i) {
       const int u = m.tail[m.boundary[i]];
-      const double angle = 2 * kPi * i / m.boundary.size();
+      const double angle =
+          metric_ == Metric::kUniform ? angle_[level.vertex[u]] : 2 * kPi * i / m.boundary.size();
       L(u, u) = 1;
       rhs.row(u) << radius * std::cos(angle), radius * std::sin(angle);
     }
@@ -4599,17 +4807,17 @@ class Hierarchy {
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
   }
 
-  /// The number of edges of the full boundary from u on to v.
-  int boundary_distance(int u, int v) const {
-    const int distance = boundary_index_[v] - boundary_index_[u];
-    return distance > 0 ? distance : distance + s_.mesh.boundary.size();
+  /// The angle from u on to v, on the full boundary.
+  double angle_between(int u, int v) const {
+    const double angle = angle_[v] - angle_[u];
+    return angle > 0 ? angle : angle + 2 * kPi;
   }
 
-  /// Puts u on the arc that its boundary edge cut off, where the full boundary has it, or as close
-  /// to v as its triangles demand.
+  /// Puts u on the arc that its boundary edge cut off, at its angle, or as close to v as its
+  /// triangles demand.
   bool place_on_circle(const Collapse& c) {
     const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
-    const double to_u = boundary_distance(before, c.u), from_u = boundary_distance(c.u, after);
+    const double to_u = angle_between(before, c.u), from_u = angle_between(c.u, after);
     const Vec2 p = row2(x_, before), q = row2(x_, after);
     double arc = std::atan2(cross(p, q), p.dot(q));
     if (arc < 0) arc += 2 * kPi;
@@ -4740,14 +4948,327 @@ class Hierarchy {
 
   const Surface& s_;
   const Metric metric_;
-  Array<int> boundary_index_;  // per vertex of the full mesh, along its boundary
+  const Array<double> angle_;  // per vertex of the full mesh
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
   Eigen::Matrix2d local_metric_ = Eigen::Matrix2d::Identity();  // around the next vertex
 };
 
+// ---- both boundaries on one square (§7) ----
+
+/// Places on the outline of a square around the origin: u from k to k + 1 is side k, all
+/// counter-clockwise.
+struct Outline {
+  double half_side = 0;
+  Array<double> u_a, u_b;  // per vertex, -1 off the boundary
+
+  Vec2 point(double u) const {
+    const int side = static_cast<int>(u);
+    const double along = half_side * (2 * (u - side) - 1);
+    switch (side % 4) {
+      case 0:
+        return Vec2(along, -half_side);
+      case 1:
+        return Vec2(half_side, along);
+      case 2:
+        return Vec2(-along, half_side);
+      default:
+        return Vec2(-half_side, -along);
+    }
+  }
+};
+
+/// x modulo 1, in [0, 1).
+inline double fraction(double x) {
+  const double r = x - std::floor(x);
+  return r < 1 ? r : 0;
+}
+
+/// The arc length of every boundary vertex from a first one on, in units of the whole; -1 for
+/// others.
+inline Array<double> boundary_arcs(const Surface& s, int first) {
+  Array<double> arc(s.mesh.n_vertices, -1);
+  double sum = 0;
+  for (int h : s.mesh.boundary) {
+    arc[s.mesh.tail[h]] = sum;
+    sum += (s.vertices.row(s.mesh.tip(h)) - s.vertices.row(s.mesh.tail[h])).norm();
+  }
+  const double offset = arc[first];
+  for (int h : s.mesh.boundary) {
+    double& a = arc[s.mesh.tail[h]];
+    a = fraction((a - offset) / sum);
+  }
+  return arc;
+}
+
+/// The landmarks with both vertices on the boundaries, sorted along that of A.
+inline std::vector<Landmark> boundary_landmarks(const SurfacePair& pair,
+                                                const std::vector<Landmark>& landmarks) {
+  std::vector<Landmark> result;
+  for (const Landmark& l : landmarks)
+    if (pair.a.mesh.on_boundary(l.a) && pair.b.mesh.on_boundary(l.b)) result.push_back(l);
+  const Array<double> arc = boundary_arcs(pair.a, pair.a.mesh.tail[pair.a.mesh.boundary[0]]);
+  std::sort(result.begin(), result.end(),
+            [&](const Landmark& l, const Landmark& k) { return arc[l.a] < arc[k.a]; });
+  return result;
+}
+
+/// True if the landmarks on the boundaries follow each other in the same order on A and on B.
+inline bool check_order(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                        Embedding& result) {
+  const std::vector<Landmark> sorted = boundary_landmarks(pair, landmarks);
+  const Array<double> arc = boundary_arcs(pair.b, pair.b.mesh.tail[pair.b.mesh.boundary[0]]);
+  double around = 0;
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    around += fraction(arc[sorted[(i + 1) % sorted.size()].b] - arc[sorted[i].b]);
+  if (around < 1.5) return true;
+  std::string message = "the landmarks on the boundaries are in different order on A and B:";
+  std::vector<int> ids;
+  for (const Landmark& l : sorted) {
+    message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
+    ids.push_back(l.a);
+  }
+  return fail(result, Status::kInvalidLandmarks, message + "; is one mesh mirrored?", ids);
+}
+
+/// A place on the boundary of A and one on that of B that correspond, in arc length.
+struct Match {
+  double a, b;
+};
+
+/// The arc on B that corresponds to one on A: in proportion between the matches around it, which
+/// are sorted.
+inline double matching_arc(const std::vector<Match>& matches, double a) {
+  std::size_t i = matches.size() - 1;
+  while (i > 0 && matches[i].a > a) --i;
+  if (matches[i].a > a) i = matches.size() - 1;
+  const Match &from = matches[i], &to = matches[(i + 1) % matches.size()];
+  const double gap_a = fraction(to.a - from.a), gap_b = fraction(to.b - from.b);
+  const double t = fraction(a - from.a) / (gap_a > 0 ? gap_a : 1);
+  return fraction(from.b + t * (gap_b > 0 ? gap_b : 1));
+}
+
+/// Lays both boundaries along one square: finds what corresponds, chooses four pairs of vertices as
+/// corners, and adds vertices where the meshes need them for it.
+class OutlineBuilder {
+ public:
+  OutlineBuilder(SurfacePair& pair, const std::vector<Landmark>& landmarks)
+      : pair_(pair),
+        landmarks_(boundary_landmarks(pair, landmarks)),
+        first_a_(pair.a.mesh.tail[pair.a.mesh.boundary[0]]),
+        first_b_(pair.b.mesh.tail[pair.b.mesh.boundary[0]]) {
+    measure();
+    for (const Landmark& l : landmarks_) matches_.push_back({arc_a_[l.a], arc_b_[l.b]});
+  }
+
+  /// True if landmarks tell how the boundaries correspond.
+  bool has_landmarks() const { return !landmarks_.empty(); }
+
+  /// Without landmarks: the correspondence by arc length that brings the boundaries of two
+  /// embeddings closest to each other.
+  void match_closest(const Points2& f, const Points2& g) {
+    const Points2 on_a = sample(pair_.a.mesh, arc_a_, first_a_, f, 0);
+    const auto distance = [&](double shift) {
+      return (on_a - sample(pair_.b.mesh, arc_b_, first_b_, g, shift)).squaredNorm();
+    };
+    const Points2 on_b = sample(pair_.b.mesh, arc_b_, first_b_, g, 0);
+    double shift = 0, least = kInfinity;
+    for (int k = 0; k < kSamples; ++k) {
+      double sum = 0;
+      for (int i = 0; i < kSamples; ++i)
+        sum += (on_a.row(i) - on_b.row((i + k) % kSamples)).squaredNorm();
+      if (sum >= least) continue;
+      least = sum;
+      shift = k / double{kSamples};
+    }
+    for (double step = 0.5 / kSamples; step > 1e-6; step *= 0.5)
+      for (const double candidate : {shift - step, shift + step}) {
+        const double sum = distance(candidate);
+        if (sum >= least) continue;
+        least = sum;
+        shift = candidate;
+      }
+    matches_ = {{0, fraction(shift)}};
+  }
+
+  Outline build() {
+    std::array<Landmark, 4> corners;
+    for (int k = 0; k < 4; ++k)
+      while (!find_corner(k, corners[static_cast<std::size_t>(k)])) measure();
+    Outline outline;
+    outline.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
+    place(corners, outline);
+    split_chords(outline.u_a, pair_.a);
+    split_chords(outline.u_b, pair_.b);
+    return outline;
+  }
+
+ private:
+  /// A boundary vertex and its arc, relative to that of a corner.
+  struct Candidate {
+    double offset;
+    int vertex;
+    bool operator<(const Candidate& o) const { return offset < o.offset; }
+  };
+
+  void measure() {
+    arc_a_ = boundary_arcs(pair_.a, first_a_);
+    arc_b_ = boundary_arcs(pair_.b, first_b_);
+  }
+
+  static constexpr int kSamples = 256;
+
+  /// Points at equal distances along a boundary, in the plane, from a place on.
+  static Points2 sample(const HalfEdgeMesh& m, const Array<double>& arc, int first,
+                        const Points2& x, double from) {
+    Points2 points(kSamples, 2);
+    int h = m.out[first];
+    const auto end = [&] { return arc[m.tip(h)] > 0 ? arc[m.tip(h)] : 1.0; };
+    for (int i = 0; i < kSamples; ++i) {
+      const double at = fraction(from + i / double{kSamples});
+      if (at < arc[m.tail[h]]) h = m.out[first];
+      while (end() <= at) h = m.out[m.tip(h)];
+      const double t = (at - arc[m.tail[h]]) / (end() - arc[m.tail[h]]);
+      points.row(i) = (1 - t) * x.row(m.tail[h]) + t * x.row(m.tip(h));
+    }
+    return points;
+  }
+
+  /// The boundary vertices in the quarter of the boundary around a place.
+  template <class ArcOf>
+  static std::vector<Candidate> around(const HalfEdgeMesh& m, double center, const ArcOf& arc_of) {
+    std::vector<Candidate> candidates;
+    for (int h : m.boundary) {
+      const double offset = fraction(arc_of(m.tail[h]) - center + 0.5) - 0.5;
+      if (std::abs(offset) < 0.125) candidates.push_back({offset, m.tail[h]});
+    }
+    std::sort(candidates.begin(), candidates.end());
+    return candidates;
+  }
+
+  /// The edge of a boundary on which a place lies.
+  template <class ArcOf>
+  static Midpoint edge_at(const HalfEdgeMesh& m, double center, const ArcOf& arc_of) {
+    int best = m.boundary[0];
+    for (int h : m.boundary)
+      if (fraction(center - arc_of(m.tail[h])) < fraction(center - arc_of(m.tail[best]))) best = h;
+    return {m.tail[best], m.tip(best)};
+  }
+
+  /// Finds the pair of vertices for corner k: a landmark if there is one in its quarter, else two
+  /// that match best. False if a mesh had no vertex there and got one.
+  bool find_corner(int k, Landmark& corner) {
+    const double center = matches_[0].b + k / 4.0;
+    const auto on_a = [&](int v) { return matching_arc(matches_, arc_a_[v]); };
+    const auto on_b = [&](int v) { return arc_b_[v]; };
+    const std::vector<Candidate> a = around(pair_.a.mesh, center, on_a);
+    const std::vector<Candidate> b = around(pair_.b.mesh, center, on_b);
+    if (a.empty()) split_edges({edge_at(pair_.a.mesh, center, on_a)}, pair_.a);
+    if (b.empty()) split_edges({edge_at(pair_.b.mesh, center, on_b)}, pair_.b);
+    if (a.empty() || b.empty()) return false;
+    if (!nearest_landmark(a, corner)) best_pair(a, b, corner);
+    return true;
+  }
+
+  bool nearest_landmark(const std::vector<Candidate>& a, Landmark& corner) const {
+    double least = kInfinity;
+    for (const Candidate& c : a)
+      for (const Landmark& l : landmarks_) {
+        if (l.a != c.vertex || std::abs(c.offset) >= least) continue;
+        least = std::abs(c.offset);
+        corner = l;
+      }
+    return least < kInfinity;
+  }
+
+  static void best_pair(const std::vector<Candidate>& a, const std::vector<Candidate>& b,
+                        Landmark& corner) {
+    constexpr double kCentred = 0.01;  // weight of the distance from the ideal place
+    double least = kInfinity;
+    for (const Candidate& c : b) {
+      auto next = std::lower_bound(a.begin(), a.end(), c);
+      for (auto it = next == a.begin() ? next : next - 1; it != a.end() && it <= next; ++it) {
+        const double cost = std::abs(it->offset - c.offset) + kCentred * std::abs(c.offset);
+        if (cost >= least) continue;
+        least = cost;
+        corner = {it->vertex, c.vertex};
+      }
+    }
+  }
+
+  /// Places all boundary vertices: those of B by arc length between the corners, those of A where
+  /// their matches are.
+  void place(const std::array<Landmark, 4>& corners, Outline& outline) {
+    for (const Landmark& corner : corners)
+      if (!is_landmark(corner)) matches_.push_back({arc_a_[corner.a], arc_b_[corner.b]});
+    if (!has_landmarks()) matches_.erase(matches_.begin());
+    std::sort(matches_.begin(), matches_.end(),
+              [](const Match& m, const Match& n) { return m.a < n.a; });
+    const auto u_of = [&](double arc) {
+      std::size_t k = 0;
+      for (std::size_t i = 1; i < 4; ++i)
+        if (fraction(arc - arc_b_[corners[i].b]) < fraction(arc - arc_b_[corners[k].b])) k = i;
+      const double from = arc_b_[corners[k].b], to = arc_b_[corners[(k + 1) % 4].b];
+      return static_cast<double>(k) + fraction(arc - from) / fraction(to - from);
+    };
+    outline.u_a.assign(pair_.n_a(), -1);
+    outline.u_b.assign(pair_.n_b(), -1);
+    for (int h : pair_.a.mesh.boundary) {
+      const int v = pair_.a.mesh.tail[h];
+      outline.u_a[v] = u_of(matching_arc(matches_, arc_a_[v]));
+    }
+    for (int h : pair_.b.mesh.boundary) {
+      const int v = pair_.b.mesh.tail[h];
+      outline.u_b[v] = u_of(arc_b_[v]);
+    }
+  }
+
+  bool is_landmark(const Landmark& corner) const {
+    return std::any_of(landmarks_.begin(), landmarks_.end(),
+                       [&](const Landmark& l) { return l.a == corner.a; });
+  }
+
+  /// True if two places are on one side; corners are on two.
+  static bool share_side(double u, double v) {
+    const int i = static_cast<int>(u), j = static_cast<int>(v);
+    return i == j || (u == i && (i + 3) % 4 == j) || (v == j && (j + 3) % 4 == i);
+  }
+
+  /// Halves all inner edges between boundary vertices of one side, which would lie in the outline.
+  static void split_chords(Array<double>& u, Surface& s) {
+    std::vector<Midpoint> chords;
+    for (int h = 0; h < s.mesh.tail.size(); ++h) {
+      if (s.mesh.twin[h] < h) continue;
+      const int v = s.mesh.tail[h], w = s.mesh.tip(h);
+      if (u[v] >= 0 && u[w] >= 0 && share_side(u[v], u[w])) chords.push_back({v, w});
+    }
+    split_edges(chords, s);
+    while (u.size() < s.mesh.n_vertices) u.push_back(-1);
+  }
+
+  SurfacePair& pair_;
+  std::vector<Landmark> landmarks_;  // with both vertices on the boundaries
+  std::vector<Match> matches_;       // sorted along A
+  Array<double> arc_a_, arc_b_;
+  const int first_a_, first_b_;  // where arcs begin
+};
+
 // ---- both surfaces ----
+
+constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
+constexpr int kMostSteps = 30;        // Newton steps per level
+constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
+
+/// Reports progress; false if the callback cancels.
+inline bool tell(const Options& options, const std::string& what, Embedding& result) {
+  if (!options.progress) return true;
+  Progress progress;
+  progress.phase = Progress::Phase::kEmbedding;
+  progress.what = what;
+  return options.progress(progress) ||
+         fail(result, Status::kAborted, "cancelled during the initial embedding");
+}
 
 /// The vertex of A on that of B, written as a point of a triangle around it.
 inline Follower landmark_follower(const SurfacePair& pair, const Landmark& l) {
@@ -4788,38 +5309,39 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
 /// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
 /// unfolded freely before decide it better than limbs that are pulled while they unfold. In the
 /// uniform metric nothing has unfolded before all vertices are there, so all of this comes last.
+/// With an outline, which is in the uniform metric, boundaries are dragged there from the circle,
+/// and that is where the planes meet.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, Metric metric)
+               const Options& options, Metric metric, const Outline* outline)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
         metric_(metric),
+        outline_(outline),
         executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, metric_), b(pair_.b, keep_b, metric_);
+    Hierarchy a(pair_.a, keep_a, metric_, boundary_angles(pair_.a.mesh, true));
+    Hierarchy b(pair_.b, keep_b, metric_, boundary_angles(pair_.b.mesh, false));
     const bool is_uniform = metric_ == Metric::kUniform;
-    if (!tell(is_uniform ? "once more, by connectivity alone" : "decimated the meshes", result))
+    if (!tell(options_, is_uniform ? "once more, by connectivity alone" : "decimated the meshes",
+              result))
       return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
     if (!(is_uniform ? meet_last(a, b, result) : meet_early(a, b, result))) return;
-    make_overlap(a, b);
+    if (outline_ == nullptr) make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
-    if (options_.exact_landmarks) make_exact(result);
   }
 
  private:
   static constexpr int kTrial = 800;           // vertices at which rotations are tried
   static constexpr int kTrialIterations = 20;  // of Algorithm 1 for each
   static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
-  static constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
-  static constexpr int kMostSteps = 30;        // Newton steps per level
-  static constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
   static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
   static constexpr double kUnfoldingTolerance = 1e-4;
 
@@ -4830,7 +5352,8 @@ class PairEmbedder {
       return false;
     bring_together(a, b);
     while (!a.is_full() || !b.is_full()) {
-      if (!tell("embedding both: " + std::to_string(a.active()) + " + " +
+      if (!tell(options_,
+                "embedding both: " + std::to_string(a.active()) + " + " +
                     std::to_string(b.active()) + " vertices",
                 result))
         return false;
@@ -4843,19 +5366,48 @@ class PairEmbedder {
   bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
     if (!embed_alone(a, "A", pair_.n_a(), result) || !embed_alone(b, "B", pair_.n_b(), result))
       return false;
+    if (outline_ != nullptr && (!drag_to_outline(a, pair_.a, outline_->u_a, "A", result) ||
+                                !drag_to_outline(b, pair_.b, outline_->u_b, "B", result)))
+      return false;
     if (!unfold(a, pair_.a, "A", result) || !unfold(b, pair_.b, "B", result)) return false;
-    if (landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return false;
+    if (outline_ == nullptr && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result))
+      return false;
     bring_together(a, b);
     return true;
   }
 
-  bool tell(const std::string& what, Embedding& result) const {
-    if (!options_.progress) return true;
-    Progress progress;
-    progress.phase = Progress::Phase::kEmbedding;
-    progress.what = what;
-    return options_.progress(progress) ||
-           fail(result, Status::kAborted, "cancelled during the initial embedding");
+  /// What the boundaries may do once they have left the circle.
+  Boundary boundary() const { return outline_ == nullptr ? Boundary::kFree : options_.boundary; }
+
+  /// Where boundary vertices go on the circle: evenly, or towards their places on the outline.
+  Array<double> boundary_angles(const HalfEdgeMesh& m, bool is_a) const {
+    Array<double> angle(m.n_vertices, 0);
+    for (int i = 0; i < m.boundary.size(); ++i) {
+      const int v = m.tail[m.boundary[i]];
+      angle[v] = 2 * kPi * i / m.boundary.size();
+      if (outline_ == nullptr) continue;
+      const Vec2 p = outline_->point((is_a ? outline_->u_a : outline_->u_b)[v]);
+      angle[v] = std::atan2(p.y(), p.x());
+    }
+    return angle;
+  }
+
+  bool drag_to_outline(Hierarchy& h, const Surface& s, const Array<double>& u,
+                       const std::string& name, Embedding& result) const {
+    const Surface uniform = softened(s, 0, s.total_area);
+    std::vector<Points2> x = {h.positions()};
+    Points2 target = x[0];
+    for (int half_edge : s.mesh.boundary) {
+      const int v = s.mesh.tail[half_edge];
+      target.row(v) = outline_->point(u[v]).transpose();
+    }
+    const FlatProblem problem = {{&uniform}, {}, Boundary::kFixed};
+    const bool is_there = FlatNewton(problem, executor_).drag(target, x);
+    h.set(h.current(), x[0]);
+    if (!is_there)
+      return fail(result, Status::kNumericalFailure,
+                  "the boundary of mesh " + name + " cannot be laid along a square");
+    return tell(options_, "laid the boundary of " + name + " along a square", result);
   }
 
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
@@ -4878,10 +5430,12 @@ class PairEmbedder {
       Level level = h.current();
       if (is_uniform) level.surface = softened(level.surface, 0, h.total_area());
       std::vector<Points2> x = {h.positions(level)};
-      const FlatProblem problem = {{&level.surface}, {}, is_uniform};
+      const FlatProblem problem = {
+          {&level.surface}, {}, is_uniform ? Boundary::kFixed : Boundary::kFree};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
-      if (!tell("embedding " + name + ": " + std::to_string(h.active()) + " vertices", result))
+      if (!tell(options_, "embedding " + name + ": " + std::to_string(h.active()) + " vertices",
+                result))
         return false;
       if (h.is_full() || h.active() >= target) return true;
       if (!grow(h, name, result)) return false;
@@ -4894,9 +5448,10 @@ class PairEmbedder {
     std::vector<Points2> x = {h.positions()};
     for (int i = 0; i <= kStages; ++i) {
       const Surface soft = i < kStages ? softened(s, i / double{kStages}, s.total_area) : s;
-      const FlatProblem problem = {{&soft}, {}, false};
+      const FlatProblem problem = {{&soft}, {}, boundary()};
       FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
-      if (!tell("unfolding " + name + ": stage " + std::to_string(i + 1) + " of " +
+      if (!tell(options_,
+                "unfolding " + name + ": stage " + std::to_string(i + 1) + " of " +
                     std::to_string(kStages + 1),
                 result))
         return false;
@@ -4908,7 +5463,7 @@ class PairEmbedder {
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
   void bring_together(Hierarchy& a, Hierarchy& b) const {
     if (landmarks_.empty()) return relax(a, b, 0);
-    if (landmarks_.size() >= 2) align_by_landmarks(a, b);
+    if (landmarks_.size() >= 2 && outline_ == nullptr) align_by_landmarks(a, b);
     for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
   }
 
@@ -4961,7 +5516,8 @@ class PairEmbedder {
       optimize(coarse, iterations, f, g);
       candidate.first = badness(coarse, f, g);
       ++tried;
-      if (!tell("tried rotation " + std::to_string(tried) + " of " + std::to_string(order.size()),
+      if (!tell(options_,
+                "tried rotation " + std::to_string(tried) + " of " + std::to_string(order.size()),
                 result))
         return false;
     }
@@ -4988,6 +5544,9 @@ class PairEmbedder {
     Options options = options_;
     options.max_iterations = iterations;
     options.progress = nullptr;
+    options.boundary = Boundary::kFree;
+    options.fixed_a.clear();
+    options.fixed_b.clear();
     Result result;
     result.f = f;
     result.g = g;
@@ -5012,7 +5571,7 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
-    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}, false};
+    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}, boundary()};
     if (weight > 0) {
       const std::vector<Landmark> landmarks = present_landmarks(a, b);
       for (const Landmark& l : landmarks)
@@ -5025,57 +5584,120 @@ class PairEmbedder {
     b.set(level_b, x[1]);
   }
 
-  /// Pulls the landmarks harder and harder; where one of A can jump onto that of B without turning
-  /// a triangle over, it does, and both move as one from then on.
-  void make_exact(Embedding& result) const {
+  const SurfacePair& pair_;
+  const std::vector<Landmark>& landmarks_;
+  const Options& options_;
+  const Metric metric_;
+  const Outline* outline_;  // or null
+  Executor executor_;
+};
+
+// ---- exact landmarks ----
+
+/// Pulls the landmarks harder and harder; where one of A can jump onto that of B without turning a
+/// triangle over, it does, and both move as one from then on. Where that does not bring all of them
+/// together, it starts anew with more vertices around those left over: a point costs the less
+/// energy to move the finer the mesh around it is, and edges can bend around other landmarks.
+class LandmarkJoiner {
+ public:
+  LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options)
+      : pair_(pair), landmarks_(landmarks), options_(options), executor_(options) {}
+
+  bool run(Embedding& result) {
+    constexpr int kMostRefinements = 6;
+    for (int i = 0; i <= kMostRefinements; ++i) {
+      const Points2 f = result.f, g = result.g;
+      apart_ = landmarks_;
+      joined_.clear();
+      if (!pull(result)) return false;
+      if (apart_.empty()) return true;
+      if (i == kMostRefinements) break;
+      result.f = f;
+      result.g = g;
+      refine(result);
+    }
+    std::string message = "these landmarks cannot be joined:";
+    std::vector<int> ids;
+    for (const Landmark& l : apart_) {
+      message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
+      ids.push_back(l.a);
+    }
+    return fail(result, Status::kInvalidLandmarks, message, ids);
+  }
+
+ private:
+  bool pull(Embedding& result) {
     constexpr double kHardest = 1e12;
-    if (landmarks_.empty()) return;
-    FlatProblem problem = {{&pair_.a, &pair_.b}, {}};
-    std::vector<Landmark> apart = landmarks_;
-    for (double weight = 10 * kStiffest; weight <= kHardest; weight *= 10) {
-      join_landmarks(apart, problem.followers, result);
-      if (!tell("landmarks still apart: " + std::to_string(apart.size()), result)) return;
+    FlatProblem problem = {{&pair_.a, &pair_.b}, {}, options_.boundary};
+    for (double weight = 10 * kStiffest; weight <= kHardest && !apart_.empty(); weight *= 10) {
+      join(result);
+      if (!tell(options_, "landmarks still apart: " + std::to_string(apart_.size()), result))
+        return false;
       problem.springs.clear();
-      for (const Landmark& l : apart)
+      for (const Landmark& l : apart_)
         problem.springs.push_back({l.a, l.b, weight / static_cast<double>(landmarks_.size())});
+      problem.followers = followers();
       std::vector<Points2> x = {result.f, result.g};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       result.f = x[0];
       result.g = x[1];
-      if (apart.empty()) return;
     }
-    join_landmarks(apart, problem.followers, result);
-    if (apart.empty()) return;
-    std::string message = "these landmarks cannot be joined:";
-    std::vector<int> ids;
-    for (const Landmark& l : apart) {
-      message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
-      ids.push_back(l.a);
-    }
-    fail(result, Status::kInvalidLandmarks, message, ids);
+    join(result);
+    return true;
   }
 
-  void join_landmarks(std::vector<Landmark>& apart, Array<Follower>& followers,
-                      Embedding& result) const {
+  void join(Embedding& result) {
     std::vector<Landmark> left;
-    for (const Landmark& l : apart) {
+    for (const Landmark& l : apart_) {
       const Vec2 before = row2(result.f, l.a);
       result.f.row(l.a) = result.g.row(l.b);
       if (is_injective(pair_.a.mesh, result.f)) {
-        followers.push_back(landmark_follower(pair_, l));
+        joined_.push_back(l);
       } else {
         result.f.row(l.a) = before.transpose();
         left.push_back(l);
       }
     }
-    apart = left;
+    apart_ = left;
   }
 
-  const SurfacePair& pair_;
+  Array<Follower> followers() const {
+    Array<Follower> followers;
+    for (const Landmark& l : joined_) followers.push_back(landmark_follower(pair_, l));
+    return followers;
+  }
+
+  void refine(Embedding& result) {
+    std::vector<int> at_a, at_b;
+    for (const Landmark& l : apart_) at_a.push_back(l.a), at_b.push_back(l.b);
+    halve_edges_at(at_a, pair_.a, result.f);
+    halve_edges_at(at_b, pair_.b, result.g);
+  }
+
+  /// Halves the inner edges of the triangles around some vertices, in the plane, too.
+  static void halve_edges_at(const std::vector<int>& vertices, Surface& s, Points2& x) {
+    std::vector<Midpoint> edges;
+    for (int v : vertices)
+      s.mesh.for_each_outgoing(v, [&](int spoke) {
+        for (int h : {spoke, next(spoke), prev(spoke)})
+          if (s.mesh.twin[h] >= 0)
+            edges.push_back({(std::min)(s.mesh.tail[h], s.mesh.tip(h)),
+                             (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
+      });
+    std::sort(edges.begin(), edges.end());
+    edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+    const int n = s.mesh.n_vertices;
+    split_edges(edges, s);
+    x.conservativeResize(s.mesh.n_vertices, 2);
+    for (std::size_t i = 0; i < edges.size(); ++i)
+      x.row(n + static_cast<int>(i)) = 0.5 * (x.row(edges[i][0]) + x.row(edges[i][1]));
+  }
+
+  SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
-  const Metric metric_;
   Executor executor_;
+  std::vector<Landmark> apart_, joined_;
 };
 
 }  // namespace detail
@@ -5221,16 +5843,6 @@ inline std::vector<std::vector<EdgeStretch>> chains(const HalfEdgeMesh& m,
     }
   }
   return result;
-}
-
-/// The half-edge from u to v, or -1.
-inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
-  int found = -1;
-  if (u >= 0 && u < m.n_vertices)
-    m.for_each_outgoing(u, [&](int h) {
-      if (m.tip(h) == v) found = h;
-    });
-  return found;
 }
 
 /// The image of the edge u → v of the first mesh of a side.
@@ -5493,32 +6105,70 @@ bool check_options(const Options& o, Output& output) {
          require(o.threads >= 0, "threads must be at least 0");
 }
 
+/// Marks the vertices of a list of pinned or fixed ones, each of which must exist and be free.
 template <class Output>
-bool check_pins(const std::vector<int>& pins, const char* mesh, Array<char> is_held,
-                Output& output) {
-  for (int v : pins) {
-    const std::string name = "pin: vertex " + std::to_string(v) + " of " + mesh;
-    if (v < 0 || v >= is_held.size())
+bool hold(const std::vector<int>& vertices, const std::string& mesh, const char* how,
+          Array<const char*>& held, Output& output) {
+  for (int v : vertices) {
+    const std::string name = "vertex " + std::to_string(v) + " of " + mesh;
+    if (v < 0 || v >= held.size())
+      return fail(
+          output, Status::kInvalidPins,
+          name + " is to be " + how + ", but ids are 0 to " + std::to_string(held.size() - 1), {v});
+    if (held[v] != nullptr)
       return fail(output, Status::kInvalidPins,
-                  name + " does not exist, ids are 0 to " + std::to_string(is_held.size() - 1),
-                  {v});
-    if (is_held[v]) return fail(output, Status::kInvalidPins, name + " is pinned twice", {v});
-    is_held[v] = 1;
+                  name + " is to be " + how + ", but it is " + held[v] + " already", {v});
+    held[v] = how;
   }
   return true;
+}
+
+/// With held boundaries, an exact landmark lies on both of them or on none.
+template <class Output>
+bool check_boundary_landmarks(const TriangleMesh& a, const TriangleMesh& b,
+                              const std::vector<Landmark>& landmarks, Output& output) {
+  const HalfEdgeMesh m = build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
+  const HalfEdgeMesh n = build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
+  for (const Landmark& l : landmarks)
+    if (m.on_boundary(l.a) != n.on_boundary(l.b))
+      return fail(output, Status::kInvalidLandmarks,
+                  "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) +
+                      ": one vertex is on a boundary, which is held, and the other one is not",
+                  {l.a, l.b});
+  return true;
+}
+
+/// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary.
+template <class Output>
+bool check_constraints(const TriangleMesh& a, const TriangleMesh& b,
+                       const std::vector<Landmark>& landmarks, const Options& options,
+                       Output& output) {
+  const bool is_held = options.boundary != Boundary::kFree;
+  if (is_held && options.exact_landmarks && !check_boundary_landmarks(a, b, landmarks, output))
+    return false;
+  Array<const char*> held_a(static_cast<int>(a.vertices.rows()), nullptr);
+  Array<const char*> held_b(static_cast<int>(b.vertices.rows()), nullptr);
+  for (const Landmark& l : landmarks)
+    if (options.exact_landmarks) held_a[l.a] = "in an exact landmark";
+  if (!hold(options.fixed_a, "A", "fixed", held_a, output) ||
+      !hold(options.fixed_b, "B", "fixed", held_b, output))
+    return false;
+  for (const TriangleMesh* mesh : {&a, &b}) {
+    Array<const char*>& held = mesh == &a ? held_a : held_b;
+    const HalfEdgeMesh m = build_half_edges(held.size(), mesh->triangles);
+    for (int h : m.boundary)
+      if (is_held) held[m.tail[h]] = "on a boundary that is held";
+  }
+  return hold(options.pins_a, "A", "pinned", held_a, output) &&
+         hold(options.pins_b, "B", "pinned", held_b, output);
 }
 
 template <class Output>
 bool check_input(const TriangleMesh& a, const TriangleMesh& b,
                  const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
-  if (!check_options(options, output) || !check_mesh(a, "A", output) ||
-      !check_mesh(b, "B", output) || !check_landmarks(a, b, landmarks, output))
-    return false;
-  Array<char> held_a(static_cast<int>(a.vertices.rows()), 0);
-  const Array<char> held_b(static_cast<int>(b.vertices.rows()), 0);
-  for (const Landmark& l : landmarks) held_a[l.a] = options.exact_landmarks;
-  return check_pins(options.pins_a, "A", held_a, output) &&
-         check_pins(options.pins_b, "B", held_b, output);
+  return check_options(options, output) && check_mesh(a, "A", output) &&
+         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output) &&
+         check_constraints(a, b, landmarks, options, output);
 }
 
 inline double largest_landmark_distance(const Embedding& e,
@@ -5537,21 +6187,54 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
   return energy < kInfinity ? energy : kInfinity;  // NaN, too
 }
 
-/// Embeds in the metric of the surfaces; where that fails or strains them, once more in the uniform
-/// metric, and the better one counts.
-inline void embed(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                  const Options& options, Embedding& embedding) {
+/// Embeds with free boundaries in the metric of the surfaces; where that fails or strains them,
+/// once more in the uniform metric, and the better one counts.
+inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                         const Options& options, Embedding& embedding) {
   constexpr double kStrained = 100;  // of isometries: 4
-  Timer timer;
-  PairEmbedder(pair, landmarks, options, Metric::kSurface).run(embedding);
-  const double energy = strain(pair, embedding) / (pair.a.total_area + pair.b.total_area);
+  PairEmbedder(pair, landmarks, options, Metric::kSurface, nullptr).run(embedding);
+  const double energy = strain(pair, embedding) / pair.total_area();
   if (embedding.status != Status::kAborted && !(energy < kStrained)) {
     Embedding other;
-    PairEmbedder(pair, landmarks, options, Metric::kUniform).run(other);
+    PairEmbedder(pair, landmarks, options, Metric::kUniform, nullptr).run(other);
     if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
       embedding = other;
   }
+  return embedding.status == Status::kConverged;
+}
+
+/// Embeds both meshes in one square (§7).
+inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                            const Options& options, Embedding& embedding) {
+  OutlineBuilder builder(pair, landmarks);
+  if (!builder.has_landmarks()) {
+    if (!embed_freely(pair, landmarks, options, embedding)) return false;
+    builder.match_closest(embedding.f, embedding.g);
+  }
+  const Outline outline = builder.build();
+  PairEmbedder(pair, landmarks, options, Metric::kUniform, &outline).run(embedding);
+  return embedding.status == Status::kConverged;
+}
+
+/// The start, as the options want it. May add vertices to the meshes of the pair.
+inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+                  Embedding& embedding) {
+  Timer timer;
+  const bool is_held = options.boundary != Boundary::kFree;
+  bool ok = !(is_held || options.exact_landmarks) || check_order(pair, landmarks, embedding);
+  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, embedding)
+                      : embed_freely(pair, landmarks, options, embedding));
+  if (ok && options.exact_landmarks) LandmarkJoiner(pair, landmarks, options).run(embedding);
   embedding.seconds = timer.lap();
+}
+
+/// Hands over the meshes that were embedded.
+inline void return_meshes(const TriangleMesh& a, const TriangleMesh& b, const SurfacePair& pair,
+                          Embedding& embedding) {
+  embedding.a = with_added_vertices(a, pair.a);
+  embedding.b = with_added_vertices(b, pair.b);
+  embedding.added_a = pair.a.added;
+  embedding.added_b = pair.b.added;
 }
 
 /// True if x holds an injective embedding of m.
@@ -5717,9 +6400,10 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                                    const std::vector<Landmark>& landmarks, const Options& options) {
   Embedding embedding;
   if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
-  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                                    detail::build_surface(b, options.keep_scale)};
+  detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                              detail::build_surface(b, options.keep_scale)};
   detail::embed(pair, landmarks, options, embedding);
+  detail::return_meshes(a, b, pair, embedding);
   if (embedding.status == Status::kConverged)
     embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
   return embedding;
@@ -5732,13 +6416,14 @@ inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
     result.start.status = result.status;
     return result;
   }
-  const detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                                    detail::build_surface(b, options.keep_scale)};
+  detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
+                              detail::build_surface(b, options.keep_scale)};
   const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
   if (is_given)
     detail::given_positions(pair, options, result.start);
   else
     detail::embed(pair, landmarks, options, result.start);
+  detail::return_meshes(a, b, pair, result.start);
   if (result.start.status != Status::kConverged) {
     detail::fail(result, result.start.status, result.start.message, result.start.ids);
     return result;

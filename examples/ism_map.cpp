@@ -8,6 +8,7 @@
 #include "ism.hpp"
 #include "mesh_io.hpp"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <new>
 #include <string>
 #include <string_view>
@@ -37,6 +39,8 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
   --exact-landmarks  landmarks coincide exactly, from the start to the end
+  --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
+                     along one square, matched by arc length; slide: there, they may slide
   --pin-landmarks    the landmarks of A stay on B where the start puts them
   --pins FILE        more landmarks, of which these vertices of A stay where the start puts them
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
@@ -171,6 +175,18 @@ std::string read_preset(const std::vector<std::string>& words, Arguments& args) 
   return {};
 }
 
+std::string read_boundary(const std::string& text, ism::Boundary& boundary) {
+  if (text == "free")
+    boundary = ism::Boundary::kFree;
+  else if (text == "fixed")
+    boundary = ism::Boundary::kFixed;
+  else if (text == "slide")
+    boundary = ism::Boundary::kSlide;
+  else
+    return "--boundary must be free, fixed or slide, not '" + text + "'";
+  return {};
+}
+
 bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--start-only") return args.start_only = true;
   if (flag == "--pin-landmarks") return args.pin_landmarks = true;
@@ -184,7 +200,7 @@ bool read_switch(const std::string& flag, Arguments& args) {
 bool takes_value(const std::string& flag) {
   for (const char* known :
        {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
-        "--iterations", "--tolerance", "--threads", "--set"})
+        "--boundary", "--iterations", "--tolerance", "--threads", "--set"})
     if (flag == known) return true;
   return false;
 }
@@ -199,6 +215,7 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
   if (flag == "--threads") return read_number(flag, text, args.options.threads);
   if (flag == "--set") return read_setting(text, args.options);
+  if (flag == "--boundary") return read_boundary(text, args.options.boundary);
   if (flag == "--variant") return read_variant(text, args.options.variant);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
@@ -502,21 +519,30 @@ std::string json_iteration(const ism::IterationLog& it) {
       .text();
 }
 
-std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh) {
+std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
+                      const std::vector<ism::Midpoint>& added) {
+  std::string midpoints;
+  for (const ism::Midpoint& edge : added)
+    midpoints += (midpoints.empty() ? "" : ", ") + format("[%d, %d]", edge[0], edge[1]);
   return Json()
       .add("file", path)
       .add("vertices", static_cast<int>(mesh.vertices.rows()))
       .add("triangles", static_cast<int>(mesh.triangles.rows()))
+      .raw("added_midpoints", "[" + midpoints + "]")
       .text();
 }
 
 std::string json_options(const Arguments& args) {
   const char* const variants[] = {"pn", "spn", "full"};
+  const char* const boundaries[] = {"free", "fixed", "slide"};
   Json json(",\n    ");
   json.add("preset", args.preset)
       .add("landmarks", args.landmarks)
+      .add("pins", args.pins)
+      .add("pin_landmarks", args.pin_landmarks)
       .add("initial", args.initial)
       .add("measure", args.measure)
+      .add("boundary", boundaries[static_cast<int>(args.options.boundary)])
       .add("variant", variants[static_cast<int>(args.options.variant)]);
   ism::Options options = args.options;
   for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
@@ -547,8 +573,8 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   return Json(",\n  ")
              .add("status", ism::to_string(result.status))
              .add("message", result.message)
-             .raw("a", json_mesh(args.a, input.a))
-             .raw("b", json_mesh(args.b, input.b))
+             .raw("a", json_mesh(args.a, result.start.a, result.start.added_a))
+             .raw("b", json_mesh(args.b, result.start.b, result.start.added_b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .raw("options", json_options(args))
              .raw("start", start.text())
@@ -583,12 +609,35 @@ std::string mapped_text(const char* comment, const ism::TriangleMesh& mesh,
   return mesh_io::obj_text(comment, points, faces);
 }
 
+using Polylines = std::vector<std::vector<ism::SurfacePoint>>;
+
+/// The image of an edge of the input: if it was halved, those of its halves, joined.
+Polylines edge_image(int u, int v, const std::map<ism::Midpoint, int>& middle_of,
+                     const ism::SurfaceMap& map) {
+  const auto halved = middle_of.find({std::min(u, v), std::max(u, v)});
+  if (halved == middle_of.end()) return map.forward_edge(u, v);
+  Polylines image = edge_image(u, halved->second, middle_of, map);
+  Polylines rest = edge_image(halved->second, v, middle_of, map);
+  auto next = rest.begin();
+  if (map.forward_vertex(halved->second).covered && !image.empty() && next != rest.end()) {
+    image.back().insert(image.back().end(), next->begin(), next->end());
+    ++next;
+  }
+  image.insert(image.end(), next, rest.end());
+  return image;
+}
+
 /// The edges of A's polygons as polylines on B.
-std::string edges_text(const Input& input, const ism::SurfaceMap& map) {
+std::string edges_text(const Input& input, const ism::Embedding& start,
+                       const ism::SurfaceMap& map) {
+  std::map<ism::Midpoint, int> middle_of;
+  int middle = static_cast<int>(input.a.vertices.rows());
+  for (const ism::Midpoint& edge : start.added_a)
+    middle_of[{std::min(edge[0], edge[1]), std::max(edge[0], edge[1])}] = middle++;
   std::vector<ism::Vec3> points;
   std::vector<std::vector<int>> lines;
   for (const std::array<int, 2>& edge : input.edges_a)
-    for (const std::vector<ism::SurfacePoint>& polyline : map.forward_edge(edge[0], edge[1])) {
+    for (const auto& polyline : edge_image(edge[0], edge[1], middle_of, map)) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
         lines.back().push_back(static_cast<int>(points.size()));
@@ -606,16 +655,17 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
   const auto on_a = [&](const ism::SurfacePoint& p) { return map.position_on_a(p); };
   const auto on_b = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
   const ism::MetaMesh meta = map.meta_mesh();
+  const ism::TriangleMesh &a = result.start.a, &b = result.start.b;
   return {
-      {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", input.a.vertices,
-                                  input.a.triangles, result.f)},
-      {"B.obj", mesh_io::obj_text("mesh B; vt: planar position of the vertex", input.b.vertices,
-                                  input.b.triangles, result.g)},
-      {"A_on_B.obj", mapped_text("mesh A mapped to B; vertices without an image are in no face",
-                                 input.a, map.forward_vertices(), on_b)},
-      {"B_on_A.obj", mapped_text("mesh B mapped to A; vertices without an image are in no face",
-                                 input.b, map.backward_vertices(), on_a)},
-      {"A_edges_on_B.obj", edges_text(input, map)},
+      {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", a.vertices,
+                                  a.triangles, result.f)},
+      {"B.obj", mesh_io::obj_text("mesh B; vt: planar position of the vertex", b.vertices,
+                                  b.triangles, result.g)},
+      {"A_on_B.obj", mapped_text("mesh A mapped to B; vertices without an image are in no face", a,
+                                 map.forward_vertices(), on_b)},
+      {"B_on_A.obj", mapped_text("mesh B mapped to A; vertices without an image are in no face", b,
+                                 map.backward_vertices(), on_a)},
+      {"A_edges_on_B.obj", edges_text(input, result.start, map)},
       {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
       {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},
   };
@@ -652,6 +702,10 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   };
   std::printf("A            %s: %s\n", args.a.c_str(), size(input.a).c_str());
   std::printf("B            %s: %s\n", args.b.c_str(), size(input.b).c_str());
+  const std::size_t added_a = result.start.added_a.size(), added_b = result.start.added_b.size();
+  if (added_a + added_b > 0)
+    std::printf("added        %zu vertices to A, %zu to B, behind those given, on their edges\n",
+                added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
@@ -720,7 +774,7 @@ int run(Arguments& args) {
   seconds.add(result);
 
   start = Clock::now();
-  const ism::SurfaceMap map(input.a, input.b, result.f, result.g);
+  const ism::SurfaceMap map(result.start.a, result.start.b, result.f, result.g);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
   std::vector<mesh_io::TextFile> files = result_files(input, result, map);

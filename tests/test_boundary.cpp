@@ -1,0 +1,492 @@
+// Held boundaries, fixed vertices, exact landmarks that need more vertices, and the splitting of
+// edges that these are built on.
+
+#include "dense.hpp"
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace ism::detail;
+using ism::Boundary;
+using ism::Landmark;
+using ism::Midpoint;
+using ism::Options;
+using ism::Points2;
+using ism::Result;
+using ism::Status;
+using ism::SurfaceMap;
+using ism::TriangleMesh;
+using ism::Vec2;
+using ism::Vec3;
+using shapes::Disk;
+using shapes::from_planes;
+using shapes::half_edges;
+using shapes::Rng;
+
+bool same(const HalfEdgeMesh& m, const HalfEdgeMesh& n) {
+  const auto equal = [](const Array<int>& a, const Array<int>& b) {
+    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
+  };
+  return m.n_vertices == n.n_vertices && m.n_faces == n.n_faces && equal(m.tail, n.tail) &&
+         equal(m.twin, n.twin) && equal(m.boundary, n.boundary);
+}
+
+/// Every edge once, by its ends.
+std::vector<Midpoint> edges(const HalfEdgeMesh& m) {
+  std::vector<Midpoint> all;
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (m.twin[h] < h) all.push_back({m.tail[h], m.tip(h)});
+  return all;
+}
+
+Options held(Boundary boundary, int iterations = 400) {
+  Options options;
+  options.boundary = boundary;
+  options.max_iterations = iterations;
+  return options;
+}
+
+/// The vertex of a grid at a place.
+int at(const Disk& grid, int i, int j) {
+  for (int v = 0; v < grid.plane.rows(); ++v)
+    if (grid.plane(v, 0) == i && grid.plane(v, 1) == j) return v;
+  return -1;
+}
+
+bool is_valid(const Result& r) {
+  return ism::is_usable(r.status) && is_injective(half_edges(r.start.a), r.f) &&
+         is_injective(half_edges(r.start.b), r.g);
+}
+
+/// The largest and smallest coordinate of x that boundary vertices have, over the four sides.
+bool boundary_is_a_square(const TriangleMesh& mesh, const Points2& x) {
+  const HalfEdgeMesh m = half_edges(mesh);
+  const double half = x.cwiseAbs().maxCoeff();
+  std::array<int, 4> corners{};
+  for (int h : m.boundary) {
+    const Vec2 p = row2(x, m.tail[h]);
+    if (std::abs(p.x()) != half && std::abs(p.y()) != half) return false;
+    if (std::abs(p.x()) == half && std::abs(p.y()) == half)
+      ++corners[(p.x() > 0 ? 1u : 0u) + (p.y() > 0 ? 2u : 0u)];
+  }
+  return corners == std::array<int, 4>{1, 1, 1, 1};
+}
+
+/// A grid with a bump on one side, which makes one half of that side longer.
+Disk grid_with_bump(int n) {
+  Disk d = shapes::grid(n, n);
+  for (int v = 0; v < d.mesh.vertices.rows(); ++v) {
+    const double x = d.plane(v, 0) - 0.25 * n, y = d.plane(v, 1);
+    d.mesh.vertices(v, 2) = 0.3 * n * std::exp(-16 / (1.0 * n * n) * (x * x + y * y));
+  }
+  return d;
+}
+
+}  // namespace
+
+TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
+  Rng rng(1);
+  for (const Disk& disk : shapes::all_disks()) {
+    CAPTURE(disk.name);
+    Surface s = build_surface(disk.mesh, true);
+    const double area = s.total_area;
+    for (int round = 0; round < 3; ++round) {
+      std::vector<Midpoint> halved;
+      for (const Midpoint& edge : edges(s.mesh))
+        if (rng.below(2) == 0) halved.push_back(edge);
+      const int n = s.mesh.n_vertices;
+      split_edges(halved, s);
+      CHECK(s.mesh.n_vertices == n + static_cast<int>(halved.size()));
+      const TriangleMesh mesh = with_added_vertices(disk.mesh, s);
+      CHECK(same(s.mesh, half_edges(mesh)));
+      CHECK(ism::validate(mesh).empty());
+      for (int v = 0; v < s.mesh.n_vertices; ++v) {
+        CHECK(s.mesh.tail[s.mesh.out[v]] == v);
+        CHECK(s.mesh.on_boundary(v) == half_edges(mesh).on_boundary(v));
+      }
+    }
+    CHECK(s.total_area == doctest::Approx(area).epsilon(1e-13));
+    const TriangleMesh mesh = with_added_vertices(disk.mesh, s);
+    CHECK(mesh.vertices.topRows(disk.mesh.vertices.rows()) == disk.mesh.vertices);
+    for (std::size_t i = 0; i < s.added.size(); ++i) {
+      const int v = static_cast<int>(disk.mesh.vertices.rows()) + static_cast<int>(i);
+      CHECK(s.added[i][0] < v);
+      CHECK(s.added[i][1] < v);
+      const Vec3 middle =
+          0.5 * (mesh.vertices.row(s.added[i][0]) + mesh.vertices.row(s.added[i][1])).transpose();
+      CHECK((middle - mesh.vertices.row(v).transpose()).norm() < 1e-15 * (1 + middle.norm()));
+    }
+  }
+}
+
+TEST_CASE("a held boundary leaves a square, and what slides stays on its side") {
+  const Disk d = shapes::grid(3, 2);
+  const HalfEdgeMesh m = half_edges(d.mesh);
+  Points2 x = d.plane;
+  Array<char> is_fixed(2 * (5 + m.n_vertices), 0);
+  hold_boundary(m, x, Boundary::kFree, 5, is_fixed);
+  CHECK(std::count(is_fixed.begin(), is_fixed.end(), 1) == 0);
+  hold_boundary(m, x, Boundary::kSlide, 5, is_fixed);
+  for (int v = 0; v < m.n_vertices; ++v) {
+    const bool on_x = x(v, 0) == 0 || x(v, 0) == 3, on_y = x(v, 1) == 0 || x(v, 1) == 2;
+    CHECK(is_fixed[2 * (5 + v)] == on_x);
+    CHECK(is_fixed[2 * (5 + v) + 1] == on_y);
+  }
+  hold_boundary(m, x, Boundary::kFixed, 5, is_fixed);
+  for (int v = 0; v < m.n_vertices; ++v)
+    for (int c = 0; c < 2; ++c) CHECK(is_fixed[2 * (5 + v) + c] == m.on_boundary(v));
+  for (int i = 0; i < 10; ++i) CHECK(is_fixed[i] == 0);
+}
+
+TEST_CASE("places on an outline: corners are exact, sides straight, all counter-clockwise") {
+  Outline outline;
+  outline.half_side = 0.7;
+  double turned = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec2 p = outline.point(i / 100.0), q = outline.point((i + 1) % 400 / 100.0);
+    CHECK((std::max)(std::abs(p.x()), std::abs(p.y())) == 0.7);
+    CHECK(cross(p, q) > 0);
+    turned += std::atan2(cross(p, q), p.dot(q));
+  }
+  CHECK(turned == doctest::Approx(2 * kPi));
+  CHECK(outline.point(0) == Vec2(-0.7, -0.7));
+  CHECK(outline.point(1) == Vec2(0.7, -0.7));
+  CHECK(outline.point(2) == Vec2(0.7, 0.7));
+  CHECK(outline.point(3) == Vec2(-0.7, 0.7));
+}
+
+TEST_CASE("arcs between matches correspond in proportion") {
+  const std::vector<Match> one = {{0.2, 0.9}};
+  CHECK(matching_arc(one, 0.2) == 0.9);
+  CHECK(matching_arc(one, 0.5) == doctest::Approx(0.2));
+  CHECK(matching_arc(one, 0.1) == doctest::Approx(0.8));
+  const std::vector<Match> three = {{0.1, 0.6}, {0.3, 0.7}, {0.9, 0.1}};
+  CHECK(matching_arc(three, 0.1) == 0.6);
+  CHECK(matching_arc(three, 0.3) == 0.7);
+  CHECK(matching_arc(three, 0.9) == 0.1);
+  CHECK(matching_arc(three, 0.2) == doctest::Approx(0.65));
+  CHECK(matching_arc(three, 0.6) == doctest::Approx(0.9));
+  CHECK(matching_arc(three, 0.0) == doctest::Approx(0.35));
+}
+
+TEST_CASE("every disk is mapped to itself and to a grid with its boundary along the square") {
+  const TriangleMesh grid = shapes::grid(5, 5).mesh;
+  for (const Disk& disk : shapes::all_disks())
+    for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide})
+      for (const TriangleMesh* other : {&disk.mesh, &grid}) {
+        CAPTURE(disk.name);
+        CAPTURE(static_cast<int>(boundary));
+        const Result r = ism::compute_map(disk.mesh, *other, {}, held(boundary, 10));
+        CAPTURE(r.message);
+        REQUIRE(is_valid(r));
+        CHECK(boundary_is_a_square(r.start.a, r.f));
+        CHECK(boundary_is_a_square(r.start.b, r.g));
+        CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
+        CHECK(r.final_state().coverage_b == doctest::Approx(1).epsilon(1e-12));
+        CHECK(r.final_state().energy <= r.initial.energy);
+        if (other == &disk.mesh)
+          CHECK(r.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
+        const SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+        REQUIRE(map.status() == Status::kConverged);
+        const HalfEdgeMesh m = half_edges(r.start.a);
+        for (int v = 0; v < m.n_vertices; ++v)
+          if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).covered);
+      }
+}
+
+TEST_CASE("fixed boundaries do not move, sliding ones only along their sides") {
+  constexpr int n = 12;
+  const Disk a = shapes::grid(n, n), b = grid_with_bump(n);
+  const HalfEdgeMesh m = half_edges(a.mesh);
+  std::vector<Landmark> corners;
+  for (int i : {0, n})
+    for (int j : {0, n}) corners.push_back({at(a, i, j), at(b, i, j)});
+  double end[2];
+  for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide}) {
+    const Result r = ism::compute_map(a.mesh, b.mesh, corners, held(boundary));
+    REQUIRE(is_valid(r));
+    int moved = 0;
+    for (int h : m.boundary) {
+      const Vec2 before = row2(r.start.f, m.tail[h]), after = row2(r.f, m.tail[h]);
+      if (before == after) continue;
+      ++moved;
+      CHECK((before.x() == after.x() || before.y() == after.y()));
+      CHECK(std::abs(before.x()) != std::abs(before.y()));  // no corner
+    }
+    CHECK((moved > 0) == (boundary == Boundary::kSlide));
+    end[boundary == Boundary::kSlide] = r.final_state().mean_distortion;
+  }
+  CHECK(end[1] - 2 < 0.9 * (end[0] - 2));
+}
+
+TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
+  Rng rng(5);
+  Disk a = shapes::perturbed_grid(4, 3, 0.2, rng), b = shapes::perturbed_grid(5, 4, 0.2, rng);
+  a.plane.col(0) /= 4, a.plane.col(1) /= 3;
+  b.plane.col(0) /= 5, b.plane.col(1) /= 4;
+  for (Disk* d : {&a, &b}) {  // vertices of the boundary back onto the unit square
+    const HalfEdgeMesh m = half_edges(d->mesh);
+    const Points2 even = d == &a ? shapes::grid(4, 3).plane : shapes::grid(5, 4).plane;
+    const Vec2 size = d == &a ? Vec2(4, 3) : Vec2(5, 4);
+    for (int h : m.boundary)
+      for (int c = 0; c < 2; ++c) {
+        const int v = m.tail[h];
+        if (even(v, c) == 0 || even(v, c) == size[c]) d->plane(v, c) = even(v, c) / size[c];
+      }
+    shapes::bend(*d, 0.3);
+    REQUIRE(is_injective(m, d->plane));
+  }
+  const SurfacePair pair = {build_surface(a.mesh, false), build_surface(b.mesh, false)};
+  const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
+  const Weights weights = {2.2, 1e-2, -1e300, &measure};  // Hessians are not projected
+  Array<char> is_fixed(2 * pair.rows(), 0);
+  hold_boundary(pair.a.mesh, a.plane, Boundary::kSlide, 0, is_fixed);
+  hold_boundary(pair.b.mesh, b.plane, Boundary::kSlide, pair.n_a(), is_fixed);
+  const Executor executor{Options()};
+  const SystemBuilder systems(pair, false, executor);
+  ModelBuilder models(pair, weights, systems.one_ring(), executor);
+  const auto system_at = [&](const Eigen::VectorXd& x, Iterate& at) {
+    at.f = Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>>(x.data(), 2, pair.n_a())
+               .transpose();
+    at.g = Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>>(x.data() + 2 * pair.n_a(), 2,
+                                                                      pair.n_b())
+               .transpose();
+    evaluate(pair, weights, at);
+    models.differentiate(at);
+    Array<QuadraticModel> history;
+    history.push_back(models.assemble(at));
+    LinearSystem system = systems.blend(history, 1);
+    eliminate(is_fixed, system);
+    return system;
+  };
+  Eigen::VectorXd x(2 * pair.rows());
+  for (int v = 0; v < pair.n_a(); ++v) x.segment<2>(2 * v) = row2(a.plane, v);
+  for (int v = 0; v < pair.n_b(); ++v) x.segment<2>(2 * (pair.n_a() + v)) = row2(b.plane, v);
+  Iterate at, plus, minus;
+  const LinearSystem system = system_at(x, at);
+  CHECK(at.area_a == doctest::Approx(1).epsilon(1e-12));
+  CHECK(at.area_b == doctest::Approx(1).epsilon(1e-12));
+  const Eigen::MatrixXd H = dense(system.pattern, system.H);
+  constexpr double kStep = 1e-7;
+  int slides = 0;
+  for (int i = 0; i < x.size(); ++i) {
+    if (is_fixed[i]) {
+      CHECK(system.gradient[i] == 0);
+      CHECK(H.col(i) == Eigen::VectorXd::Unit(x.size(), i));
+      continue;
+    }
+    slides += is_fixed[i ^ 1];
+    const Eigen::VectorXd dx = kStep * Eigen::VectorXd::Unit(x.size(), i);
+    const LinearSystem after = system_at(x + dx, plus), before = system_at(x - dx, minus);
+    CHECK((plus.energy - minus.energy) / (2 * kStep) ==
+          doctest::Approx(system.gradient[i]).epsilon(1e-5).scale(1));
+    Eigen::VectorXd column = (after.gradient - before.gradient) / (2 * kStep);
+    for (int j = 0; j < x.size(); ++j)
+      if (is_fixed[j]) column[j] = 0;
+    CHECK((column - H.col(i)).norm() < 1e-4 * H.norm());
+  }
+  CHECK(slides == 2 * (3 + 2 + 4 + 3));
+}
+
+TEST_CASE("landmarks on the boundaries correspond exactly where both are fixed") {
+  const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 24, 1.3);
+  const HalfEdgeMesh m = half_edges(a.mesh), n = half_edges(b.mesh);
+  std::vector<Landmark> landmarks;
+  for (int k = 0; k < 7; ++k)
+    landmarks.push_back({m.tail[m.boundary[5 * k]], n.tail[n.boundary[(3 * k + 8) % 24]]});
+  const Result r = ism::compute_map(a.mesh, b.mesh, landmarks, held(Boundary::kFixed, 3));
+  REQUIRE(is_valid(r));
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+}
+
+TEST_CASE("exact landmarks, inside and on the boundary, with boundaries that slide") {
+  const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 24, 1.3);
+  const HalfEdgeMesh m = half_edges(a.mesh), n = half_edges(b.mesh);
+  std::vector<Landmark> landmarks = {{44, 0}};
+  for (int k = 0; k < 6; ++k)
+    landmarks.push_back({m.tail[m.boundary[6 * k + 1]], n.tail[n.boundary[(4 * k + 9) % 24]]});
+  Options options = held(Boundary::kSlide, 40);
+  options.exact_landmarks = true;
+  const Result r = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+  CAPTURE(r.message);
+  REQUIRE(is_valid(r));
+  CHECK(r.start.landmark_distance == 0);
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+  CHECK(boundary_is_a_square(r.start.a, r.f));
+  CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
+  CHECK(r.final_state().energy < r.initial.energy);
+}
+
+TEST_CASE("landmarks that turn triangles over are joined with more vertices") {
+  for (const Boundary boundary : {Boundary::kFree, Boundary::kSlide}) {
+    const TriangleMesh a = shapes::grid(5, 5).mesh;
+    Options options = held(boundary, 20);
+    options.exact_landmarks = true;
+    const int t = 17;  // two of its corners are exchanged
+    const int u = a.triangles(t, 0), v = a.triangles(t, 1), w = a.triangles(t, 2);
+    const std::vector<Landmark> landmarks = {{u, u}, {v, w}, {w, v}};
+    const Result r = ism::compute_map(a, a, landmarks, options);
+    CAPTURE(r.message);
+    REQUIRE(is_valid(r));
+    for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+    CHECK_FALSE(r.start.added_a.empty());
+    CHECK(r.start.added_a.size() < 40);
+    CHECK(ism::validate(r.start.a).empty());
+    CHECK(ism::validate(r.start.b).empty());
+    CHECK(r.start.a.vertices.topRows(a.vertices.rows()) == a.vertices);
+    CHECK(build_surface(r.start.a, true).total_area == doctest::Approx(25).epsilon(1e-13));
+  }
+}
+
+TEST_CASE("every second vertex exchanged with its neighbour, exactly") {
+  constexpr int n = 8;
+  const Disk grid = shapes::grid(n, n);
+  const TriangleMesh& a = grid.mesh;
+  std::vector<Landmark> landmarks;
+  for (int j = 1; j < n; ++j)
+    for (int i = 1; i + 1 < n; i += 2) {
+      const int u = at(grid, i, j), v = at(grid, i + 1, j);
+      landmarks.push_back({u, v});
+      landmarks.push_back({v, u});
+    }
+  Options options = held(Boundary::kSlide, 3);
+  options.exact_landmarks = true;
+  const Result r = ism::compute_map(a, a, landmarks, options);
+  CAPTURE(r.message);
+  REQUIRE(is_valid(r));
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+}
+
+TEST_CASE("landmarks that cannot be joined end with their ids") {
+  const TriangleMesh a = shapes::grid(5, 5).mesh;
+  SurfacePair pair = {build_surface(a, false), build_surface(a, false)};
+  ism::Embedding embedding;
+  embed_in_square(pair, {}, held(Boundary::kFixed), embedding);
+  REQUIRE(embedding.status == Status::kConverged);
+  const HalfEdgeMesh& m = pair.a.mesh;
+  const int u = m.tail[m.boundary[1]], v = m.tail[m.boundary[2]];  // two places that are fixed
+  const std::vector<Landmark> landmarks = {{u, v}};
+  Options options = held(Boundary::kFixed);
+  options.exact_landmarks = true;
+  CHECK_FALSE(LandmarkJoiner(pair, landmarks, options).run(embedding));
+  CHECK(embedding.status == Status::kInvalidLandmarks);
+  CHECK(embedding.message ==
+        "these landmarks cannot be joined: " + std::to_string(u) + "-" + std::to_string(v));
+  CHECK(embedding.ids == std::vector<int>{u});
+}
+
+TEST_CASE("boundary landmarks in contradictory order or with one inner vertex are refused") {
+  const Disk grid = shapes::grid(4, 4);
+  const TriangleMesh& a = grid.mesh;
+  const int o = at(grid, 0, 0), p = at(grid, 4, 0), q = at(grid, 0, 4), inner = at(grid, 2, 2);
+  const std::vector<Landmark> mirrored = {{o, o}, {p, q}, {q, p}};
+  const auto check = [&](const std::vector<Landmark>& landmarks, const Options& options,
+                         const std::string& what, const std::vector<int>& ids) {
+    const Result r = ism::compute_map(a, a, landmarks, options);
+    CAPTURE(r.message);
+    CHECK(r.status == Status::kInvalidLandmarks);
+    CHECK(r.message.find(what) != std::string::npos);
+    CHECK(r.ids == ids);
+  };
+  Options exact;
+  exact.exact_landmarks = true;
+  check(mirrored, exact, "in different order on A and B: ", {o, p, q});
+  check(mirrored, held(Boundary::kSlide), "different order", {o, p, q});
+  exact.boundary = Boundary::kFixed;
+  check({{o, inner}}, exact, "one vertex is on a boundary, which is held", {o, inner});
+  exact.boundary = Boundary::kFree;
+  CHECK(ism::is_usable(ism::compute_map(a, a, {{o, inner}}, exact).status));
+}
+
+TEST_CASE("fixed vertices keep their positions to the last bit") {
+  Rng rng(4);
+  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 6, rng);
+  shapes::bend(a, 0.5);
+  Options options = from_planes(a, b);
+  options.fixed_a = {0, 7, 12};
+  options.fixed_b = {3, 20};
+  const Result r = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(is_valid(r));
+  REQUIRE(r.log.size() > 5);
+  for (int v : options.fixed_a) CHECK(r.f.row(v) == a.plane.row(v));
+  for (int v : options.fixed_b) CHECK(r.g.row(v) == b.plane.row(v));
+  CHECK(r.f.row(1) != a.plane.row(1));
+}
+
+TEST_CASE("given boundaries of any shape can be fixed") {
+  Disk a = shapes::spherical_cap(6, 20, 1.2), b = shapes::spherical_cap(7, 20, 0.9);
+  for (Disk* d : {&a, &b}) {  // the same star
+    const HalfEdgeMesh m = half_edges(d->mesh);
+    for (int v = 0; v < d->plane.rows(); ++v) {
+      const Vec2 p = row2(d->plane, v).normalized();
+      d->plane.row(v) *= 1 + 0.2 * std::cos(5 * std::atan2(p.y(), p.x()));
+    }
+    const double radius = d->plane.row(m.tail[m.boundary[0]]).norm();
+    d->plane /= radius;
+    for (int v = 0; v < d->plane.rows() && d == &b; ++v)  // the interior is far from the best
+      if (!m.on_boundary(v)) d->plane.row(v) *= std::sqrt(d->plane.row(v).norm());
+    REQUIRE(is_injective(m, d->plane));
+  }
+  Options options = from_planes(a, b);
+  options.boundary = Boundary::kFixed;
+  const Result r = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(is_valid(r));
+  CHECK(r.final_state().mean_distortion < r.initial.mean_distortion - 0.1);
+  for (int h : half_edges(a.mesh).boundary)
+    CHECK(r.f.row(half_edges(a.mesh).tail[h]) == a.plane.row(half_edges(a.mesh).tail[h]));
+  for (int h : half_edges(b.mesh).boundary)
+    CHECK(r.g.row(half_edges(b.mesh).tail[h]) == b.plane.row(half_edges(b.mesh).tail[h]));
+}
+
+TEST_CASE("contradictory constraints are refused with the vertex") {
+  const TriangleMesh a = shapes::grid(4, 4).mesh;
+  const auto check = [&](const Options& options, const std::string& message, int id) {
+    const Result r = ism::compute_map(a, a, {{6, 6}}, options);
+    CHECK(r.status == Status::kInvalidPins);
+    CHECK(r.message == message);
+    CHECK(r.ids == std::vector<int>{id});
+  };
+  Options options;
+  options.fixed_a = {25};
+  check(options, "vertex 25 of A is to be fixed, but ids are 0 to 24", 25);
+  options.fixed_a = {};
+  options.fixed_b = {3, 3};
+  check(options, "vertex 3 of B is to be fixed, but it is fixed already", 3);
+  options.fixed_b = {12};
+  options.pins_b = {12};
+  check(options, "vertex 12 of B is to be pinned, but it is fixed already", 12);
+  options.fixed_b = options.pins_b = {};
+  options.fixed_a = {6};
+  options.exact_landmarks = true;
+  check(options, "vertex 6 of A is to be fixed, but it is in an exact landmark already", 6);
+  options.fixed_a = {};
+  options.pins_a = {6};
+  check(options, "vertex 6 of A is to be pinned, but it is in an exact landmark already", 6);
+  options.exact_landmarks = false;
+  options.pins_a = {2};
+  options.boundary = Boundary::kSlide;
+  check(options, "vertex 2 of A is to be pinned, but it is on a boundary that is held already", 2);
+}
+
+TEST_CASE("held boundaries give the same bits for any number of threads") {
+  const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 24, 1.3);
+  Options options = held(Boundary::kSlide, 6);
+  options.exact_landmarks = true;
+  const std::vector<Landmark> landmarks = {{44, 0}, {34, 70}};
+  options.threads = 1;
+  const Result one = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+  options.threads = 3;
+  const Result three = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+  REQUIRE(is_valid(one));
+  CHECK(one.f == three.f);
+  CHECK(one.g == three.g);
+}
