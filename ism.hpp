@@ -5791,14 +5791,44 @@ struct MapSide {
 
 /// A stretch of an edge whose image lies in one triangle: from parameter s to t, 0 at its start.
 struct EdgeStretch {
+  static constexpr int kAlong = -2;
   double s, t;
   int face;          // of the other mesh
-  int enter, leave;  // half-edges of that face, -1 where the stretch does not end at one
+  int enter, leave;  // half-edges of that face, -1 where the stretch does not end at one, kAlong
+                     // where it runs along the boundary
 };
+
+/// The stretches of half-edge h, on the boundary, along that of the other mesh, exactly. In the
+/// overlay the one is infinitely close to the other, on either side of it.
+inline std::vector<EdgeStretch> boundary_stretches(const MapSide& side, int h) {
+  std::vector<EdgeStretch> stretches;
+  if (side.from.twin[h] >= 0) return stretches;
+  const Vec2 u = row2(side.x, side.from.tail[h]), v = row2(side.x, side.from.tip(h));
+  const auto parameter = [&](const Vec2& p) {
+    return clamp01((p - u).dot(v - u) / (v - u).squaredNorm());
+  };
+  for (int i = side.groups.start[h / 3]; i < side.groups.start[h / 3 + 1]; ++i) {
+    const OverlayPolygon& p = side.polygons[side.groups.item[i]];
+    const int target = side.forward ? p.tb : p.ta;
+    for (int e : {3 * target, 3 * target + 1, 3 * target + 2}) {
+      const Vec2 q = row2(side.y, side.to.tail[e]), r = row2(side.y, side.to.tip(e));
+      if (side.to.twin[e] >= 0 || orient2d(u, v, q) != 0 || orient2d(u, v, r) != 0) continue;
+      const double s = parameter(q), t = parameter(r);
+      if (s < t) stretches.push_back({s, t, target, EdgeStretch::kAlong, EdgeStretch::kAlong});
+    }
+  }
+  return stretches;
+}
 
 /// The stretches of half-edge h of the first mesh of a side, in the order of s.
 inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
-  std::vector<EdgeStretch> stretches;
+  const std::vector<EdgeStretch> along = boundary_stretches(side, h);
+  std::vector<EdgeStretch> stretches = along;
+  const auto is_along = [&](const Piece& piece) {
+    const double middle = 0.5 * (piece.s + piece.t);
+    return std::any_of(along.begin(), along.end(),
+                       [&](const EdgeStretch& a) { return a.s <= middle && middle <= a.t; });
+  };
   const int face = h / 3, own = side.forward ? 0 : 3, other = 3 - own;
   for (int i = side.groups.start[face]; i < side.groups.start[face + 1]; ++i) {
     const OverlayPolygon& p = side.polygons[side.groups.item[i]];
@@ -5811,7 +5841,7 @@ inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
       return e >= 0 && e < 3 ? 3 * target + e : -1;
     };
     for (int k = 0; k < p.count; ++k)
-      if (shape[k].e == own + h % 3)
+      if (shape[k].e == own + h % 3 && !is_along(shape[k]))
         stretches.push_back({shape[k].s, shape[k].t, target, half_edge((k + p.count - 1) % p.count),
                              half_edge((k + 1) % p.count)});
   }
@@ -5822,10 +5852,11 @@ inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
 
 /// Chains of stretches, each of which enters the triangle beyond the half-edge by which the one
 /// before it leaves. Parameters are rounded and could tell neither gaps nor the order of short
-/// ones.
+/// ones; but along a boundary, they are those of its vertices.
 inline std::vector<std::vector<EdgeStretch>> chains(const HalfEdgeMesh& m,
                                                     const std::vector<EdgeStretch>& stretches) {
   const auto follows = [&](const EdgeStretch& a, const EdgeStretch& b) {
+    if (a.leave == EdgeStretch::kAlong) return b.enter == EdgeStretch::kAlong && a.t == b.s;
     return a.leave >= 0 && b.enter >= 0 && m.twin[a.leave] == b.enter;
   };
   std::vector<std::vector<EdgeStretch>> result;

@@ -59,7 +59,8 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --help             print this
 
 Files in OUT:
-  A.obj B.obj            the triangulated input; the vt of a vertex is its place in the plane
+  A.obj B.obj            the triangulated input; the vt of a vertex is its place in the plane;
+                         vertices that constraints need are added behind those of the input
   A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
                          without an image are in no face
   A_edges_on_B.obj       the edges of A's polygons, not of the triangles they are cut into, as
@@ -316,8 +317,8 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
 std::string check_output(const Arguments& args) {
   namespace fs = std::filesystem;
   std::error_code ec;
-  for (const char* name :
-       {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "meta_A.obj", "meta_B.obj", "report.json"}) {
+  for (const char* name : {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "A_edges_on_B.obj",
+                           "meta_A.obj", "meta_B.obj", "report.json"}) {
     const fs::path target = fs::path(args.out) / name;
     if (fs::is_directory(target, ec)) return "-o " + args.out + ": its " + name + " is a folder";
     for (const std::string& input : {args.a, args.b})

@@ -203,6 +203,24 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
       }
 }
 
+TEST_CASE("along held boundaries everything is covered, the edges of boundaries, too") {
+  const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 25, 1.3);
+  const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
+  REQUIRE(is_valid(r));
+  const SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+  for (int v = 0; v < r.f.rows(); ++v) CHECK(map.forward_vertex(v).covered);
+  for (int v = 0; v < r.g.rows(); ++v) CHECK(map.backward_vertex(v).covered);
+  const HalfEdgeMesh m = half_edges(r.start.a);
+  for (int h = 0; h < m.tail.size(); ++h) {
+    const auto image = map.forward_edge(m.tail[h], m.tip(h));
+    REQUIRE(image.size() == 1);
+    const Vec3 from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
+    const Vec3 to = map.position_on_b(map.forward_vertex(m.tip(h)).point);
+    CHECK((map.position_on_b(image[0].front()) - from).norm() < 1e-9);
+    CHECK((map.position_on_b(image[0].back()) - to).norm() < 1e-9);
+  }
+}
+
 TEST_CASE("fixed boundaries do not move, sliding ones only along their sides") {
   constexpr int n = 12;
   const Disk a = shapes::grid(n, n), b = grid_with_bump(n);

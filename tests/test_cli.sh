@@ -125,6 +125,7 @@ refused "-o taken: its meta_A.obj is a folder" a.obj b.obj -o taken
 cp start/B.obj B.obj
 refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
 invalid "coverage_weight must be at least 0" a.obj b.obj --kappa -1
+refused "--boundary must be free, fixed or slide, not 'open'" a.obj b.obj -o out --boundary open
 
 "$ism_map" --help | grep -q -- --landmarks || fail "--help does not help"
 
@@ -203,6 +204,28 @@ for v in 1:1 81:121; do  # vt of the landmarks
   [ "$(grep '^vt' out/exact/A.obj | sed -n "${v%:*}p")" = \
     "$(grep '^vt' out/exact/B.obj | sed -n "${v#*:}p")" ] || fail "--exact-landmarks: $v"
 done
+
+printf '4 5\n76 115\n' >middles.txt  # of two sides, so that the corners of a grid become ears
+for boundary in fixed slide; do
+  "$ism_map" a.obj b.obj -o out/held --landmarks middles.txt --boundary "$boundary" \
+    --iterations 5 >stdout.txt 2>/dev/null || fail "--boundary $boundary"
+  grep -q "^coverage     100.00% of A, 100.00% of B" stdout.txt ||
+    fail "--boundary $boundary: $(cat stdout.txt)"
+  grep -q "^added        2 vertices to A, 2 to B" stdout.txt ||
+    fail "--boundary $boundary: $(cat stdout.txt)"
+  [ "$(grep -c '^v ' out/held/A.obj)" = 83 ] || fail "--boundary $boundary: no vertices added"
+  [ "$(head -n 82 out/held/A.obj | grep '^v ')" = "$(head -n 82 out/one/A.obj | grep '^v ')" ] ||
+    fail "--boundary $boundary: other vertices changed"
+  lines=$(grep -c '^l ' out/held/A_edges_on_B.obj)
+  [ "$lines" = 144 ] || fail "--boundary $boundary: $lines of 144 sides of quads"
+done
+grep -Eq '"added_midpoints": \[\[[0-9]+, [0-9]+\], \[[0-9]+, [0-9]+\]\]' out/held/report.json ||
+  fail "report.json does not tell the added vertices"
+code=0
+"$ism_map" a.obj b.obj -o out/held --landmarks marks.txt --pin-landmarks --boundary slide \
+  2>stderr.txt || code=$?
+[ "$code" = 2 ] && grep -q "is to be pinned, but it is on a boundary that is held" stderr.txt ||
+  fail "a pin on a held boundary: $(cat stderr.txt)"
 
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
 interrupted() {
