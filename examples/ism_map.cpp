@@ -138,16 +138,20 @@ std::string read_setting(const std::string& text, ism::Options& options) {
   return "--set: there is no option '" + name + "', but these:" + names;
 }
 
-std::string read_variant(const std::string& text, ism::Variant& variant) {
-  if (text == "pn")
-    variant = ism::Variant::kProjectedNewton;
-  else if (text == "spn")
-    variant = ism::Variant::kSmoothedProjectedNewton;
-  else if (text == "full")
-    variant = ism::Variant::kFull;
-  else
-    return "--variant must be pn, spn or full, not '" + text + "'";
-  return {};
+constexpr const char* kVariants[] = {"pn", "spn", "full"};         // in the order of ism::Variant
+constexpr const char* kBoundaries[] = {"free", "fixed", "slide"};  // and of ism::Boundary
+
+/// Reads one of the names of the values of an enumeration, 0, 1 and 2.
+template <class Enum>
+std::string read_choice(const std::string& flag, const std::string& text,
+                        const char* const (&names)[3], Enum& value) {
+  for (int i = 0; i < 3; ++i) {
+    if (text != names[i]) continue;
+    value = static_cast<Enum>(i);
+    return {};
+  }
+  return flag + " must be " + names[0] + ", " + names[1] + " or " + names[2] + ", not '" + text +
+         "'";
 }
 
 std::string read_measure(const std::string& text, Arguments& args) {
@@ -173,18 +177,6 @@ std::string read_preset(const std::vector<std::string>& words, Arguments& args) 
     args.preset = "paper";
     args.options = ism::Options::paper();
   }
-  return {};
-}
-
-std::string read_boundary(const std::string& text, ism::Boundary& boundary) {
-  if (text == "free")
-    boundary = ism::Boundary::kFree;
-  else if (text == "fixed")
-    boundary = ism::Boundary::kFixed;
-  else if (text == "slide")
-    boundary = ism::Boundary::kSlide;
-  else
-    return "--boundary must be free, fixed or slide, not '" + text + "'";
   return {};
 }
 
@@ -216,8 +208,8 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
   if (flag == "--threads") return read_number(flag, text, args.options.threads);
   if (flag == "--set") return read_setting(text, args.options);
-  if (flag == "--boundary") return read_boundary(text, args.options.boundary);
-  if (flag == "--variant") return read_variant(text, args.options.variant);
+  if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
+  if (flag == "--variant") return read_choice(flag, text, kVariants, args.options.variant);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
    : flag == "--landmarks" ? args.landmarks
@@ -534,8 +526,6 @@ std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
 }
 
 std::string json_options(const Arguments& args) {
-  const char* const variants[] = {"pn", "spn", "full"};
-  const char* const boundaries[] = {"free", "fixed", "slide"};
   Json json(",\n    ");
   json.add("preset", args.preset)
       .add("landmarks", args.landmarks)
@@ -543,8 +533,8 @@ std::string json_options(const Arguments& args) {
       .add("pin_landmarks", args.pin_landmarks)
       .add("initial", args.initial)
       .add("measure", args.measure)
-      .add("boundary", boundaries[static_cast<int>(args.options.boundary)])
-      .add("variant", variants[static_cast<int>(args.options.variant)]);
+      .add("boundary", kBoundaries[static_cast<int>(args.options.boundary)])
+      .add("variant", kVariants[static_cast<int>(args.options.variant)]);
   ism::Options options = args.options;
   for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
   return json.text();

@@ -3,6 +3,7 @@
 
 A pair is a folder with A.obj, B.obj and, if there are any, landmarks.txt. All options of ism_map
 can be passed through:  table.py --extra "--kappa 0 --iterations 50" --only hand_0
+(write --extra=--exact-landmarks for a single one)
 """
 
 import argparse
@@ -16,8 +17,8 @@ import tempfile
 
 PROJECT = pathlib.Path(__file__).resolve().parent.parent
 COLUMNS = ["pair", "triangles A / B", "iterations", "status", "distortion", "coverage A",
-           "coverage B", "start landmarks", "embedding s", "derivatives s", "assembly s",
-           "solve s", "search s", "total s"]
+           "coverage B", "start landmarks", "end landmarks", "vertices added", "embedding s",
+           "derivatives s", "assembly s", "solve s", "search s", "total s"]
 
 
 def read_arguments():
@@ -71,11 +72,12 @@ def row(name, report):
     if "error" in report:
         return [name, "", "", report["error"]] + [""] * (len(COLUMNS) - 4)
     start, final, seconds = report["start"], report["final"], report["seconds"]
+    added = " / ".join(str(len(report[mesh]["added_midpoints"])) for mesh in "ab")
     phases = ["embedding", "derivatives", "assembly", "solve", "search", "total"]
     return [name, f'{report["a"]["triangles"]} / {report["b"]["triangles"]}',
             str(final["iterations"]), report["status"], number(final["mean_distortion"], 4),
             number(final["coverage_a"], 4), number(final["coverage_b"], 4),
-            number(start["landmark_distance"], 4)] + [number(seconds[p], 1) for p in phases]
+            number(start["landmark_distance"], 4), number(final["landmark_distance"], 4), added] + [number(seconds[p], 1) for p in phases]
 
 
 def print_row(cells):

@@ -1,0 +1,144 @@
+// One short function for every feature beyond the plain run, to copy from:
+//
+//   features A.obj B.obj landmarks.txt
+
+#include "ism.hpp"
+#include "mesh_io.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+namespace {
+
+struct Pair {
+  ism::TriangleMesh a, b;
+  std::vector<ism::Landmark> landmarks;
+  std::vector<std::array<int, 2>> edges_a;  // of the polygons of A
+};
+
+ism::Options some_iterations() {
+  ism::Options options;
+  options.max_iterations = 20;
+  return options;
+}
+
+int fail(const std::string& message) {
+  std::fprintf(stderr, "features: %s\n", message.c_str());
+  return 1;
+}
+
+/// Prints how a run ended, on one line that the caller continues.
+void print(const char* name, const ism::Result& r) {
+  if (!ism::is_usable(r.status)) std::exit(fail(name + (": " + r.message)));
+  const ism::IterationLog& last = r.final_state();
+  std::printf("%-16s %s, distortion %.4f, coverage %.4f / %.4f", name, ism::to_string(r.status),
+              last.mean_distortion, last.coverage_a, last.coverage_b);
+}
+
+/// Position constraints (§4.5): vertices of A stay on B where the start puts them.
+void pin_vertices(const Pair& p) {
+  ism::Options options = some_iterations();
+  for (std::size_t i = 0; i < 3 && i < p.landmarks.size(); ++i)
+    options.pins_a.push_back(p.landmarks[i].a);
+  const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, options);
+  print("pins", r);
+  double residual = 0;
+  for (const ism::IterationLog& it : r.log) residual = std::max(residual, it.pin_residual);
+  std::printf(", residual %.1e\n", residual);
+}
+
+/// Landmarks that coincide in the plane to the last bit. Where the meshes are too coarse for it,
+/// vertices are added: the positions are those of r.start.a and r.start.b.
+void join_landmarks(const Pair& p) {
+  ism::Options options = some_iterations();
+  options.exact_landmarks = true;
+  const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, options);
+  print("exact landmarks", r);
+  std::printf(", %zu and %zu vertices added\n", r.start.added_a.size(), r.start.added_b.size());
+}
+
+/// The whole of A on the whole of B (§7): boundaries along one square, on which they may slide.
+void hold_boundaries(const Pair& p) {
+  ism::Options options = some_iterations();
+  for (const ism::Boundary boundary : {ism::Boundary::kFixed, ism::Boundary::kSlide}) {
+    options.boundary = boundary;
+    const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, options);
+    print(boundary == ism::Boundary::kFixed ? "fixed boundary" : "sliding boundary", r);
+    std::printf(", %zu and %zu vertices added\n", r.start.added_a.size(), r.start.added_b.size());
+  }
+}
+
+/// Vertices at planar positions of one's own; all other positions come from an embedding.
+void fix_vertices(const Pair& p) {
+  ism::Options options = some_iterations();
+  const ism::Embedding start = ism::initial_embedding(p.a, p.b, p.landmarks);
+  options.initial_f = start.f;
+  options.initial_g = start.g;
+  options.fixed_a = {p.landmarks[0].a};
+  options.fixed_b = {p.landmarks[0].b};
+  print("fixed vertices", ism::compute_map(p.a, p.b, p.landmarks, options));
+  std::printf("\n");
+}
+
+/// Other distortion measures (§3.2), and a mix of two of them as one of one's own.
+void choose_measure(const Pair& p) {
+  ism::DistortionMeasure mix;
+  mix.value = [sd = ism::symmetric_dirichlet(), asap = ism::asap()](const auto& F, const auto& G) {
+    return sd.value(F, G) + 0.5 * asap.value(F, G);
+  };
+  mix.derivatives = [sd = ism::symmetric_dirichlet(), asap = ism::asap()](const auto& F,
+                                                                          const auto& G) {
+    ism::Density sum = sd.derivatives(F, G);
+    const ism::Density other = asap.derivatives(F, G);
+    sum.value += 0.5 * other.value;
+    sum.gradient += 0.5 * other.gradient;
+    sum.hessian += 0.5 * other.hessian;
+    return sum;
+  };
+  ism::Options options = some_iterations();
+  options.measure = mix;
+  print("a mixed measure", ism::compute_map(p.a, p.b, p.landmarks, options));
+  std::printf("\n");
+  options.coverage_weight = 0.2;  // goes with measures that are 0 for an isometry
+  options.measure = ism::arap();
+  print("ARAP", ism::compute_map(p.a, p.b, p.landmarks, options));
+  std::printf("\n");
+}
+
+/// Templates (§6.3): the edges of A's polygons as polylines on B.
+void map_polygons(const Pair& p) {
+  const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, some_iterations());
+  print("a template", r);
+  const ism::SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+  double length = 0;
+  for (const std::array<int, 2>& edge : p.edges_a)
+    for (const std::vector<ism::SurfacePoint>& polyline : map.forward_edge(edge[0], edge[1]))
+      for (std::size_t i = 1; i < polyline.size(); ++i)
+        length += (map.position_on_b(polyline[i]) - map.position_on_b(polyline[i - 1])).norm();
+  std::printf(", edges of %.4g in all\n", length);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 4) return fail("usage: features A.obj B.obj landmarks.txt");
+  const mesh_io::ReadResult a = mesh_io::read_mesh(argv[1]), b = mesh_io::read_mesh(argv[2]);
+  const mesh_io::PairsResult pairs = mesh_io::read_pairs(argv[3]);
+  if (!a.ok || !b.ok || !pairs.ok) return fail(!a.ok ? a.error : !b.ok ? b.error : pairs.error);
+  Pair p = {a.mesh, b.mesh, {}, a.edges};
+  for (const mesh_io::IdPair& pair : pairs.pairs)
+    p.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+  if (p.landmarks.empty()) return fail("some landmarks are needed");
+  pin_vertices(p);
+  join_landmarks(p);
+  hold_boundaries(p);
+  fix_vertices(p);
+  choose_measure(p);
+  map_polygons(p);
+  return 0;
+}
