@@ -30,8 +30,9 @@
 //            f and g are positive, angles around interior vertices add up to 2π, boundaries are
 //            simple. Exact predicates decide this on the very coordinates that are returned.
 // NOT KEPT   The result is a local minimum; where A and B overlap in the plane is where they are
-//            mapped, the rest is not covered (IterationLog::coverage_a). Landmarks guide the start
-//            only, unless Options::exact_landmarks is set.
+//            mapped, the rest is not covered (IterationLog::coverage_a), unless Options::boundary
+//            lays one on the other. Landmarks guide the start only, unless
+//            Options::exact_landmarks is set.
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own.
@@ -6184,12 +6185,11 @@ bool check_constraints(const TriangleMesh& a, const TriangleMesh& b,
   if (!hold(options.fixed_a, "A", "fixed", held_a, output) ||
       !hold(options.fixed_b, "B", "fixed", held_b, output))
     return false;
-  for (const TriangleMesh* mesh : {&a, &b}) {
-    Array<const char*>& held = mesh == &a ? held_a : held_b;
-    const HalfEdgeMesh m = build_half_edges(held.size(), mesh->triangles);
-    for (int h : m.boundary)
-      if (is_held) held[m.tail[h]] = "on a boundary that is held";
-  }
+  const auto hold_boundary_of = [](const TriangleMesh& mesh, Array<const char*>& held) {
+    const HalfEdgeMesh m = build_half_edges(held.size(), mesh.triangles);
+    for (int h : m.boundary) held[m.tail[h]] = "on a boundary that is held";
+  };
+  if (is_held) hold_boundary_of(a, held_a), hold_boundary_of(b, held_b);
   return hold(options.pins_a, "A", "pinned", held_a, output) &&
          hold(options.pins_b, "B", "pinned", held_b, output);
 }
