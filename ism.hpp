@@ -4385,18 +4385,20 @@ class FlatNewton {
     }
   }
 
-  /// Moves the boundary of a single surface to where `target` has it, and the interior along with
-  /// it; false if it does not get there. Boundary::kFixed only.
-  bool drag(const Points2& target, std::vector<Points2>& x) {
-    constexpr int kMostSteps = 200, kRelaxations = 2;
-    fix_boundaries(x);
-    for (int i = 0; i < kMostSteps; ++i) {
-      bool is_there = false;
-      if (!drag_step(target, x, is_there)) return false;
-      if (is_there) return true;
+  /// Moves the boundary of a single surface along a path, from 0, where it is, to 1, and the
+  /// interior with it; false if it does not get there. path(t) has rows for all vertices, of which
+  /// those of the boundary count. Boundary::kFixed only.
+  bool drag(const std::function<Points2(double)>& path, std::vector<Points2>& x) {
+    constexpr int kMostSteps = 500, kRelaxations = 3;
+    double t = 0, step = 0.25;
+    for (int i = 0; i < kMostSteps && t < 1; ++i) {
+      const double next = (std::min)(1.0, t + step);
       minimize(kRelaxations, 0, x);
+      const bool is_there = drag_to(path(next), x);
+      if (is_there) t = next;
+      step *= is_there ? 1.5 : 0.5;
     }
-    return false;
+    return t == 1;
   }
 
   double value(const std::vector<Points2>& x) const {
@@ -4499,10 +4501,9 @@ class FlatNewton {
     return s;
   }
 
-  /// As much as possible of the way of the boundary to its target; the interior takes the Newton
-  /// step that goes with it.
-  bool drag_step(const Points2& target, std::vector<Points2>& x, bool& is_there) {
-    constexpr int kMostTrials = 40;
+  /// Moves the boundary to its target, and the interior by the Newton step that goes with it;
+  /// false, and nothing moved, if a triangle would lose most of its area.
+  bool drag_to(const Points2& target, std::vector<Points2>& x) {
     const HalfEdgeMesh& m = problem_.surfaces[0]->mesh;
     assemble(x);
     LinearSystem system = system_;
@@ -4514,17 +4515,12 @@ class FlatNewton {
     const Eigen::VectorXd d = solve(system, x) + prescribed;
     if (!d.allFinite()) return false;
     const std::vector<Points2> direction = per_surface(d, x);
-    double s = first_step(x, direction);
-    for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
-      std::vector<Points2> y = {moved(x[0], direction[0], s)};
-      is_there = s == 1;
-      for (int h : m.boundary)
-        if (is_there) y[0].row(m.tail[h]) = target.row(m.tail[h]);
-      if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) continue;
-      x = y;
-      return true;
-    }
-    return false;
+    if (first_step(x, direction) < 1) return false;
+    std::vector<Points2> y = {moved(x[0], direction[0], 1)};
+    for (int h : m.boundary) y[0].row(m.tail[h]) = target.row(m.tail[h]);
+    if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) return false;
+    x = y;
+    return true;
   }
 
   /// y += H x, of which the upper triangle is stored.
@@ -5397,18 +5393,32 @@ class PairEmbedder {
                        const std::string& name, Embedding& result) const {
     const Surface uniform = softened(s, 0, s.total_area);
     std::vector<Points2> x = {h.positions()};
-    Points2 target = x[0];
-    for (int half_edge : s.mesh.boundary) {
-      const int v = s.mesh.tail[half_edge];
-      target.row(v) = outline_->point(u[v]).transpose();
-    }
+    const Points2 circle = x[0];
+    const auto path = [&](double t) {
+      Points2 at = circle;
+      for (int half_edge : s.mesh.boundary) {
+        const int v = s.mesh.tail[half_edge];
+        at.row(v) = between(row2(circle, v), outline_->point(u[v]), t).transpose();
+      }
+      return at;
+    };
     const FlatProblem problem = {{&uniform}, {}, Boundary::kFixed};
-    const bool is_there = FlatNewton(problem, executor_).drag(target, x);
+    const bool is_there = FlatNewton(problem, executor_).drag(path, x);
     h.set(h.current(), x[0]);
     if (!is_there)
       return fail(result, Status::kNumericalFailure,
                   "the boundary of mesh " + name + " cannot be laid along a square");
     return tell(options_, "laid the boundary of " + name + " along a square", result);
+  }
+
+  /// The place at t on the way from a point p of a circle to a point q of the outline: angles move
+  /// evenly, and the curve from the circle to the square, which is convex at any t.
+  Vec2 between(const Vec2& p, const Vec2& q, double t) const {
+    if (t == 1) return q;
+    const double turn = std::atan2(cross(p, q), p.dot(q));
+    const Vec2 direction = Eigen::Rotation2Dd(t * turn) * p.normalized();
+    const double to_square = outline_->half_side / direction.cwiseAbs().maxCoeff();
+    return ((1 - t) * p.norm() + t * to_square) * direction;
   }
 
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
