@@ -5411,14 +5411,16 @@ class PairEmbedder {
     return tell(options_, "laid the boundary of " + name + " along a square", result);
   }
 
-  /// The place at t on the way from a point p of a circle to a point q of the outline: angles move
-  /// evenly, and the curve from the circle to the square, which is convex at any t.
+  /// The place at t on the way from a point p of a circle to a point q of the outline, on the
+  /// superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which is convex.
   Vec2 between(const Vec2& p, const Vec2& q, double t) const {
     if (t == 1) return q;
-    const double turn = std::atan2(cross(p, q), p.dot(q));
+    const double turn = std::atan2(cross(p, q), p.dot(q)), n = 2 / (1 - t);
     const Vec2 direction = Eigen::Rotation2Dd(t * turn) * p.normalized();
-    const double to_square = outline_->half_side / direction.cwiseAbs().maxCoeff();
-    return ((1 - t) * p.norm() + t * to_square) * direction;
+    const double larger = direction.cwiseAbs().maxCoeff(),
+                 smaller = direction.cwiseAbs().minCoeff();
+    const double norm = larger * std::pow(1 + std::pow(smaller / larger, n), 1 / n);
+    return ((1 - t) * p.norm() + t * outline_->half_side) / norm * direction;
   }
 
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {

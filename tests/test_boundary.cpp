@@ -203,6 +203,18 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
       }
 }
 
+TEST_CASE("long outlines are laid along a square") {
+  for (const Disk& disk : {shapes::comb(20, 8), shapes::limbs(5, 30, 0.05), shapes::strip(100),
+                           shapes::slit_ring(30, 1e-3, 0.2)}) {
+    const Result r = ism::compute_map(disk.mesh, disk.mesh, {}, held(Boundary::kFixed, 1));
+    CAPTURE(disk.name);
+    CAPTURE(r.message);
+    REQUIRE(is_valid(r));
+    CHECK(boundary_is_a_square(r.start.a, r.f));
+    CHECK(r.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
+  }
+}
+
 TEST_CASE("along held boundaries everything is covered, the edges of boundaries, too") {
   const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 25, 1.3);
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
