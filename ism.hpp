@@ -170,7 +170,7 @@ struct Landmark {
   int b;
 };
 
-/// What the boundaries may do (§7).
+/// What the boundaries may do. Held ones are suggested in §7.
 enum class Boundary {
   /// They move freely. What A and B have in common is where they overlap in the plane.
   kFree,
@@ -295,7 +295,7 @@ struct Options {
   /// Vertices of A (of B) whose planar positions stay what they are at the start.
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
-  /// to the end.
+  /// to the end. Those on the boundaries must then have the same order on A and B.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
@@ -338,7 +338,7 @@ struct Embedding {
   /// added behind the given ones. The surfaces are the same.
   TriangleMesh a, b;
   std::vector<Midpoint> added_a, added_b;  // the added vertices in order; earlier ones may be ends
-  Points2 f;  // planar positions of the vertices of `a`, about as large as A
+  Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
@@ -3576,9 +3576,9 @@ namespace detail {
 struct Direction {
   double omega = 0;
   Points2 f, g;
-  double slope = 0;       // gᵀd < 0
-  double max_step = 0;    // s_max
-  double first_step = 0;  // where backtracking starts
+  double slope = kInfinity;  // gᵀd; below 0 unless x is stationary, infinite without a solution
+  double max_step = 0;       // s_max
+  double first_step = 0;     // where backtracking starts
 };
 
 /// One trial of the line search.
@@ -3862,6 +3862,11 @@ class Optimizer {
       for (int v : options_.fixed_a) is_fixed_[2 * v + c] = 1;
       for (int v : options_.fixed_b) is_fixed_[2 * (n + v) + c] = 1;
     }
+    for (const Follower& follower : followers_)  // what holds a landmark of A holds that of B
+      for (int k = 0; k < 3; ++k)
+        for (int c = 0; c < 2; ++c)
+          if (follower.weight[k] == 1 && is_fixed_[2 * follower.row + c])
+            is_fixed_[2 * follower.master[static_cast<std::size_t>(k)] + c] = 1;
     if (std::find(is_fixed_.begin(), is_fixed_.end(), 1) != is_fixed_.end()) return;
     const Anchors anchors = choose_anchors(pair_, followers_);
     move_to_anchors(pair_, anchors, result.f, result.g);
@@ -3882,7 +3887,8 @@ class Optimizer {
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 10 to 16
       timer.lap();
-      stationary_ = is_stationary(directions);
+      constexpr double kRounding = 1e-14;
+      stationary_ = promise_little(directions, kRounding);
       if (stationary_ || directions.empty()) return false;
       const SearchProblem search = {pair_,      weights_, rules_,    followers_,
                                     scaffolds_, x_,       directions};
@@ -3900,8 +3906,10 @@ class Optimizer {
         build_scaffolds();
       else if (history_.size() > 1)
         reset_history(log);
-      else if (!release())
+      else if (!release()) {
+        stationary_ = promise_little(directions, options_.tolerance);
         return false;
+      }
     }
   }
 
@@ -3912,13 +3920,12 @@ class Optimizer {
     scaffolds_.push_back(build_scaffold(pair_.b.mesh, x_.g, weights_.barrier * pair_.b.total_area));
   }
 
-  /// True if all directions promise less than the rounding errors of E.
-  bool is_stationary(const Array<Direction>& directions) const {
-    constexpr double kRounding = 1e-14;
+  /// True if all directions promise to lower E by less than a fraction of its parts.
+  bool promise_little(const Array<Direction>& directions, double fraction) const {
     const double scale = x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b);
     return !directions.empty() &&
            std::all_of(directions.begin(), directions.end(),
-                       [&](const Direction& d) { return -d.slope <= kRounding * scale; });
+                       [&](const Direction& d) { return -d.slope <= fraction * scale; });
   }
 
   void remember(QuadraticModel model) {
@@ -3971,7 +3978,7 @@ class Optimizer {
   static Array<Direction> descending(const Array<Direction>& directions) {
     Array<Direction> result;
     for (const Direction& d : directions)
-      if (d.slope < 0) result.push_back(d);
+      if (d.slope <= 0) result.push_back(d);
     return result;
   }
 
@@ -4385,20 +4392,28 @@ class FlatNewton {
     }
   }
 
-  /// Moves the boundary of a single surface along a path, from 0, where it is, to 1, and the
-  /// interior with it; false if it does not get there. path(t) has rows for all vertices, of which
-  /// those of the boundary count. Boundary::kFixed only.
-  bool drag(const std::function<Points2(double)>& path, std::vector<Points2>& x) {
-    constexpr int kMostSteps = 500, kRelaxations = 3;
-    double t = 0, step = 0.25;
-    for (int i = 0; i < kMostSteps && t < 1; ++i) {
-      const double next = (std::min)(1.0, t + step);
-      minimize(kRelaxations, 0, x);
-      const bool is_there = drag_to(path(next), x);
-      if (is_there) t = next;
-      step *= is_there ? 1.5 : 0.5;
-    }
-    return t == 1;
+  /// Moves the boundary of a single surface to where `target` has it, and the interior by the
+  /// Newton step that goes with it; false, and nothing moved, if a triangle would lose most of its
+  /// area. Boundary::kFixed only.
+  bool drag(const Points2& target, std::vector<Points2>& x) {
+    const HalfEdgeMesh& m = problem_.surfaces[0]->mesh;
+    fix_boundaries(x);
+    assemble(x);
+    LinearSystem system = system_;
+    Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(system.gradient.size());
+    for (int h : m.boundary)
+      prescribed.segment<2>(2 * m.tail[h]) = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
+    add_product(system, prescribed, system.gradient);
+    eliminate(is_fixed_, system);
+    const Eigen::VectorXd d = solve(system, x) + prescribed;
+    if (!d.allFinite()) return false;
+    const std::vector<Points2> direction = per_surface(d, x);
+    if (first_step(x, direction) < 1) return false;
+    std::vector<Points2> y = {moved(x[0], direction[0], 1)};
+    for (int h : m.boundary) y[0].row(m.tail[h]) = target.row(m.tail[h]);
+    if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) return false;
+    x = y;
+    return true;
   }
 
   double value(const std::vector<Points2>& x) const {
@@ -4499,28 +4514,6 @@ class FlatNewton {
         s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
     }
     return s;
-  }
-
-  /// Moves the boundary to its target, and the interior by the Newton step that goes with it;
-  /// false, and nothing moved, if a triangle would lose most of its area.
-  bool drag_to(const Points2& target, std::vector<Points2>& x) {
-    const HalfEdgeMesh& m = problem_.surfaces[0]->mesh;
-    assemble(x);
-    LinearSystem system = system_;
-    Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(system.gradient.size());
-    for (int h : m.boundary)
-      prescribed.segment<2>(2 * m.tail[h]) = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
-    add_product(system, prescribed, system.gradient);
-    eliminate(is_fixed_, system);
-    const Eigen::VectorXd d = solve(system, x) + prescribed;
-    if (!d.allFinite()) return false;
-    const std::vector<Points2> direction = per_surface(d, x);
-    if (first_step(x, direction) < 1) return false;
-    std::vector<Points2> y = {moved(x[0], direction[0], 1)};
-    for (int h : m.boundary) y[0].row(m.tail[h]) = target.row(m.tail[h]);
-    if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) return false;
-    x = y;
-    return true;
   }
 
   /// y += H x, of which the upper triangle is stored.
@@ -4952,7 +4945,7 @@ class Hierarchy {
   Eigen::Matrix2d local_metric_ = Eigen::Matrix2d::Identity();  // around the next vertex
 };
 
-// ---- both boundaries on one square (§7) ----
+// ---- both boundaries on one square ----
 
 /// Places on the outline of a square around the origin: u from k to k + 1 is side k, all
 /// counter-clockwise.
@@ -5056,7 +5049,6 @@ class OutlineBuilder {
         first_a_(pair.a.mesh.tail[pair.a.mesh.boundary[0]]),
         first_b_(pair.b.mesh.tail[pair.b.mesh.boundary[0]]) {
     measure();
-    for (const Landmark& l : landmarks_) matches_.push_back({arc_a_[l.a], arc_b_[l.b]});
   }
 
   /// True if landmarks tell how the boundaries correspond.
@@ -5112,6 +5104,9 @@ class OutlineBuilder {
   void measure() {
     arc_a_ = boundary_arcs(pair_.a, first_a_);
     arc_b_ = boundary_arcs(pair_.b, first_b_);
+    if (!has_landmarks()) return;
+    matches_.clear();
+    for (const Landmark& l : landmarks_) matches_.push_back({arc_a_[l.a], arc_b_[l.b]});
   }
 
   static constexpr int kSamples = 256;
@@ -5391,6 +5386,7 @@ class PairEmbedder {
 
   bool drag_to_outline(Hierarchy& h, const Surface& s, const Array<double>& u,
                        const std::string& name, Embedding& result) const {
+    constexpr int kMostDrags = 500, kRelaxations = 3;
     const Surface uniform = softened(s, 0, s.total_area);
     std::vector<Points2> x = {h.positions()};
     const Points2 circle = x[0];
@@ -5403,12 +5399,22 @@ class PairEmbedder {
       return at;
     };
     const FlatProblem problem = {{&uniform}, {}, Boundary::kFixed};
-    const bool is_there = FlatNewton(problem, executor_).drag(path, x);
+    FlatNewton newton(problem, executor_);
+    double t = 0, step = 0.25;
+    for (int i = 0; i < kMostDrags && t < 1; ++i) {
+      const double next = (std::min)(1.0, t + step);
+      newton.minimize(kRelaxations, 0, x);
+      const bool is_there = newton.drag(path(next), x);
+      if (is_there) t = next;
+      step *= is_there ? 1.5 : 0.5;
+      const int percent = static_cast<int>(100 * t);
+      if (!tell(options_, "boundary of " + name + " to a square: " + std::to_string(percent) + "%",
+                result))
+        return false;
+    }
     h.set(h.current(), x[0]);
-    if (!is_there)
-      return fail(result, Status::kNumericalFailure,
-                  "the boundary of mesh " + name + " cannot be laid along a square");
-    return tell(options_, "laid the boundary of " + name + " along a square", result);
+    return t == 1 || fail(result, Status::kNumericalFailure,
+                          "the boundary of mesh " + name + " cannot be laid along a square");
   }
 
   /// The place at t on the way from a point p of a circle to a point q of the outline, on the
@@ -5609,8 +5615,9 @@ class PairEmbedder {
 
 /// Pulls the landmarks harder and harder; where one of A can jump onto that of B without turning a
 /// triangle over, it does, and both move as one from then on. Where that does not bring all of them
-/// together, it starts anew with more vertices around those left over: a point costs the less
-/// energy to move the finer the mesh around it is, and edges can bend around other landmarks.
+/// together, it starts anew with more vertices around those left over, then around all: a point
+/// costs the less energy to move the finer the mesh around it is, and edges can bend around other
+/// landmarks.
 class LandmarkJoiner {
  public:
   LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options)
@@ -5627,9 +5634,9 @@ class LandmarkJoiner {
       if (i == kMostRefinements) break;
       result.f = f;
       result.g = g;
-      refine(result);
+      refine(i == 0 ? apart_ : landmarks_, result);
     }
-    std::string message = "these landmarks cannot be joined:";
+    std::string message = "these landmarks could not be joined:";
     std::vector<int> ids;
     for (const Landmark& l : apart_) {
       message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
@@ -5680,9 +5687,9 @@ class LandmarkJoiner {
     return followers;
   }
 
-  void refine(Embedding& result) {
+  void refine(const std::vector<Landmark>& landmarks, Embedding& result) {
     std::vector<int> at_a, at_b;
-    for (const Landmark& l : apart_) at_a.push_back(l.a), at_b.push_back(l.b);
+    for (const Landmark& l : landmarks) at_a.push_back(l.a), at_b.push_back(l.b);
     halve_edges_at(at_a, pair_.a, result.f);
     halve_edges_at(at_b, pair_.b, result.g);
   }
@@ -6246,7 +6253,7 @@ inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& l
   return embedding.status == Status::kConverged;
 }
 
-/// Embeds both meshes in one square (§7).
+/// Embeds both meshes in one square.
 inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
                             const Options& options, Embedding& embedding) {
   OutlineBuilder builder(pair, landmarks);
@@ -6268,6 +6275,10 @@ inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, con
   ok = ok && (is_held ? embed_in_square(pair, landmarks, options, embedding)
                       : embed_freely(pair, landmarks, options, embedding));
   if (ok && options.exact_landmarks) LandmarkJoiner(pair, landmarks, options).run(embedding);
+  if (embedding.status != Status::kConverged) {
+    embedding.f.resize(0, 2);
+    embedding.g.resize(0, 2);
+  }
   embedding.seconds = timer.lap();
 }
 

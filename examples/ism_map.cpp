@@ -611,7 +611,7 @@ Polylines edge_image(int u, int v, const std::map<ism::Midpoint, int>& middle_of
   Polylines rest = edge_image(halved->second, v, middle_of, map);
   auto next = rest.begin();
   if (map.forward_vertex(halved->second).covered && !image.empty() && next != rest.end()) {
-    image.back().insert(image.back().end(), next->begin(), next->end());
+    image.back().insert(image.back().end(), next->begin() + 1, next->end());  // without the middle
     ++next;
   }
   image.insert(image.end(), next, rest.end());

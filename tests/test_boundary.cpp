@@ -11,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -338,6 +339,78 @@ TEST_CASE("landmarks on the boundaries correspond exactly where both are fixed")
   for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
 }
 
+TEST_CASE("landmarks on boundaries that need more vertices for their corners") {
+  const Disk triangle = shapes::single_triangle();
+  for (const Disk& other : {shapes::fan(7), shapes::grid(6, 5), shapes::limbs(3, 6, 0.1)})
+    for (int count = 1; count <= 3; ++count)
+      for (int shift = 0; shift < 3; ++shift)
+        for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide}) {
+          const HalfEdgeMesh m = half_edges(triangle.mesh), n = half_edges(other.mesh);
+          std::vector<Landmark> landmarks;
+          for (int k = 0; k < count; ++k)
+            landmarks.push_back(
+                {m.tail[m.boundary[k]], n.tail[n.boundary[(2 * k + shift) % n.boundary.size()]]});
+          const Result r =
+              ism::compute_map(triangle.mesh, other.mesh, landmarks, held(boundary, 2));
+          CAPTURE(r.message);
+          REQUIRE(is_valid(r));
+          CHECK(boundary_is_a_square(r.start.a, r.f));
+          CHECK(boundary_is_a_square(r.start.b, r.g));
+          if (boundary == Boundary::kFixed)
+            for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+        }
+}
+
+TEST_CASE("a landmark of A that is held holds that of B") {
+  const Disk a = shapes::grid(10, 10);
+  Disk wide = shapes::grid(12, 10), moved = shapes::grid(10, 10);
+  for (Disk* b : {&wide, &moved})
+    b->mesh.vertices.col(2) = 0.05 * b->plane.col(0).array().square().matrix();
+  moved.plane.rowwise() += Eigen::RowVector2d(4, -3);
+  // A corner of A on the lower side of B; the lower side of A on the left side of B.
+  const std::vector<Landmark> on_side = {{at(a, 10, 0), at(wide, 10, 0)}};
+  const std::vector<Landmark> on_both = {{at(a, 4, 0), at(shapes::grid(10, 10), 0, 3)}};
+  for (const auto& [b, landmarks] : {std::pair(wide, on_side), std::pair(moved, on_both)}) {
+    Options options = from_planes(a, b);
+    options.boundary = Boundary::kSlide;
+    options.exact_landmarks = true;
+    options.max_iterations = 30;
+    const Result r = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+    CAPTURE(r.message);
+    REQUIRE(is_valid(r));
+    CHECK(r.log.size() > 3);
+    CHECK(r.f.row(landmarks[0].a) == a.plane.row(landmarks[0].a));
+    CHECK(r.g.row(landmarks[0].b) == a.plane.row(landmarks[0].a));
+  }
+}
+
+TEST_CASE("where nothing can move a run converges at once") {
+  const TriangleMesh triangle = shapes::single_triangle().mesh;
+  for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide}) {
+    const Result r = ism::compute_map(triangle, triangle, {}, held(boundary));
+    CHECK(r.status == Status::kConverged);
+    CHECK(r.log.empty());
+  }
+}
+
+TEST_CASE("an embedding that is cancelled or fails has no positions") {
+  const Disk a = shapes::grid(6, 6), b = shapes::grid(6, 5);
+  Options options = held(Boundary::kSlide);
+  options.exact_landmarks = true;
+  int reports = 0, last = 1 << 30;
+  options.progress = [&](const ism::Progress&) { return ++reports < last; };
+  REQUIRE(ism::initial_embedding(a.mesh, b.mesh, {{20, 20}}, options).status == Status::kConverged);
+  const int all = reports;
+  REQUIRE(all > 10);
+  for (last = 1; last <= all; ++last) {
+    reports = 0;
+    const ism::Embedding e = ism::initial_embedding(a.mesh, b.mesh, {{20, 20}}, options);
+    CHECK(e.status == Status::kAborted);
+    CHECK(e.f.rows() == 0);
+    CHECK(e.g.rows() == 0);
+  }
+}
+
 TEST_CASE("exact landmarks, inside and on the boundary, with boundaries that slide") {
   const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 24, 1.3);
   const HalfEdgeMesh m = half_edges(a.mesh), n = half_edges(b.mesh);
@@ -410,7 +483,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   CHECK_FALSE(LandmarkJoiner(pair, landmarks, options).run(embedding));
   CHECK(embedding.status == Status::kInvalidLandmarks);
   CHECK(embedding.message ==
-        "these landmarks cannot be joined: " + std::to_string(u) + "-" + std::to_string(v));
+        "these landmarks could not be joined: " + std::to_string(u) + "-" + std::to_string(v));
   CHECK(embedding.ids == std::vector<int>{u});
 }
 
