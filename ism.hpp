@@ -4644,6 +4644,14 @@ inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, c
   return result;
 }
 
+/// Places on a circle for the boundary vertices of a mesh, at even distances.
+inline Array<double> even_angles(const HalfEdgeMesh& m) {
+  Array<double> angle(m.n_vertices, 0);
+  for (int i = 0; i < m.boundary.size(); ++i)
+    angle[m.tail[m.boundary[i]]] = 2 * kPi * i / m.boundary.size();
+  return angle;
+}
+
 class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
@@ -4947,15 +4955,32 @@ class Hierarchy {
 
 // ---- both boundaries on one square ----
 
-/// Places on the outline of a square around the origin: u from k to k + 1 is side k, all
-/// counter-clockwise.
+/// The boundary of a mesh along the outline of a square around the origin: u from k to k + 1 is
+/// side k, all counter-clockwise.
 struct Outline {
   double half_side = 0;
-  Array<double> u_a, u_b;  // per vertex, -1 off the boundary
+  std::array<int, 4> corner;  // the vertices at u = 0, 1, 2 and 3
+  Array<double> u;            // per vertex, -1 off the boundary
 
-  Vec2 point(double u) const {
-    const int side = static_cast<int>(u);
-    const double along = half_side * (2 * (u - side) - 1);
+  /// The same with vertices at even distances between the corners.
+  Array<double> even(const HalfEdgeMesh& m) const {
+    Array<double> result(u.size(), -1);
+    const int n = m.boundary.size();
+    const auto vertex = [&](int i) { return m.tail[m.boundary[i % n]]; };
+    int i = 0;
+    while (vertex(i) != corner[0]) ++i;
+    for (int k = 0; k < 4; ++k) {
+      int edges = 1;
+      while (vertex(i + edges) != corner[static_cast<std::size_t>((k + 1) % 4)]) ++edges;
+      for (int j = 0; j < edges; ++j) result[vertex(i + j)] = k + j / static_cast<double>(edges);
+      i += edges;
+    }
+    return result;
+  }
+
+  Vec2 point(double u_at) const {
+    const int side = static_cast<int>(u_at);
+    const double along = half_side * (2 * (u_at - side) - 1);
     switch (side % 4) {
       case 0:
         return Vec2(along, -half_side);
@@ -5081,16 +5106,21 @@ class OutlineBuilder {
     matches_ = {{0, fraction(shift)}};
   }
 
-  Outline build() {
-    std::array<Landmark, 4> corners;
-    for (int k = 0; k < 4; ++k)
-      while (!find_corner(k, corners[static_cast<std::size_t>(k)])) measure();
-    Outline outline;
-    outline.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
-    place(corners, outline);
-    split_chords(outline.u_a, pair_.a);
-    split_chords(outline.u_b, pair_.b);
-    return outline;
+  /// The outlines of A and B.
+  std::array<Outline, 2> build() {
+    std::array<Outline, 2> outlines;
+    Outline &a = outlines[0], &b = outlines[1];
+    a.half_side = b.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
+    for (std::size_t k = 0; k < 4; ++k) {
+      Landmark corner = {};
+      while (!find_corner(static_cast<int>(k), corner)) measure();
+      a.corner[k] = corner.a;
+      b.corner[k] = corner.b;
+    }
+    place(a, b);
+    split_chords(a.u, pair_.a);
+    split_chords(b.u, pair_.b);
+    return outlines;
   }
 
  private:
@@ -5191,34 +5221,34 @@ class OutlineBuilder {
 
   /// Places all boundary vertices: those of B by arc length between the corners, those of A where
   /// their matches are.
-  void place(const std::array<Landmark, 4>& corners, Outline& outline) {
-    for (const Landmark& corner : corners)
-      if (!is_landmark(corner)) matches_.push_back({arc_a_[corner.a], arc_b_[corner.b]});
-    if (!has_landmarks()) matches_.erase(matches_.begin());
+  void place(Outline& a, Outline& b) {
+    if (!has_landmarks()) matches_.clear();
+    for (std::size_t k = 0; k < 4; ++k)
+      if (!is_landmark(a.corner[k])) matches_.push_back({arc_a_[a.corner[k]], arc_b_[b.corner[k]]});
     std::sort(matches_.begin(), matches_.end(),
               [](const Match& m, const Match& n) { return m.a < n.a; });
     const auto u_of = [&](double arc) {
       std::size_t k = 0;
       for (std::size_t i = 1; i < 4; ++i)
-        if (fraction(arc - arc_b_[corners[i].b]) < fraction(arc - arc_b_[corners[k].b])) k = i;
-      const double from = arc_b_[corners[k].b], to = arc_b_[corners[(k + 1) % 4].b];
+        if (fraction(arc - arc_b_[b.corner[i]]) < fraction(arc - arc_b_[b.corner[k]])) k = i;
+      const double from = arc_b_[b.corner[k]], to = arc_b_[b.corner[(k + 1) % 4]];
       return static_cast<double>(k) + fraction(arc - from) / fraction(to - from);
     };
-    outline.u_a.assign(pair_.n_a(), -1);
-    outline.u_b.assign(pair_.n_b(), -1);
+    a.u.assign(pair_.n_a(), -1);
+    b.u.assign(pair_.n_b(), -1);
     for (int h : pair_.a.mesh.boundary) {
       const int v = pair_.a.mesh.tail[h];
-      outline.u_a[v] = u_of(matching_arc(matches_, arc_a_[v]));
+      a.u[v] = u_of(matching_arc(matches_, arc_a_[v]));
     }
     for (int h : pair_.b.mesh.boundary) {
       const int v = pair_.b.mesh.tail[h];
-      outline.u_b[v] = u_of(arc_b_[v]);
+      b.u[v] = u_of(arc_b_[v]);
     }
   }
 
-  bool is_landmark(const Landmark& corner) const {
+  bool is_landmark(int a) const {
     return std::any_of(landmarks_.begin(), landmarks_.end(),
-                       [&](const Landmark& l) { return l.a == corner.a; });
+                       [&](const Landmark& l) { return l.a == a; });
   }
 
   /// True if two places are on one side; corners are on two.
@@ -5301,31 +5331,31 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
 /// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
 /// unfolded freely before decide it better than limbs that are pulled while they unfold. In the
 /// uniform metric nothing has unfolded before all vertices are there, so all of this comes last.
-/// With an outline, which is in the uniform metric, boundaries are dragged there from the circle,
+/// With outlines, which are in the uniform metric, boundaries are dragged there from the circle,
 /// and that is where the planes meet.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, Metric metric, const Outline* outline)
+               const Options& options, Metric metric, const std::array<Outline, 2>* outlines)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
         metric_(metric),
-        outline_(outline),
+        outlines_(outlines),
         executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, metric_, boundary_angles(pair_.a.mesh, true));
-    Hierarchy b(pair_.b, keep_b, metric_, boundary_angles(pair_.b.mesh, false));
+    Hierarchy a(pair_.a, keep_a, metric_, boundary_angles(pair_.a.mesh, outline(0)));
+    Hierarchy b(pair_.b, keep_b, metric_, boundary_angles(pair_.b.mesh, outline(1)));
     const bool is_uniform = metric_ == Metric::kUniform;
     if (!tell(options_, is_uniform ? "once more, by connectivity alone" : "decimated the meshes",
               result))
       return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
     if (!(is_uniform ? meet_last(a, b, result) : meet_early(a, b, result))) return;
-    if (outline_ == nullptr) make_overlap(a, b);
+    if (outlines_ == nullptr) make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
   }
@@ -5358,47 +5388,39 @@ class PairEmbedder {
   bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
     if (!embed_alone(a, "A", pair_.n_a(), result) || !embed_alone(b, "B", pair_.n_b(), result))
       return false;
-    if (outline_ != nullptr && (!drag_to_outline(a, pair_.a, outline_->u_a, "A", result) ||
-                                !drag_to_outline(b, pair_.b, outline_->u_b, "B", result)))
+    if (!unfold(a, pair_.a, outline(0), "A", result) ||
+        !unfold(b, pair_.b, outline(1), "B", result))
       return false;
-    if (!unfold(a, pair_.a, "A", result) || !unfold(b, pair_.b, "B", result)) return false;
-    if (outline_ == nullptr && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result))
+    if (outlines_ == nullptr && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result))
       return false;
     bring_together(a, b);
     return true;
   }
 
   /// What the boundaries may do once they have left the circle.
-  Boundary boundary() const { return outline_ == nullptr ? Boundary::kFree : options_.boundary; }
+  Boundary boundary() const { return outlines_ == nullptr ? Boundary::kFree : options_.boundary; }
 
-  /// Where boundary vertices go on the circle: evenly, or towards their places on the outline.
-  Array<double> boundary_angles(const HalfEdgeMesh& m, bool is_a) const {
-    Array<double> angle(m.n_vertices, 0);
-    for (int i = 0; i < m.boundary.size(); ++i) {
-      const int v = m.tail[m.boundary[i]];
-      angle[v] = 2 * kPi * i / m.boundary.size();
-      if (outline_ == nullptr) continue;
-      const Vec2 p = outline_->point((is_a ? outline_->u_a : outline_->u_b)[v]);
-      angle[v] = std::atan2(p.y(), p.x());
+  const Outline* outline(std::size_t mesh) const {
+    return outlines_ == nullptr ? nullptr : &(*outlines_)[mesh];
+  }
+
+  /// Where boundary vertices go on the circle: evenly, between corners if there are any.
+  static Array<double> boundary_angles(const HalfEdgeMesh& m, const Outline* outline) {
+    Array<double> angle = even_angles(m);
+    if (outline == nullptr) return angle;
+    const Array<double> even = outline->even(m);
+    for (int h : m.boundary) {
+      const Vec2 p = outline->point(even[m.tail[h]]);
+      angle[m.tail[h]] = std::atan2(p.y(), p.x());
     }
     return angle;
   }
 
-  bool drag_to_outline(Hierarchy& h, const Surface& s, const Array<double>& u,
-                       const std::string& name, Embedding& result) const {
+  /// Drags the boundary of a surface along path(t), t from 0 to 1.
+  bool drag(const Surface& s, const std::function<Points2(double)>& path, const std::string& name,
+            std::vector<Points2>& x, Embedding& result) const {
     constexpr int kMostDrags = 500, kRelaxations = 3;
-    const Surface uniform = softened(s, 0, s.total_area);
-    std::vector<Points2> x = {h.positions()};
-    const Points2 circle = x[0];
-    const auto path = [&](double t) {
-      Points2 at = circle;
-      for (int half_edge : s.mesh.boundary) {
-        const int v = s.mesh.tail[half_edge];
-        at.row(v) = between(row2(circle, v), outline_->point(u[v]), t).transpose();
-      }
-      return at;
-    };
-    const FlatProblem problem = {{&uniform}, {}, Boundary::kFixed};
+    const FlatProblem problem = {{&s}, {}, Boundary::kFixed};
     FlatNewton newton(problem, executor_);
     double t = 0, step = 0.25;
     for (int i = 0; i < kMostDrags && t < 1; ++i) {
@@ -5408,25 +5430,60 @@ class PairEmbedder {
       if (is_there) t = next;
       step *= is_there ? 1.5 : 0.5;
       const int percent = static_cast<int>(100 * t);
-      if (!tell(options_, "boundary of " + name + " to a square: " + std::to_string(percent) + "%",
+      if (!tell(options_,
+                "boundary of " + name + " along a square: " + std::to_string(percent) + "%",
                 result))
         return false;
     }
-    h.set(h.current(), x[0]);
     return t == 1 || fail(result, Status::kNumericalFailure,
                           "the boundary of mesh " + name + " cannot be laid along a square");
   }
 
-  /// The place at t on the way from a point p of a circle to a point q of the outline, on the
+  /// From the circle to the square, evenly, in the uniform metric.
+  bool drag_to_square(const Surface& uniform, const Outline& outline, const std::string& name,
+                      std::vector<Points2>& x, Embedding& result) const {
+    const Points2 circle = x[0];
+    const Array<double> even = outline.even(uniform.mesh);
+    const auto path = [&](double t) {
+      Points2 at = circle;
+      for (int h : uniform.mesh.boundary) {
+        const int v = uniform.mesh.tail[h];
+        at.row(v) = between(row2(circle, v), outline.point(even[v]), t, outline).transpose();
+      }
+      return at;
+    };
+    return drag(uniform, path, name, x, result);
+  }
+
+  /// Along the sides of the square, a part of the way from even distances to those of the outline.
+  bool drag_along_square(const Surface& s, const Outline& outline, double part,
+                         const std::string& name, std::vector<Points2>& x,
+                         Embedding& result) const {
+    const Points2 before = x[0];
+    const Array<double> even = outline.even(s.mesh);
+    const auto path = [&](double t) {
+      Points2 at = before;
+      for (int h : s.mesh.boundary) {
+        const int v = s.mesh.tail[h];
+        const double u = part < 1 ? even[v] + part * (outline.u[v] - even[v]) : outline.u[v];
+        const Vec2 target = outline.point(u), way = target - row2(before, v);
+        at.row(v) = (t < 1 ? Vec2(row2(before, v) + t * way) : target).transpose();
+      }
+      return at;
+    };
+    return drag(s, path, name, x, result);
+  }
+
+  /// The place at t on the way from a point p of a circle to a point q of an outline, on the
   /// superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which is convex.
-  Vec2 between(const Vec2& p, const Vec2& q, double t) const {
+  static Vec2 between(const Vec2& p, const Vec2& q, double t, const Outline& outline) {
     if (t == 1) return q;
     const double turn = std::atan2(cross(p, q), p.dot(q)), n = 2 / (1 - t);
     const Vec2 direction = Eigen::Rotation2Dd(t * turn) * p.normalized();
-    const double larger = direction.cwiseAbs().maxCoeff(),
-                 smaller = direction.cwiseAbs().minCoeff();
-    const double norm = larger * std::pow(1 + std::pow(smaller / larger, n), 1 / n);
-    return ((1 - t) * p.norm() + t * outline_->half_side) / norm * direction;
+    const double larger = direction.cwiseAbs().maxCoeff();
+    const double ratio = direction.cwiseAbs().minCoeff() / larger;
+    const double norm = larger * std::pow(1 + std::pow(ratio, n), 1 / n);
+    return ((1 - t) * p.norm() + t * outline.half_side) / norm * direction;
   }
 
   bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
@@ -5461,12 +5518,19 @@ class PairEmbedder {
     }
   }
 
-  /// Lets go of the boundary and returns from the uniform metric to that of the surface.
-  bool unfold(Hierarchy& h, const Surface& s, const std::string& name, Embedding& result) const {
+  /// Returns from the uniform metric to that of the surface. The boundary is let go, or, with an
+  /// outline, laid along the square first.
+  bool unfold(Hierarchy& h, const Surface& s, const Outline* outline, const std::string& name,
+              Embedding& result) const {
     constexpr int kStages = 4;
     std::vector<Points2> x = {h.positions()};
     for (int i = 0; i <= kStages; ++i) {
-      const Surface soft = i < kStages ? softened(s, i / double{kStages}, s.total_area) : s;
+      const double part = i / double{kStages};
+      const Surface soft = i < kStages ? softened(s, part, s.total_area) : s;
+      const bool is_dragged = outline != nullptr && (i == 0 || boundary() == Boundary::kFixed);
+      if (is_dragged && !(i == 0 ? drag_to_square(soft, *outline, name, x, result)
+                                 : drag_along_square(soft, *outline, part, name, x, result)))
+        return false;
       const FlatProblem problem = {{&soft}, {}, boundary()};
       FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
       if (!tell(options_,
@@ -5482,7 +5546,7 @@ class PairEmbedder {
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
   void bring_together(Hierarchy& a, Hierarchy& b) const {
     if (landmarks_.empty()) return relax(a, b, 0);
-    if (landmarks_.size() >= 2 && outline_ == nullptr) align_by_landmarks(a, b);
+    if (landmarks_.size() >= 2 && outlines_ == nullptr) align_by_landmarks(a, b);
     for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
   }
 
@@ -5607,7 +5671,7 @@ class PairEmbedder {
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
   const Metric metric_;
-  const Outline* outline_;  // or null
+  const std::array<Outline, 2>* outlines_;  // of A and B, or null
   Executor executor_;
 };
 
@@ -6261,8 +6325,8 @@ inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& land
     if (!embed_freely(pair, landmarks, options, embedding)) return false;
     builder.match_closest(embedding.f, embedding.g);
   }
-  const Outline outline = builder.build();
-  PairEmbedder(pair, landmarks, options, Metric::kUniform, &outline).run(embedding);
+  const std::array<Outline, 2> outlines = builder.build();
+  PairEmbedder(pair, landmarks, options, Metric::kUniform, &outlines).run(embedding);
   return embedding.status == Status::kConverged;
 }
 

@@ -308,7 +308,7 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     CAPTURE(shape.name);
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
-    const Hierarchy h(s, free, Metric::kSurface);
+    const Hierarchy h(s, free, Metric::kSurface, even_angles(s.mesh));
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -333,7 +333,7 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   const Surface s = build_surface(disk.mesh, true);
   Array<char> is_protected(s.mesh.n_vertices, 0);
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
-  const Level level = Hierarchy(s, is_protected, Metric::kSurface).current();
+  const Level level = Hierarchy(s, is_protected, Metric::kSurface, even_angles(s.mesh)).current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
 
@@ -345,7 +345,7 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
       const Executor executor{ism::Options()};
-      Hierarchy h(s, free, metric);
+      Hierarchy h(s, free, metric, even_angles(s.mesh));
       const bool has_base = h.embed_base();
       if (metric == Metric::kUniform) REQUIRE(has_base);
       std::vector<Points2> x;
@@ -359,7 +359,10 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
         if (metric == Metric::kUniform) level.surface = softened(level.surface, 0, 1);
         x.assign(1, h.positions(level));
         CHECK(is_injective(level.surface.mesh, x[0]));
-        const FlatProblem problem = {{&level.surface}, {}, metric == Metric::kUniform};
+        const FlatProblem problem = {
+            {&level.surface},
+            {},
+            metric == Metric::kUniform ? ism::Boundary::kFixed : ism::Boundary::kFree};
         FlatNewton(problem, executor).minimize(10, 1e-3, x);
         CHECK(is_injective(level.surface.mesh, x[0]));
         h.set(level, x[0]);
