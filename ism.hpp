@@ -4962,8 +4962,9 @@ struct Outline {
   std::array<int, 4> corner;  // the vertices at u = 0, 1, 2 and 3
   Array<double> u;            // per vertex, -1 off the boundary
 
-  /// The same with vertices at even distances between the corners.
-  Array<double> even(const HalfEdgeMesh& m) const {
+  /// A part of the way from places at even distances between the corners (0) to u (1).
+  Array<double> places(const HalfEdgeMesh& m, double part) const {
+    if (part == 1) return u;
     Array<double> result(u.size(), -1);
     const int n = m.boundary.size();
     const auto vertex = [&](int i) { return m.tail[m.boundary[i % n]]; };
@@ -4972,7 +4973,11 @@ struct Outline {
     for (int k = 0; k < 4; ++k) {
       int edges = 1;
       while (vertex(i + edges) != corner[static_cast<std::size_t>((k + 1) % 4)]) ++edges;
-      for (int j = 0; j < edges; ++j) result[vertex(i + j)] = k + j / static_cast<double>(edges);
+      for (int j = 0; j < edges; ++j) {
+        const int v = vertex(i + j);
+        const double even = k + j / static_cast<double>(edges);
+        result[v] = even + part * (u[v] - even);
+      }
       i += edges;
     }
     return result;
@@ -5408,7 +5413,7 @@ class PairEmbedder {
   static Array<double> boundary_angles(const HalfEdgeMesh& m, const Outline* outline) {
     Array<double> angle = even_angles(m);
     if (outline == nullptr) return angle;
-    const Array<double> even = outline->even(m);
+    const Array<double> even = outline->places(m, 0);
     for (int h : m.boundary) {
       const Vec2 p = outline->point(even[m.tail[h]]);
       angle[m.tail[h]] = std::atan2(p.y(), p.x());
@@ -5416,17 +5421,26 @@ class PairEmbedder {
     return angle;
   }
 
-  /// Drags the boundary of a surface along path(t), t from 0 to 1.
-  bool drag(const Surface& s, const std::function<Points2(double)>& path, const std::string& name,
-            std::vector<Points2>& x, Embedding& result) const {
+  /// Where a boundary vertex is at t, from 0 to 1, on its way from p to q.
+  using Way = Vec2 (*)(const Vec2& p, const Vec2& q, double t, const Outline& outline);
+
+  /// Drags the boundary of a surface to the places u on an outline.
+  bool drag(const Surface& s, const Outline& outline, const Array<double>& u, Way way,
+            const std::string& name, std::vector<Points2>& x, Embedding& result) const {
     constexpr int kMostDrags = 500, kRelaxations = 3;
     const FlatProblem problem = {{&s}, {}, Boundary::kFixed};
     FlatNewton newton(problem, executor_);
+    const Points2 from = x[0];
+    Points2 target = from;
     double t = 0, step = 0.25;
     for (int i = 0; i < kMostDrags && t < 1; ++i) {
       const double next = (std::min)(1.0, t + step);
+      for (int h : s.mesh.boundary) {
+        const int v = s.mesh.tail[h];
+        target.row(v) = way(row2(from, v), outline.point(u[v]), next, outline).transpose();
+      }
       newton.minimize(kRelaxations, 0, x);
-      const bool is_there = newton.drag(path(next), x);
+      const bool is_there = newton.drag(target, x);
       if (is_there) t = next;
       step *= is_there ? 1.5 : 0.5;
       const int percent = static_cast<int>(100 * t);
@@ -5439,44 +5453,14 @@ class PairEmbedder {
                           "the boundary of mesh " + name + " cannot be laid along a square");
   }
 
-  /// From the circle to the square, evenly, in the uniform metric.
-  bool drag_to_square(const Surface& uniform, const Outline& outline, const std::string& name,
-                      std::vector<Points2>& x, Embedding& result) const {
-    const Points2 circle = x[0];
-    const Array<double> even = outline.even(uniform.mesh);
-    const auto path = [&](double t) {
-      Points2 at = circle;
-      for (int h : uniform.mesh.boundary) {
-        const int v = uniform.mesh.tail[h];
-        at.row(v) = between(row2(circle, v), outline.point(even[v]), t, outline).transpose();
-      }
-      return at;
-    };
-    return drag(uniform, path, name, x, result);
+  /// Along a side.
+  static Vec2 straight(const Vec2& p, const Vec2& q, double t, const Outline&) {
+    return t < 1 ? Vec2(p + t * (q - p)) : q;
   }
 
-  /// Along the sides of the square, a part of the way from even distances to those of the outline.
-  bool drag_along_square(const Surface& s, const Outline& outline, double part,
-                         const std::string& name, std::vector<Points2>& x,
-                         Embedding& result) const {
-    const Points2 before = x[0];
-    const Array<double> even = outline.even(s.mesh);
-    const auto path = [&](double t) {
-      Points2 at = before;
-      for (int h : s.mesh.boundary) {
-        const int v = s.mesh.tail[h];
-        const double u = part < 1 ? even[v] + part * (outline.u[v] - even[v]) : outline.u[v];
-        const Vec2 target = outline.point(u), way = target - row2(before, v);
-        at.row(v) = (t < 1 ? Vec2(row2(before, v) + t * way) : target).transpose();
-      }
-      return at;
-    };
-    return drag(s, path, name, x, result);
-  }
-
-  /// The place at t on the way from a point p of a circle to a point q of an outline, on the
-  /// superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which is convex.
-  static Vec2 between(const Vec2& p, const Vec2& q, double t, const Outline& outline) {
+  /// From a circle to the square, on the superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which
+  /// is convex.
+  static Vec2 superelliptic(const Vec2& p, const Vec2& q, double t, const Outline& outline) {
     if (t == 1) return q;
     const double turn = std::atan2(cross(p, q), p.dot(q)), n = 2 / (1 - t);
     const Vec2 direction = Eigen::Rotation2Dd(t * turn) * p.normalized();
@@ -5528,8 +5512,8 @@ class PairEmbedder {
       const double part = i / double{kStages};
       const Surface soft = i < kStages ? softened(s, part, s.total_area) : s;
       const bool is_dragged = outline != nullptr && (i == 0 || boundary() == Boundary::kFixed);
-      if (is_dragged && !(i == 0 ? drag_to_square(soft, *outline, name, x, result)
-                                 : drag_along_square(soft, *outline, part, name, x, result)))
+      if (is_dragged && !drag(soft, *outline, outline->places(s.mesh, part),
+                              i == 0 ? superelliptic : straight, name, x, result))
         return false;
       const FlatProblem problem = {{&soft}, {}, boundary()};
       FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
