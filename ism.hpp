@@ -478,7 +478,7 @@ class Array {
   void resize(int n) { items_.resize(static_cast<std::size_t>(n)); }
   void reserve(int n) { items_.reserve(static_cast<std::size_t>(n)); }
   void clear() { items_.clear(); }
-  void push_back(const T& value) { items_.push_back(value); }
+  void push_back(T value) { items_.push_back(std::move(value)); }
   void pop_back() { items_.pop_back(); }
   void insert_front(T value) { items_.insert(items_.begin(), std::move(value)); }
   T& back() { return items_.back(); }
@@ -2153,9 +2153,11 @@ using BlockValues = Array<Eigen::Matrix2d>;
 struct Front {
   int begin = 0, end = 0;  // own vertices
   Array<int> rows;         // later vertices, ascending
-  Array<int> parent_row;   // for every row, its place in the parent's front
+  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
+  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
   int parent = -1;
   int depth = 0;
+  int group = 0;  // of fronts eliminated one after the other
   Array<int> children;
   struct OwnBlock {
     int block;        // of the pattern
@@ -2172,11 +2174,105 @@ struct LdltSymbolic {
   Array<int> order;     // order[i] is the vertex eliminated as the i-th
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
+  std::int64_t panels_size = 0;
+  /// Groups of fronts, children before parents. Those of a stage can be eliminated side by side:
+  /// first whole subtrees below a fixed depth, then the fronts above it, level by level.
+  Array<Array<Array<int>>> stages;
+  int groups = 0;
 };
 
-/// Builds an LdltSymbolic by recursive bisection: the median line along x or y, whichever leaves
-/// the smaller separator, splits a set of vertices in halves; the vertices of one half that are
-/// coupled to the other separate them and are eliminated last.
+/// A line or circle normal·p + bend |p|² = const that has a part of some points on one side.
+struct PlanarCut {
+  Vec2 normal = Vec2::Zero();
+  double bend = 0;
+  double part = 0.5;
+  double key(const Vec2& p) const { return normal.dot(p) + bend * p.squaredNorm(); }
+};
+
+/// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
+/// couplings between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which
+/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all.
+class CutFinder {
+ public:
+  static constexpr int kCouplings = 4;
+
+  void resize(int n) {
+    n_ = n;
+    for (Points* p : {&x_, &y_, &square_}) p->resize(n, kCouplings + 1);
+  }
+
+  /// The k-th point that point i is coupled to; the 0-th is itself.
+  void set(int i, int k, const Vec2& p) {
+    x_(i, k) = p.x();
+    y_(i, k) = p.y();
+    square_(i, k) = p.squaredNorm();
+  }
+
+  PlanarCut best() {
+    constexpr int kSmall = 1000;  // points; of the fill, sets of this size make little
+    const int lines = n_ < kSmall ? 2 : 8, circles = n_ < kSmall ? 2 : 16;
+    PlanarCut best;
+    double least = kInfinity;
+    for (int i = 0; i < lines + circles; ++i) {
+      PlanarCut cut;
+      if (i < lines) {
+        cut.normal = Vec2(std::cos(kPi * i / lines), std::sin(kPi * i / lines));
+      } else {
+        const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
+        cut.normal = -2 * Vec2(x_(center, 0), y_(center, 0));
+        cut.bend = 1;
+      }
+      measure(cut);
+      for (double part : {0.4, 0.5, 0.6}) {
+        const double c = cost(quantile_[static_cast<int>(part * quantile_.size())], part);
+        if (c >= least) continue;
+        least = c;
+        cut.part = part;
+        best = cut;
+      }
+    }
+    return best;
+  }
+
+ private:
+  using Points = Eigen::Array<double, Eigen::Dynamic, kCouplings + 1>;
+
+  /// The keys of the points, and the least and largest keys of what they are coupled to.
+  void measure(const PlanarCut& cut) {
+    constexpr int kQuantiles = 64;
+    const auto keys = [&](int k) {
+      return cut.normal.x() * x_.col(k) + cut.normal.y() * y_.col(k) + cut.bend * square_.col(k);
+    };
+    key_ = keys(0);
+    lo_ = key_;
+    hi_ = key_;
+    for (int k = 1; k <= kCouplings; ++k) {
+      other_ = keys(k);
+      lo_ = lo_.min(other_);
+      hi_ = hi_.max(other_);
+    }
+    quantile_.clear();
+    for (int i = 0; i < n_; i += 1 + n_ / kQuantiles) quantile_.push_back(key_[i]);
+    std::sort(quantile_.begin(), quantile_.end());
+  }
+
+  /// Points of the side with fewer of them that are coupled to the other side; more if one side is
+  /// larger.
+  double cost(double level, double part) const {
+    const auto below = (key_ < level && hi_ >= level).count();
+    const auto above = (key_ >= level && lo_ < level).count();
+    return static_cast<double>((std::min)(below, above)) * (1 + std::abs(part - 0.5));
+  }
+
+  int n_ = 0;
+  Points x_, y_, square_;
+  Eigen::ArrayXd key_, other_, lo_, hi_;
+  Array<double> quantile_;
+};
+
+/// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
+/// has fewer of them, the vertices coupled to the other side separate the rest; the separator is
+/// thinned, its vertices are eliminated last, and both sides are divided again.
 class NestedDissection {
  public:
   NestedDissection(const BlockPattern& pattern, const Points2& positions)
@@ -2185,7 +2281,9 @@ class NestedDissection {
   LdltSymbolic build() {
     const int n = pattern_.rows();
     build_adjacency();
-    label_.assign(n, -1);
+    part_.assign(n, kOutside);
+    for (Array<int>& count : coupled_) count.assign(n, 0);
+    mark_.assign(n, -1);
     result_.order.resize(n);
     std::iota(result_.order.begin(), result_.order.end(), 0);
     dissect(0, n, 0);
@@ -2194,11 +2292,15 @@ class NestedDissection {
     mark_.assign(n, -1);
     for (int k = 0; k < result_.fronts.size(); ++k) find_rows(k);
     for (int k = 0; k < result_.fronts.size(); ++k) place_entries(k);
+    schedule();
     return std::move(result_);
   }
 
  private:
-  static constexpr int kLargestLeaf = 12;  // vertices; smaller leaves cost more in bookkeeping
+  static constexpr int kLargestLeaf = 12;       // smaller leaves cost more in bookkeeping
+  static constexpr double kLargestPart = 0.65;  // of a set that one side may have
+
+  enum Part : char { kLeft, kRight, kSeparator, kOutside };
 
   struct Neighbour {
     int vertex;
@@ -2227,64 +2329,156 @@ class NestedDissection {
     });
   }
 
+  template <class Visit>
+  void for_each_neighbour(int v, const Visit& visit) const {
+    for (int k = start_[v]; k < start_[v + 1]; ++k) visit(neighbour_[k].vertex);
+  }
+
   /// Orders result_.order[begin, end) and appends its fronts; returns the topmost.
   int dissect(int begin, int end, int depth) {
     if (end - begin <= kLargestLeaf) return add_front(begin, end, depth, -1, -1);
-    const int middle = begin + (end - begin) / 2;
-    const int axis = best_axis(begin, middle, end);
-    split(begin, middle, end, axis);
-    const bool from_left = smaller_side_is_left(begin, middle, end);
-    const int left_end = from_left ? move_separator(begin, middle) : middle;
-    const int right_end = from_left ? end : move_separator(middle, end);
-    if (from_left) std::rotate(at(left_end), at(middle), at(end));  // separator to the back
-    const int separator = from_left ? left_end + (end - middle) : right_end;
+    divide(begin, end);
+    separate(begin, end);
+    thin(begin, end);
+    const auto move_to_front = [&](int from, Part part) {
+      int* last = std::stable_partition(at(from), at(end), [&](int v) { return part_[v] == part; });
+      return static_cast<int>(last - at(0));
+    };
+    const int left_end = move_to_front(begin, kLeft), right_end = move_to_front(left_end, kRight);
+    for (int i = begin; i < end; ++i) part_[*at(i)] = kOutside;
     const int left = dissect(begin, left_end, depth + 1);
-    const int right = dissect(left_end, separator, depth + 1);
-    return add_front(separator, end, depth, left, right);
+    const int right = dissect(left_end, right_end, depth + 1);
+    return add_front(right_end, end, depth, left, right);
   }
 
   int* at(int i) { return result_.order.data() + i; }
 
-  void split(int begin, int middle, int end, int axis) {
-    std::nth_element(at(begin), at(middle), at(end), [&](int u, int v) {
-      const double a = positions_(u, axis), b = positions_(v, axis);
-      return a != b ? a < b : u < v;
-    });
-    for (int i = begin; i < end; ++i) label_[*at(i)] = 2 * stamp_ + (i < middle ? 0 : 1);
-    ++stamp_;
+  /// Puts every vertex of a set on one of two sides.
+  void divide(int begin, int end) {
+    for (int i = begin; i < end; ++i) part_[*at(i)] = kLeft;
+    const int n = end - begin;
+    cuts_.resize(n);
+    for (int i = 0; i < n; ++i) {
+      const int v = *at(begin + i);
+      for (int k = 0; k <= CutFinder::kCouplings; ++k) {
+        const int u = k == 0 ? v : spread_neighbour(v, k - 1);
+        cuts_.set(i, k, row2(positions_, part_[u] == kLeft ? u : v));
+      }
+    }
+    const PlanarCut cut = cuts_.best();
+    key_.resize(n);
+    for (int i = 0; i < n; ++i)
+      key_[i] = {cut.key(row2(positions_, *at(begin + i))), *at(begin + i)};
+    const int left = (std::max)(1, static_cast<int>(cut.part * n));
+    std::nth_element(key_.begin(), key_.begin() + left, key_.end());
+    for (int i = left; i < n; ++i) part_[key_[i].second] = kRight;
   }
 
-  bool touches_other_side(int v) const {
+  /// One of kCouplings neighbours evenly spread over the list of v.
+  int spread_neighbour(int v, int k) const {
+    const int degree = start_[v + 1] - start_[v];
+    return neighbour_[start_[v] + (2 * k + 1) * degree / (2 * CutFinder::kCouplings)].vertex;
+  }
+
+  bool is_coupled_to(int v, Part part) const {
     for (int k = start_[v]; k < start_[v + 1]; ++k)
-      if (label_[neighbour_[k].vertex] == (label_[v] ^ 1)) return true;
+      if (part_[neighbour_[k].vertex] == part) return true;
     return false;
   }
 
-  int count_separator(int begin, int end) {
-    int n = 0;
-    for (int i = begin; i < end; ++i) n += touches_other_side(*at(i));
-    return n;
-  }
-
-  bool smaller_side_is_left(int begin, int middle, int end) {
-    return count_separator(begin, middle) <= count_separator(middle, end);
-  }
-
-  int best_axis(int begin, int middle, int end) {
-    int cost[2];
-    for (int axis = 0; axis < 2; ++axis) {
-      split(begin, middle, end, axis);
-      cost[axis] = (std::min)(count_separator(begin, middle), count_separator(middle, end));
+  /// Makes the vertices of one side that are coupled to the other one the separator.
+  void separate(int begin, int end) {
+    std::array<Array<int>, 2> rim;
+    for (int i = begin; i < end; ++i) {
+      const Part own = part_[*at(i)], other = own == kLeft ? kRight : kLeft;
+      if (is_coupled_to(*at(i), other)) rim[own].push_back(*at(i));
     }
-    return cost[0] <= cost[1] ? 0 : 1;
+    for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
   }
 
-  /// Moves the vertices of [begin, end) that touch the other side to the back, keeping order;
-  /// returns where they start.
-  int move_separator(int begin, int end) {
-    int* first =
-        std::stable_partition(at(begin), at(end), [&](int v) { return !touches_other_side(v); });
-    return static_cast<int>(first - at(0));
+  // -- thinning of a separator [Fiduccia and Mattheyses 1982] --
+
+  /// A vertex of the separator goes to one side; those of the other side it is coupled to come in.
+  struct Move {
+    int gain;  // by which the separator shrinks
+    int vertex;
+    Part to;
+    bool operator<(const Move& o) const {
+      return std::tie(gain, vertex, to) < std::tie(o.gain, o.vertex, o.to);
+    }
+  };
+
+  /// Makes the best moves one after the other, also such that do not pay at once, and takes back
+  /// those after the smallest separator. No vertex moves twice.
+  void thin(int begin, int end) {
+    constexpr int kPatience = 30;  // moves without success
+    const int largest = static_cast<int>(kLargestPart * (end - begin));
+    std::array<int, 3> size{};
+    moves_ = {};
+    for (int i = begin; i < end; ++i) {
+      mark_[*at(i)] = -1;
+      ++size[part_[*at(i)]];
+    }
+    for (int i = begin; i < end; ++i)
+      if (part_[*at(i)] == kSeparator) enter_separator(*at(i));
+    Array<Move> made;
+    Array<int> pulled, pulled_end;
+    int best = 0, least = size[kSeparator];
+    while (!moves_.empty() && made.size() - best < kPatience) {
+      const Move move = moves_.top();
+      moves_.pop();
+      const Part from = move.to == kLeft ? kRight : kLeft;
+      if (part_[move.vertex] != kSeparator || mark_[move.vertex] >= 0) continue;
+      if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
+      mark_[move.vertex] = 0;
+      made.push_back(move);
+      leave_separator(move.vertex, move.to, pulled);
+      pulled_end.push_back(pulled.size());
+      size[kSeparator] -= move.gain;
+      size[move.to] += 1;
+      size[from] -= 1 - move.gain;
+      if (size[kSeparator] >= least) continue;
+      least = size[kSeparator];
+      best = made.size();
+    }
+    while (made.size() > best) {
+      const Part from = made.back().to == kLeft ? kRight : kLeft;
+      pulled_end.pop_back();
+      for (; pulled.size() > (pulled_end.empty() ? 0 : pulled_end.back()); pulled.pop_back())
+        part_[pulled.back()] = from;
+      part_[made.back().vertex] = kSeparator;
+      made.pop_back();
+    }
+  }
+
+  void offer(int v, Part to) {
+    constexpr int kLeastGain = -1;
+    const int gain = 1 - coupled_[to == kLeft ? kRight : kLeft][v];
+    if (mark_[v] < 0 && gain >= kLeastGain) moves_.push({gain, v, to});
+  }
+
+  void enter_separator(int v) {
+    coupled_[kLeft][v] = coupled_[kRight][v] = 0;
+    for_each_neighbour(v, [&](int u) {
+      if (part_[u] <= kRight) ++coupled_[part_[u]][v];
+    });
+    offer(v, kLeft);
+    offer(v, kRight);
+  }
+
+  void leave_separator(int v, Part to, Array<int>& pulled) {
+    const Part from = to == kLeft ? kRight : kLeft;
+    const int begin = pulled.size();
+    part_[v] = to;
+    for_each_neighbour(v, [&](int u) {
+      if (part_[u] == kSeparator) ++coupled_[to][u], offer(u, from);
+      if (part_[u] == from) part_[u] = kSeparator, pulled.push_back(u);
+    });
+    for (int i = begin; i < pulled.size(); ++i)
+      for_each_neighbour(pulled[i], [&](int u) {
+        if (part_[u] == kSeparator) --coupled_[from][u], offer(u, to);
+      });
+    for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i]);
   }
 
   int add_front(int begin, int end, int depth, int left, int right) {
@@ -2338,6 +2532,31 @@ class NestedDissection {
       c.parent_row.resize(c.rows.size());
       for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = mark_[c.rows[r]];
     }
+    front.panel = result_.panels_size;
+    result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
+  }
+
+  void schedule() {
+    constexpr int kSubtreeDepth = 5;
+    Array<Front>& fronts = result_.fronts;
+    result_.stages.resize(kSubtreeDepth + 1);
+    Array<int> place(fronts.size(), -1);               // of the group in its stage
+    for (int id = fronts.size() - 1; id >= 0; --id) {  // parents before children
+      Front& front = fronts[id];
+      Array<Array<int>>& stage =
+          result_.stages[kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth)];
+      if (front.depth > kSubtreeDepth) {
+        place[id] = place[front.parent];
+        front.group = fronts[front.parent].group;
+      } else {
+        place[id] = stage.size();
+        front.group = result_.groups++;
+        stage.push_back({});
+      }
+      stage[place[id]].push_back(id);
+    }
+    for (Array<Array<int>>& stage : result_.stages)
+      for (Array<int>& ids : stage) std::reverse(ids.begin(), ids.end());
   }
 
   const BlockPattern& pattern_;
@@ -2345,76 +2564,116 @@ class NestedDissection {
   LdltSymbolic result_;
   Array<int> start_;
   Array<Neighbour> neighbour_;
-  Array<int> label_, mark_;
-  int stamp_ = 0;
+  Array<Part> part_;
+  std::array<Array<int>, 2> coupled_;  // of a vertex of the separator, how many on either side
+  std::priority_queue<Move> moves_;
+  CutFinder cuts_;
+  Array<std::pair<double, int>> key_;
+  Array<int> mark_;
 };
 
-/// The numeric factor: per front, L with D on the diagonal of its top block.
+/// The numeric factor. A panel holds, of one front, L with D on the diagonal of its top block. Its
+/// memory serves again for the next factorisation.
 struct LdltFactor {
-  Array<Eigen::MatrixXd> panel;   // 2 size × 2 own
-  Array<Eigen::MatrixXd> update;  // 2 rows × 2 rows, lower; freed when the parent has taken it
-  Array<int> negative_pivots;     // per front
-  Array<char> broken;             // per front
-  bool ok = false;                // no zero or non-finite pivot
-  int negative = 0;               // number of negative pivots
+  Eigen::VectorXd panels;               // one behind the other
+  Array<Eigen::VectorXd> update;        // per front, until the parent has taken it
+  Array<Array<Eigen::VectorXd>> spare;  // per group, memory for its update matrices
+  Array<int> negative_pivots;           // per front
+  Array<char> broken;                   // per front
+  bool ok = false;                      // no zero or non-finite pivot
+  int negative = 0;                     // number of negative pivots
 };
 
-/// Dense LDLT without pivoting of the top square of A, applied to the rows below. Right-looking in
-/// blocks of columns.
-inline bool factor_panel(Eigen::MatrixXd& A, int& negative) {
-  constexpr int kBlock = 32;
-  const int n = static_cast<int>(A.rows()), k = static_cast<int>(A.cols());
-  Eigen::MatrixXd W;
-  for (int j0 = 0; j0 < k; j0 += kBlock) {
-    const int nb = (std::min)(kBlock, k - j0), below = n - j0 - nb;
-    auto D = A.block(j0, j0, nb, nb);
-    for (int j = 0; j < nb; ++j) {
-      const double pivot = D(j, j);
-      if (pivot == 0 || !std::isfinite(pivot)) return false;
-      if (pivot < 0) ++negative;
-      const int rest = nb - j - 1;
-      auto l = D.col(j).tail(rest);
-      for (int c = 0; c < rest; ++c)
-        D.col(j + 1 + c).tail(rest - c) -= (l(c) / pivot) * l.tail(rest - c);
-      l /= pivot;
-    }
-    if (below == 0) break;
-    auto X = A.block(j0 + nb, j0, below, nb);
-    D.triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(X);
-    W = X;
-    for (int j = 0; j < nb; ++j) X.col(j) /= D(j, j);
-    const int right = k - j0 - nb;
-    if (right == 0) continue;
-    A.block(j0 + nb, j0 + nb, right, right).triangularView<Eigen::Lower>() -=
-        W.topRows(right) * X.topRows(right).transpose();
-    A.block(k, j0 + nb, n - k, right).noalias() -=
-        W.bottomRows(n - k) * X.topRows(right).transpose();
+/// The panel of a front, 2 size × 2 own.
+template <class Values>
+auto panel_of(const Front& front, Values& panels) {
+  using Matrix =
+      std::conditional_t<std::is_const<Values>::value, const Eigen::MatrixXd, Eigen::MatrixXd>;
+  return Eigen::Map<Matrix>(panels.data() + front.panel, 2 * front.size(), 2 * front.own());
+}
+
+using DenseRef = Eigen::Ref<Eigen::MatrixXd>;
+
+/// Dense LDLT without pivoting of the top square of A, applied to the rows below, column by column.
+inline bool factor_narrow(DenseRef A, int& negative) {
+  const auto k = A.cols(), below = A.rows() - k;
+  auto D = A.topRows(k);
+  for (Eigen::Index j = 0; j < k; ++j) {
+    const double pivot = D(j, j);
+    if (pivot == 0 || !std::isfinite(pivot)) return false;
+    if (pivot < 0) ++negative;
+    const auto rest = k - j - 1;
+    auto l = D.col(j).tail(rest);
+    for (Eigen::Index c = 0; c < rest; ++c)
+      D.col(j + 1 + c).tail(rest - c) -= (l(c) / pivot) * l.tail(rest - c);
+    l /= pivot;
   }
+  if (below == 0) return true;
+  auto X = A.bottomRows(below);
+  D.triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(X);
+  for (Eigen::Index j = 0; j < k; ++j) X.col(j) /= D(j, j);
   return true;
 }
 
-/// update -= L₂ D L₂ᵀ, lower triangle.
-inline void subtract_schur(const Eigen::MatrixXd& panel, Eigen::MatrixXd& update) {
-  const int k = static_cast<int>(panel.cols());
-  if (update.rows() == 0 || k == 0) return;
-  const auto L2 = panel.bottomRows(update.rows());
-  const Eigen::MatrixXd W = L2 * panel.topRows(k).diagonal().asDiagonal();
-  update.triangularView<Eigen::Lower>() -= W * L2.transpose();
+/// The same of any width: the left half, what it takes from the right half, the right half.
+inline bool factor_panel(DenseRef A, int& negative) {
+  constexpr int kNarrow = 32;
+  const auto k = A.cols(), n = A.rows(), left = k / 2, right = k - left;
+  if (k <= kNarrow) return factor_narrow(A, negative);
+  if (!factor_panel(A.leftCols(left), negative)) return false;
+  const auto L = A.block(left, 0, right, left);
+  const Eigen::MatrixXd W = A.topLeftCorner(left, left).diagonal().asDiagonal() * L.transpose();
+  A.block(left, left, right, right).triangularView<Eigen::Lower>() -= L * W;
+  A.block(k, left, n - k, right).noalias() -= A.block(k, 0, n - k, left) * W;
+  return factor_panel(A.bottomRightCorner(n - left, right), negative);
 }
 
-/// Adds a child's update matrix to the parent's front.
-inline void extend_add(const Front& child, const Eigen::MatrixXd& from, int own,
-                       Eigen::MatrixXd& panel, Eigen::MatrixXd& update) {
-  const int n = child.rows.size();
+/// update = -L₂ D L₂ᵀ, lower triangle, in chunks of columns of L₂ that fit the first-level cache.
+inline void set_schur(const Eigen::Ref<const Eigen::MatrixXd>& panel, DenseRef update) {
+  constexpr Eigen::Index kChunk = 96;
+  const auto n = update.rows();
+  update.setZero();
+  for (Eigen::Index j = 0; n > 0 && j < panel.cols(); j += kChunk) {
+    const auto width = (std::min)(kChunk, panel.cols() - j);
+    const auto L2 = panel.block(panel.cols(), j, n, width);
+    const Eigen::MatrixXd W =
+        panel.block(j, j, width, width).diagonal().asDiagonal() * L2.transpose();
+    update.triangularView<Eigen::Lower>() -= L2 * W;
+  }
+}
+
+/// Memory for n numbers, out of what is spare if it is enough.
+inline Eigen::VectorXd take(Array<Eigen::VectorXd>& spare, Eigen::Index n) {
+  for (int i = spare.size() - 1; i >= 0; --i) {
+    if (spare[i].size() < n) continue;
+    std::swap(spare[i], spare.back());
+    Eigen::VectorXd memory = std::move(spare.back());
+    spare.pop_back();
+    return memory;
+  }
+  return Eigen::VectorXd(n);
+}
+
+/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
+inline Eigen::Map<Eigen::MatrixXd> update_of(const Front& front, Eigen::VectorXd& memory) {
+  return Eigen::Map<Eigen::MatrixXd>(memory.data(), 2 * front.rows.size(), 2 * front.rows.size());
+}
+
+/// Adds those columns of a child's update matrix that are, or are not, the parent's own.
+template <class Target>
+void extend_add(const Front& child, const Eigen::Ref<const Eigen::MatrixXd>& from, int own,
+                bool into_own, Target& target) {
+  const int n = child.rows.size(), shift = into_own ? 0 : own;
   for (int c = 0; c < n; ++c) {
-    const int pc = child.parent_row[c];
-    for (int r = c; r < n; ++r) {
-      const int pr = child.parent_row[r];
-      const auto block = from.block<2, 2>(2 * r, 2 * c);
-      if (pc < own)
-        panel.block<2, 2>(2 * pr, 2 * pc) += block;
-      else
-        update.block<2, 2>(2 * (pr - own), 2 * (pc - own)) += block;
+    if ((child.parent_row[c] < own) != into_own) continue;
+    for (int half = 0; half < 2; ++half) {
+      const auto source = from.col(2 * c + half);
+      auto sum = target.col(2 * (child.parent_row[c] - shift) + half);
+      for (int i = half; i < 2; ++i)
+        sum[2 * (child.parent_row[c] - shift) + i] += source[2 * c + i];
+      for (int r = c + 1; r < n; ++r)
+        sum.template segment<2>(2 * (child.parent_row[r] - shift)) +=
+            source.template segment<2>(2 * r);
     }
   }
 }
@@ -2434,11 +2693,8 @@ struct ShiftedMatrix {
 inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedMatrix& matrix,
                             LdltFactor& factor) {
   const Front& front = symbolic.fronts[id];
-  const int own = front.own(), rest = front.rows.size();
-  Eigen::MatrixXd& panel = factor.panel[id];
-  Eigen::MatrixXd& update = factor.update[id];
-  panel.setZero(2 * (own + rest), 2 * own);
-  update.setZero(2 * rest, 2 * rest);
+  auto panel = panel_of(front, factor.panels);
+  panel.setZero();
   for (const Front::OwnBlock& e : front.blocks) {
     const Eigen::Matrix2d block = matrix.block(e.block);
     auto target = panel.block<2, 2>(2 * e.row, 2 * e.column);
@@ -2447,57 +2703,38 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
     else
       target += block;
   }
-  for (int child : front.children) {
-    extend_add(symbolic.fronts[child], factor.update[child], own, panel, update);
-    factor.update[child].resize(0, 0);
-  }
-  factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
-  subtract_schur(panel, update);
-}
-
-/// Groups of fronts that can be eliminated side by side, in an order that respects the tree: first
-/// whole subtrees below a fixed depth, then the fronts above it, level by level.
-inline Array<Array<Array<int>>> elimination_schedule(const LdltSymbolic& symbolic) {
-  constexpr int kSubtreeDepth = 5;
-  Array<Array<Array<int>>> stages(kSubtreeDepth + 1);
-  Array<int> group(symbolic.fronts.size(), -1);
-  for (int id = symbolic.fronts.size() - 1; id >= 0; --id) {  // parents before children
-    const Front& front = symbolic.fronts[id];
-    const int stage = kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth);
-    if (front.depth > kSubtreeDepth) {
-      group[id] = group[front.parent];
-    } else {
-      group[id] = stages[stage].size();
-      stages[stage].push_back({});
+  const auto add_children = [&](bool into_own, auto& target) {
+    for (int id_child : front.children) {
+      const Front& child = symbolic.fronts[id_child];
+      extend_add(child, update_of(child, factor.update[id_child]), front.own(), into_own, target);
     }
-    stages[stage][group[id]].push_back(id);
-  }
-  for (Array<Array<int>>& stage : stages)
-    for (Array<int>& ids : stage) std::reverse(ids.begin(), ids.end());
-  return stages;
+  };
+  add_children(true, panel);
+  factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
+  const auto n = 2 * Eigen::Index{front.rows.size()};
+  factor.update[id] = take(factor.spare[front.group], n * n);
+  auto update = update_of(front, factor.update[id]);
+  set_schur(panel, update);
+  add_children(false, update);
+  for (int child : front.children)
+    factor.spare[symbolic.fronts[child].group].push_back(std::move(factor.update[child]));
 }
 
-/// Factorises several matrices of one pattern side by side.
-inline void ldlt_factorize(const LdltSymbolic& symbolic, const Array<ShiftedMatrix>& matrices,
-                           const Executor& executor, Array<LdltFactor>& factors) {
-  const int n = matrices.size(), n_fronts = symbolic.fronts.size();
-  factors.resize(n);
-  for (LdltFactor& f : factors) {
-    f.panel.resize(n_fronts);
-    f.update.resize(n_fronts);
-    f.negative_pivots.assign(n_fronts, 0);
-    f.broken.assign(n_fronts, 0);
-  }
-  for (const Array<Array<int>>& stage : elimination_schedule(symbolic))
-    executor.run(n * stage.size(), [&](int task) {
-      const int m = task / stage.size();
-      for (int id : stage[task % stage.size()])
-        eliminate_front(symbolic, id, matrices[m], factors[m]);
+inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
+                           const Executor& executor, LdltFactor& factor) {
+  const int n = symbolic.fronts.size();
+  if (factor.panels.size() < symbolic.panels_size) factor.panels.resize(symbolic.panels_size);
+  factor.update.assign(n, Eigen::VectorXd());
+  if (factor.spare.size() < symbolic.groups) factor.spare.resize(symbolic.groups);
+  factor.negative_pivots.assign(n, 0);
+  factor.broken.assign(n, 0);
+  for (const Array<Array<int>>& stage : symbolic.stages)
+    executor.run(stage.size(), [&](int group) {
+      for (int id : stage[group]) eliminate_front(symbolic, id, matrix, factor);
     });
-  for (LdltFactor& f : factors) {
-    f.ok = std::find(f.broken.begin(), f.broken.end(), 1) == f.broken.end();
-    f.negative = std::accumulate(f.negative_pivots.begin(), f.negative_pivots.end(), 0);
-  }
+  factor.ok = std::find(factor.broken.begin(), factor.broken.end(), 1) == factor.broken.end();
+  factor.negative =
+      std::accumulate(factor.negative_pivots.begin(), factor.negative_pivots.end(), 0);
 }
 
 /// Solves with a factor; b holds two entries per vertex.
@@ -2509,7 +2746,7 @@ inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor
   for (int id = 0; id < n_fronts; ++id) {  // L y = b, then D
     const Front& front = symbolic.fronts[id];
     if (front.own() == 0) continue;
-    const Eigen::MatrixXd& P = factor.panel[id];
+    const auto P = panel_of(front, factor.panels);
     auto own = y.segment(2 * front.begin, 2 * front.own());
     P.topRows(P.cols()).triangularView<Eigen::UnitLower>().solveInPlace(own);
     rest.noalias() = P.bottomRows(2 * front.rows.size()) * own;
@@ -2519,7 +2756,7 @@ inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor
   for (int id = n_fronts - 1; id >= 0; --id) {  // D Lᵀ x = y
     const Front& front = symbolic.fronts[id];
     if (front.own() == 0) continue;
-    const Eigen::MatrixXd& P = factor.panel[id];
+    const auto P = panel_of(front, factor.panels);
     auto own = y.segment(2 * front.begin, 2 * front.own());
     own.array() /= P.topRows(P.cols()).diagonal().array();
     rest.resize(2 * front.rows.size());
@@ -2529,6 +2766,44 @@ inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor
     P.topRows(P.cols()).triangularView<Eigen::UnitLower>().transpose().solveInPlace(own);
   }
   for (int i = 0; i < n; ++i) x.segment<2>(2 * symbolic.order[i]) = y.segment<2>(2 * i);
+  return x;
+}
+
+/// y += A x, of which the upper triangle is stored.
+inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A,
+                        const Eigen::VectorXd& x, Eigen::VectorXd& y) {
+  for (int r = 0; r < pattern.rows(); ++r)
+    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
+      const int c = pattern.column[b];
+      const Eigen::Matrix2d block = A.block(b);
+      y.segment<2>(2 * r) += block * x.segment<2>(2 * c);
+      if (r != c) y.segment<2>(2 * c) += block.transpose() * x.segment<2>(2 * r);
+    }
+}
+
+/// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
+/// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
+/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step.
+inline Eigen::VectorXd solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
+                                            const BlockPattern& pattern, const ShiftedMatrix& A,
+                                            const Eigen::VectorXd& b, double tolerance) {
+  constexpr int kMostSteps = 50;
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size()), r = b, p, Ap;
+  double before = 0, first = 0;
+  for (int k = 0; k < kMostSteps; ++k) {
+    const Eigen::VectorXd z = ldlt_solve(symbolic, factor, r);
+    const double now = r.dot(z);
+    if (k == 0) first = now;
+    if (!(now > tolerance * tolerance * first)) break;
+    p = k == 0 ? z : Eigen::VectorXd(z + (now / before) * p);
+    Ap.setZero(b.size());
+    add_product(pattern, A, p, Ap);
+    const double curvature = p.dot(Ap);
+    if (!(curvature > 0)) break;
+    x += (now / curvature) * p;
+    r -= (now / curvature) * Ap;
+    before = now;
+  }
   return x;
 }
 
@@ -3990,19 +4265,22 @@ class Optimizer {
       if (smaller >= options_.omega_least) omegas.push_back(smaller);
       omegas.push_back(omega_ * options_.omega_factor);
     }
-    Array<ShiftedMatrix> matrices;
-    for (double omega : omegas)
-      matrices.push_back({&system.H, system.Q.empty() ? nullptr : &system.Q, omega});
+    const auto matrix = [&](double omega) {
+      return ShiftedMatrix{&system.H, system.Q.empty() ? nullptr : &system.Q, omega};
+    };
     Points2 positions(pair_.rows(), 2);
     positions << x_.f, x_.g;
     const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
-    ldlt_factorize(symbolic, matrices, executor_, factors_);
+    ldlt_factorize(symbolic, matrix(omega_), executor_, factor_);
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
-      if (factors_[k].ok)
-        set_direction(expanded(followers_, ldlt_solve(symbolic, factors_[k], -system.gradient)),
-                      directions[k]);
+      if (!factor_.ok) return;
+      const Eigen::VectorXd d =
+          k == 0 ? ldlt_solve(symbolic, factor_, -system.gradient)
+                 : solve_with_neighbour(symbolic, factor_, system.pattern, matrix(omegas[k]),
+                                        -system.gradient, kSolved);
+      set_direction(expanded(followers_, d), directions[k]);
     });
     return directions;
   }
@@ -4061,6 +4339,7 @@ class Optimizer {
     return before.energy - now.energy < w * options_.tolerance * scale;
   }
 
+  static constexpr double kSolved = 1e-6;    // relative error of the directions for other ω_L
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
@@ -4078,7 +4357,7 @@ class Optimizer {
   Array<char> is_fixed_;  // two per row
   Iterate x_;
   Array<QuadraticModel> history_;  // newest first
-  Array<LdltFactor> factors_;
+  LdltFactor factor_;
   Array<Trial> trials_;
   Array<Scaffold> scaffolds_;  // around f(A) and g(B), once a trial has met a boundary
   bool is_scaffolded_ = false;
@@ -4403,7 +4682,7 @@ class FlatNewton {
     Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(system.gradient.size());
     for (int h : m.boundary)
       prescribed.segment<2>(2 * m.tail[h]) = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
-    add_product(system, prescribed, system.gradient);
+    add_product(system.pattern, {&system.H, nullptr, 0}, prescribed, system.gradient);
     eliminate(is_fixed_, system);
     const Eigen::VectorXd d = solve(system, x) + prescribed;
     if (!d.allFinite()) return false;
@@ -4489,11 +4768,9 @@ class FlatNewton {
     for (std::size_t k = 0; k < x.size(); ++k)
       positions.middleRows(first_row(k), x[k].rows()) = x[k];
     const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
-    Array<ShiftedMatrix> matrix(1);
-    matrix[0].H = &system.H;
-    ldlt_factorize(symbolic, matrix, executor_, factors_);
-    if (!factors_[0].ok) return Eigen::VectorXd::Constant(system.gradient.size(), kInfinity);
-    return ldlt_solve(symbolic, factors_[0], -system.gradient);
+    ldlt_factorize(symbolic, {&system.H, nullptr, 0}, executor_, factor_);
+    if (!factor_.ok) return Eigen::VectorXd::Constant(system.gradient.size(), kInfinity);
+    return ldlt_solve(symbolic, factor_, -system.gradient);
   }
 
   std::vector<Points2> per_surface(const Eigen::VectorXd& d, const std::vector<Points2>& x) const {
@@ -4514,17 +4791,6 @@ class FlatNewton {
         s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
     }
     return s;
-  }
-
-  /// y += H x, of which the upper triangle is stored.
-  static void add_product(const LinearSystem& system, const Eigen::VectorXd& x,
-                          Eigen::VectorXd& y) {
-    for (int r = 0; r < system.pattern.rows(); ++r)
-      for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
-        const int c = system.pattern.column[b];
-        y.segment<2>(2 * r) += system.H[b] * x.segment<2>(2 * c);
-        if (r != c) y.segment<2>(2 * c) += system.H[b].transpose() * x.segment<2>(2 * r);
-      }
   }
 
   Outcome try_step(const std::vector<Points2>& direction, double s, double slope,
@@ -4590,7 +4856,7 @@ class FlatNewton {
   LinearSystem system_;
   Array<char> is_fixed_;  // two per row
   Array<FaceTerm> terms_;
-  Array<LdltFactor> factors_;
+  LdltFactor factor_;
   Array<Scaffold> scaffolds_;  // of each surface, where x was when they were built
   bool is_scaffolded_ = false;
 };

@@ -53,7 +53,7 @@ def find_pairs(args):
 
 def run(pair, folder, args):
     """The report of one run; {"error": sentence} if there is none."""
-    command = [args.program, pair / "A.obj", pair / "B.obj", "-o", folder, "--quiet"]
+    command = [args.program.resolve(), pair / "A.obj", pair / "B.obj", "-o", folder, "--quiet"]
     if (pair / "landmarks.txt").exists() and not args.no_landmarks:
         command += ["--landmarks", pair / "landmarks.txt"]
     command += shlex.split(args.extra)

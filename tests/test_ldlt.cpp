@@ -157,17 +157,14 @@ void check_solve(const BlockPattern& pattern, const Points2& positions,
                  const std::vector<ShiftedMatrix>& family) {
   Rng rng(99);
   const LdltSymbolic symbolic = NestedDissection(pattern, positions).build();
-  Array<ShiftedMatrix> matrices;
-  for (const ShiftedMatrix& m : family) matrices.push_back(m);
-  Array<LdltFactor> factors;
-  ldlt_factorize(symbolic, matrices, executor(1), factors);
-  REQUIRE(factors.size() == matrices.size());
-  for (int m = 0; m < matrices.size(); ++m) {
-    REQUIRE(factors[m].ok);
-    const Sparse A = assembled(pattern, matrices[m]);
-    CHECK(factors[m].negative == eigen_negative_pivots(A));
+  LdltFactor factor;
+  for (const ShiftedMatrix& matrix : family) {
+    ldlt_factorize(symbolic, matrix, executor(1), factor);
+    REQUIRE(factor.ok);
+    const Sparse A = assembled(pattern, matrix);
+    CHECK(factor.negative == eigen_negative_pivots(A));
     const VectorXd b = random_vector(2 * pattern.rows(), rng);
-    const VectorXd x = ldlt_solve(symbolic, factors[m], b);
+    const VectorXd x = ldlt_solve(symbolic, factor, b);
     CHECK((A * x - b).norm() <= 1e-12 * b.norm());
   }
 }
@@ -221,6 +218,14 @@ bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(a.size());
   return a.rows() == b.rows() && a.cols() == b.cols() &&
          (bytes == 0 || std::memcmp(a.data(), b.data(), bytes) == 0);
+}
+
+bool same_factor(const LdltSymbolic& symbolic, const LdltFactor& a, const LdltFactor& b) {
+  for (const Front& front : symbolic.fronts)
+    if (!same_bits(Eigen::MatrixXd(panel_of(front, a.panels)),
+                   Eigen::MatrixXd(panel_of(front, b.panels))))
+      return false;
+  return true;
 }
 
 /// Runs tasks backwards: any order must give the same result.
@@ -340,19 +345,19 @@ TEST_CASE("the inertia is that of the eigenvalues") {
   const BlockPattern pattern = pattern_of(49, lattice_edges(7, 1));
   for (int i = 0; i < 10; ++i) {
     const BlockValues values = indefinite_values(pattern, rng);
-    const Array<ShiftedMatrix> matrices(1, {&values, nullptr, 0});
+    const ShiftedMatrix matrix = {&values, nullptr, 0};
     const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(7)).build();
-    Array<LdltFactor> factors;
-    ldlt_factorize(symbolic, matrices, executor(1), factors);
-    const Eigen::MatrixXd dense = assembled(pattern, matrices[0]);
+    LdltFactor factor;
+    ldlt_factorize(symbolic, matrix, executor(1), factor);
+    const Eigen::MatrixXd dense = assembled(pattern, matrix);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense);
-    CHECK(factors[0].ok);
-    CHECK(factors[0].negative == (eigen.eigenvalues().array() < 0).count());
-    CHECK(factors[0].negative > 0);
+    CHECK(factor.ok);
+    CHECK(factor.negative == (eigen.eigenvalues().array() < 0).count());
+    CHECK(factor.negative > 0);
   }
 }
 
-TEST_CASE("a zero or non-finite pivot is reported, for its matrix only") {
+TEST_CASE("a zero or non-finite pivot is reported, and leaves no trace in the memory") {
   Rng rng(13);
   const BlockPattern pattern = pattern_of(144, lattice_edges(12, 1));
   const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(12)).build();
@@ -370,15 +375,11 @@ TEST_CASE("a zero or non-finite pivot is reported, for its matrix only") {
       } else {
         broken[pattern.start[v]](1, 1) = bad;
       }
-      Array<ShiftedMatrix> matrices;
-      matrices.push_back({&good, nullptr, 0});
-      matrices.push_back({&broken, nullptr, 0});
-      matrices.push_back({&good, nullptr, 0});
-      Array<LdltFactor> factors;
-      ldlt_factorize(symbolic, matrices, executor(1), factors);
-      CHECK(factors[0].ok);
-      CHECK(!factors[1].ok);
-      CHECK(factors[2].ok);
+      LdltFactor factor;
+      for (const bool is_good : {true, false, true}) {
+        ldlt_factorize(symbolic, {is_good ? &good : &broken, nullptr, 0}, executor(1), factor);
+        CHECK(factor.ok == is_good);
+      }
     }
 }
 
@@ -388,34 +389,36 @@ TEST_CASE("a singular matrix whose last pivot cancels exactly is reported") {
   BlockValues values(3, Matrix2d::Identity());
   values[1] = -Matrix2d::Identity();
   const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(2).topRows(2)).build();
-  Array<LdltFactor> factors;
-  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&values, nullptr, 0}), executor(1), factors);
-  CHECK(!factors[0].ok);
+  LdltFactor factor;
+  ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
+  CHECK(!factor.ok);
   values[2] *= 2;
-  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&values, nullptr, 0}), executor(1), factors);
-  CHECK(factors[0].ok);  // the same memory, and nothing left of the failure
-  CHECK(factors[0].negative == 0);
+  ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
+  CHECK(factor.ok);  // the same memory, and nothing left of the failure
+  CHECK(factor.negative == 0);
 }
 
-TEST_CASE("memory used again holds nothing of the last factorisation, and no update matrices") {
+TEST_CASE("memory used again holds nothing of the last factorisation, and stays the same") {
   Rng rng(15);
   const BlockPattern pattern = pattern_of(225, lattice_edges(15, 1));
   const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(15)).build();
   const BlockValues first = indefinite_values(pattern, rng), second = positive_values(pattern, rng);
-  Array<LdltFactor> factors, fresh;
-  ldlt_factorize(symbolic, Array<ShiftedMatrix>(2, {&first, nullptr, 0}), executor(1), factors);
-  CHECK(factors[0].negative > 0);
-  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&second, nullptr, 0}), executor(1), factors);
-  ldlt_factorize(symbolic, Array<ShiftedMatrix>(1, {&second, nullptr, 0}), executor(1), fresh);
-  REQUIRE(factors.size() == 1);
-  CHECK(factors[0].negative == 0);
-  int different = 0, kept = 0;
-  for (int k = 0; k < symbolic.fronts.size(); ++k) {
-    different += !same_bits(factors[0].panel[k], fresh[0].panel[k]);
-    kept += factors[0].update[k].size() > 0;
-  }
-  CHECK(different == 0);
-  CHECK(kept == 0);
+  const auto spare = [](const LdltFactor& factor) {
+    Eigen::Index sum = 0;
+    for (const auto& group : factor.spare)
+      for (const VectorXd& memory : group) sum += memory.size();
+    return sum;
+  };
+  LdltFactor factor, fresh;
+  ldlt_factorize(symbolic, {&first, nullptr, 0}, executor(1), factor);
+  CHECK(factor.negative > 0);
+  ldlt_factorize(symbolic, {&second, nullptr, 0}, executor(1), factor);
+  ldlt_factorize(symbolic, {&second, nullptr, 0}, executor(1), fresh);
+  CHECK(factor.negative == 0);
+  CHECK(same_factor(symbolic, factor, fresh));
+  CHECK(spare(fresh) > 0);
+  CHECK(spare(factor) == spare(fresh));
+  for (const VectorXd& update : factor.update) CHECK(update.size() == 0);
 }
 
 TEST_CASE("factors and solutions are the same bits for any number of threads") {
@@ -425,22 +428,35 @@ TEST_CASE("factors and solutions are the same bits for any number of threads") {
   const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(n)).build();
   const BlockValues H = indefinite_values(pattern, rng), Q = positive_values(pattern, rng);
   const VectorXd b = random_vector(2 * n * n, rng);
-  Array<ShiftedMatrix> matrices;
-  for (double omega : {0.5, 1.0, 2.0}) matrices.push_back({&H, &Q, omega});
-  Array<LdltFactor> one;
-  ldlt_factorize(symbolic, matrices, executor(1), one);
+  LdltFactor one;
+  ldlt_factorize(symbolic, {&H, &Q, 0.5}, executor(1), one);
   ism::Options backwards;
   backwards.parallel_for = run_backwards;
   for (const Executor& other : {executor(2), executor(4), Executor(backwards)}) {
-    Array<LdltFactor> factors;
-    ldlt_factorize(symbolic, matrices, other, factors);
-    for (int m = 0; m < 3; ++m) {
-      int different = 0;
-      for (int k = 0; k < symbolic.fronts.size(); ++k)
-        different += !same_bits(one[m].panel[k], factors[m].panel[k]);
-      CHECK(different == 0);
-      CHECK(factors[m].negative == one[m].negative);
-      CHECK(same_bits(ldlt_solve(symbolic, one[m], b), ldlt_solve(symbolic, factors[m], b)));
-    }
+    LdltFactor factor;
+    ldlt_factorize(symbolic, {&H, &Q, 0.5}, other, factor);
+    CHECK(same_factor(symbolic, one, factor));
+    CHECK(factor.negative == one.negative);
+    CHECK(same_bits(ldlt_solve(symbolic, one, b), ldlt_solve(symbolic, factor, b)));
   }
+}
+
+TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wanted") {
+  Rng rng(16);
+  const int n = 20;
+  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));
+  const LdltSymbolic symbolic = NestedDissection(pattern, lattice_points(n)).build();
+  const BlockValues H = positive_values(pattern, rng), Q = positive_values(pattern, rng);
+  const VectorXd b = random_vector(2 * n * n, rng);
+  LdltFactor factor;
+  ldlt_factorize(symbolic, {&H, &Q, 1}, executor(1), factor);
+  for (double omega : {0.5, 0.8, 1.25, 2.0, 16.0})
+    for (double tolerance : {1e-3, 1e-10}) {
+      CAPTURE(omega);
+      const ShiftedMatrix A = {&H, &Q, omega};
+      const VectorXd x = solve_with_neighbour(symbolic, factor, pattern, A, b, tolerance);
+      CHECK((assembled(pattern, A) * x - b).norm() < 10 * tolerance * b.norm());
+    }
+  CHECK(solve_with_neighbour(symbolic, factor, pattern, {&H, &Q, 2}, VectorXd::Zero(2 * n * n), 0)
+            .isZero(0));
 }

@@ -305,13 +305,11 @@ TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and defin
     Points2 positions(m.pair.rows(), 2);
     positions << m.x.f, m.x.g;
     const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
-    Array<ShiftedMatrix> matrix(1);
-    matrix[0].H = &system.H;
-    Array<LdltFactor> factors;
-    ldlt_factorize(symbolic, matrix, m.executor, factors);
-    CHECK(factors[0].ok);
-    CHECK(factors[0].negative == 0);
-    const VectorXd d = ldlt_solve(symbolic, factors[0], -system.gradient);
+    LdltFactor factor;
+    ldlt_factorize(symbolic, {&system.H, nullptr, 0}, m.executor, factor);
+    CHECK(factor.ok);
+    CHECK(factor.negative == 0);
+    const VectorXd d = ldlt_solve(symbolic, factor, -system.gradient);
     CHECK((H * d + system.gradient).norm() < 1e-8 * system.gradient.norm());
     CHECK(system.gradient.dot(d) < 0);
   }
