@@ -229,14 +229,39 @@ struct Density {
   Eigen::Matrix<double, 8, 8> hessian = Eigen::Matrix<double, 8, 8>::Zero();
 };
 
+namespace detail {
+struct InvariantDerivatives;
+using InvariantDensity = InvariantDerivatives (*)(double N, double f, double g);
+}  // namespace detail
+
 /// What E_Φ measures (§3.2): the integral, over the overlap in the plane, of a function of J_f and
 /// J_g, the Jacobians of the embeddings from the surfaces to the plane. J_Φ = J_g⁻¹ J_f, and an
 /// area of 1 in the plane is 1 / det J_f on A, 1 / det J_g on B. A measure of your own depends on
 /// J_Φ and these areas only, is at least 0 and +∞ unless both determinants are positive, and is
 /// thread-safe. It need not prevent flips; E_f and E_g do.
-struct DistortionMeasure {
-  std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> value;
-  std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)> derivatives;
+class DistortionMeasure {
+ public:
+  using Value = std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
+  using Derivatives =
+      std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
+  DistortionMeasure(Value value, Derivatives derivatives,
+                    detail::InvariantDensity density = nullptr)
+      : value_(std::move(value)), derivatives_(std::move(derivatives)), in_invariants_(density) {}
+
+  double value(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g) const {
+    return value_(J_f, J_g);
+  }
+  Density derivatives(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g) const {
+    return derivatives_(J_f, J_g);
+  }
+  bool is_complete() const { return value_ && derivatives_; }
+  /// Of the measures below, the same in three invariants, which is faster; null for your own.
+  detail::InvariantDensity in_invariants() const { return in_invariants_; }
+
+ private:
+  Value value_;
+  Derivatives derivatives_;
+  detail::InvariantDensity in_invariants_;
 };
 
 /// ‖J_Φ‖² over B' plus ‖J_Φ⁻¹‖² over A' (Eq. 3). E(Φ) = E(Φ⁻¹); an isometry has 2 per area.
@@ -637,9 +662,10 @@ inline double orient2d_exact(const Vec2& a, const Vec2& b, const Vec2& c) {
   return sum.sign();
 }
 
+constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
+
 /// Positive if a, b, c turn left, negative if they turn right, 0 if they are collinear: exact.
 inline double orient2d(const Vec2& a, const Vec2& b, const Vec2& c) {
-  constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
   const double left = (a.x() - c.x()) * (b.y() - c.y());
   const double right = (a.y() - c.y()) * (b.x() - c.x());
   const double det = left - right;
@@ -1167,14 +1193,21 @@ struct OverlayPolygon {
   std::uint32_t code = 0;
 
   int piece(int i) const { return static_cast<int>((code >> (3 * i)) & 7u); }
+  bool has(int edge) const {
+    for (int i = 0; i < count; ++i)
+      if (piece(i) == edge) return true;
+    return false;
+  }
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
 /// Axis-parallel boxes of runs of 2^k consecutive segments of a closed polyline, as a binary tree.
 class BoundaryTree {
  public:
-  BoundaryTree(const HalfEdgeMesh& m, const Points2& x) : n_(m.boundary.size()) {
-    while (leaves_ < n_) leaves_ *= 2;
+  /// Memory of an earlier tree is used again.
+  void build(const HalfEdgeMesh& m, const Points2& x) {
+    n_ = m.boundary.size();
+    for (leaves_ = 1; leaves_ < n_;) leaves_ *= 2;
     lo_.assign(2 * leaves_, Vec2::Constant(std::numeric_limits<double>::infinity()));
     hi_.assign(2 * leaves_, Vec2::Constant(-std::numeric_limits<double>::infinity()));
     for (int i = 0; i < n_; ++i) {
@@ -1210,7 +1243,7 @@ class BoundaryTree {
     }
   }
 
-  int n_;
+  int n_ = 0;
   int leaves_ = 1;
   Array<Vec2> lo_, hi_;
 };
@@ -1266,7 +1299,8 @@ inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
   const int n = m.boundary.size();
   const auto p = [&](int i) { return row2(x, m.tail[m.boundary[i % n]]); };
   bool simple = true;
-  const BoundaryTree tree(m, x);
+  BoundaryTree tree;
+  tree.build(m, x);
   tree.for_each_pair(tree, [&](int i, int j) {
     if (i >= j || !simple) return;
     if (j == i + 1)
@@ -1309,11 +1343,19 @@ inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f,
 /// side[i][k]: does corner i of the one triangle lie left of edge k of the other?
 using Sides = std::array<std::array<bool, 3>, 3>;
 
+/// What oriented() says of each; differences are shared among the three edges.
 inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edges) {
   Sides side{};
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t k = 0; k < 3; ++k)
-      side[i][k] = oriented(edges[k], edges[(k + 1) % 3], corners[i]);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec2 d[3] = {edges[0].p - corners[i].p, edges[1].p - corners[i].p,
+                       edges[2].p - corners[i].p};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t l = k == 2 ? 0 : k + 1;
+      const double left = d[k].x() * d[l].y(), right = d[k].y() * d[l].x(), det = left - right;
+      const bool is_certain = std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right));
+      side[i][k] = is_certain ? det > 0 : oriented(edges[k], edges[l], corners[i]);
+    }
+  }
   return side;
 }
 
@@ -1369,47 +1411,14 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 
 // ---- the overlay of two embeddings ----
 
-/// An open-addressing set of 64-bit keys; clearing it costs what was inserted.
-class KeySet {
- public:
-  void clear() {
-    for (int slot : used_) slots_[slot] = kEmpty;
-    used_.clear();
-  }
-  bool insert(std::uint64_t key) {  // false if it was there
-    if (2 * (used_.size() + 1) > slots_.size()) grow();
-    return place(key);
-  }
-
- private:
-  static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
-  bool place(std::uint64_t key) {
-    const std::uint64_t mask = static_cast<std::uint64_t>(slots_.size()) - 1;
-    std::uint64_t i = (key * 0x9E3779B97F4A7C15ull) >> 20;
-    for (;; ++i) {
-      std::uint64_t& slot = slots_[static_cast<int>(i & mask)];
-      if (slot == key) return false;
-      if (slot != kEmpty) continue;
-      slot = key;
-      used_.push_back(static_cast<int>(i & mask));
-      return true;
-    }
-  }
-  void grow() {
-    Array<std::uint64_t> old;
-    for (int slot : used_) old.push_back(slots_[slot]);
-    slots_.assign((std::max)(1024, 2 * slots_.size()), kEmpty);
-    used_.clear();
-    for (std::uint64_t key : old) place(key);
-  }
-  Array<std::uint64_t> slots_;
-  Array<int> used_;
-};
-
 /// The polygons of an overlay, and the memory to compute the next one without allocating.
 struct Overlay {
   Array<OverlayPolygon> polygons;
-  KeySet visited;
+  Array<int> newest;  // per triangle of A: the polygon found last, or -1
+  Array<int> older;   // per polygon: the one found before in the same triangle of A, or -1
+  Array<int> mark;    // per triangle of B: the triangle of A that is known to meet it
+  Array<std::pair<int, int>> seeds;  // triangles of A and B that meet
+  BoundaryTree boundary_a, boundary_b;
 };
 
 class OverlayBuilder {
@@ -1420,59 +1429,85 @@ class OverlayBuilder {
 
   void build() {
     overlay_.polygons.clear();
-    overlay_.visited.clear();
+    overlay_.older.clear();
+    overlay_.seeds.clear();
+    overlay_.newest.assign(a_.n_faces, -1);
+    overlay_.mark.assign(b_.n_faces, -1);
     seed_boundary_crossings();
-    if (overlay_.polygons.empty()) seed_containment();
-    for (int i = 0; i < overlay_.polygons.size(); ++i) visit_neighbours(i);  // breadth first
+    if (overlay_.seeds.empty()) seed_containment();
+    while (!overlay_.seeds.empty()) {
+      const auto seed = overlay_.seeds.back();
+      overlay_.seeds.pop_back();
+      flood(seed.first, seed.second);
+    }
   }
 
  private:
-  void add(int ta, int tb) {
-    const std::uint64_t key =
-        static_cast<std::uint64_t>(ta) * static_cast<std::uint64_t>(b_.n_faces) +
-        static_cast<std::uint64_t>(tb);
-    if (!overlay_.visited.insert(key)) return;
-    OverlayPolygon p = intersect(labelled(a_, f_, ta, 0), labelled(b_, g_, tb, a_.n_vertices));
+  /// Finds the polygons of one triangle of A that are connected to the one in tb within it; those
+  /// across its edges become seeds, edge by edge, so that they come back together.
+  void flood(int ta, int tb) {
+    if (ta != marked_) mark_known(ta);
+    if (overlay_.mark[tb] == ta) return;
+    const LabelledTriangle a = labelled(a_, f_, ta, 0);
+    const int begin = overlay_.polygons.size();
+    add(ta, tb, a);
+    for (int i = begin; i < overlay_.polygons.size(); ++i) {
+      const OverlayPolygon p = overlay_.polygons[i];
+      for (int k = 0; k < p.count; ++k) {
+        const int e = p.piece(k), twin = e < 3 ? -1 : b_.twin[3 * p.tb + e - 3];
+        if (twin >= 0) add(ta, twin / 3, a);
+      }
+    }
+    for (int e = 0; e < 3; ++e) {
+      const int twin = a_.twin[3 * ta + e];
+      if (twin < 0) continue;
+      for (int i = begin; i < overlay_.polygons.size(); ++i)
+        if (overlay_.polygons[i].has(e))
+          overlay_.seeds.push_back({twin / 3, overlay_.polygons[i].tb});
+    }
+  }
+
+  void mark_known(int ta) {
+    marked_ = ta;
+    for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i])
+      overlay_.mark[overlay_.polygons[i].tb] = ta;
+  }
+
+  void add(int ta, int tb, const LabelledTriangle& a) {
+    if (overlay_.mark[tb] == ta) return;
+    overlay_.mark[tb] = ta;
+    OverlayPolygon p = intersect(a, labelled(b_, g_, tb, a_.n_vertices));
     if (p.count == 0) return;
     p.ta = ta;
     p.tb = tb;
+    overlay_.older.push_back(overlay_.newest[ta]);
+    overlay_.newest[ta] = overlay_.polygons.size();
     overlay_.polygons.push_back(p);
-  }
-
-  /// The polygon across piece e lies in the triangle on the other side of e's edge.
-  void visit_neighbours(int i) {
-    const OverlayPolygon p = overlay_.polygons[i];
-    for (int k = 0; k < p.count; ++k) {
-      const int e = p.piece(k);
-      const int twin = e < 3 ? a_.twin[3 * p.ta + e] : b_.twin[3 * p.tb + e - 3];
-      if (twin < 0) continue;
-      if (e < 3)
-        add(twin / 3, p.tb);
-      else
-        add(p.ta, twin / 3);
-    }
   }
 
   /// Every component of the overlap whose boundary belongs to both embeddings has a crossing of
   /// a boundary edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
-    const BoundaryTree tree_a(a_, f_), tree_b(b_, g_);
-    tree_a.for_each_pair(tree_b, [&](int i, int j) {
+    overlay_.boundary_a.build(a_, f_);
+    overlay_.boundary_b.build(b_, g_);
+    overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
       const int ha = a_.boundary[i], hb = b_.boundary[j];
       const LabelledPoint p = label_a(a_.tail[ha]), q = label_a(a_.tip(ha));
       const LabelledPoint r = label_b(b_.tail[hb]), s = label_b(b_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
-      add(ha / 3, hb / 3);
+      overlay_.seeds.push_back({ha / 3, hb / 3});
     });
   }
 
   /// Without crossings one embedding lies inside the other, or they are apart.
   void seed_containment() {
     const int ha = a_.boundary[0], hb = b_.boundary[0];
-    for (int tb = 0; tb < b_.n_faces && overlay_.polygons.empty(); ++tb)
-      if (contains(labelled(b_, g_, tb, a_.n_vertices), label_a(a_.tail[ha]))) add(ha / 3, tb);
-    for (int ta = 0; ta < a_.n_faces && overlay_.polygons.empty(); ++ta)
-      if (contains(labelled(a_, f_, ta, 0), label_b(b_.tail[hb]))) add(ta, hb / 3);
+    for (int tb = 0; tb < b_.n_faces && overlay_.seeds.empty(); ++tb)
+      if (contains(labelled(b_, g_, tb, a_.n_vertices), label_a(a_.tail[ha])))
+        overlay_.seeds.push_back({ha / 3, tb});
+    for (int ta = 0; ta < a_.n_faces && overlay_.seeds.empty(); ++ta)
+      if (contains(labelled(a_, f_, ta, 0), label_b(b_.tail[hb])))
+        overlay_.seeds.push_back({ta, hb / 3});
   }
 
   static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
@@ -1487,6 +1522,7 @@ class OverlayBuilder {
   const Points2& f_;
   const Points2& g_;
   Overlay& overlay_;
+  int marked_ = -1;  // the triangle of A whose polygons are marked
 };
 
 /// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, line 3).
@@ -1512,10 +1548,6 @@ namespace detail {
 
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
-using Vec8 = Eigen::Matrix<double, 8, 1>;
-using Mat8 = Eigen::Matrix<double, 8, 8>;
-using Vec12 = Eigen::Matrix<double, 12, 1>;
-using Mat12 = Eigen::Matrix<double, 12, 12>;
 using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
 
 // ---- geometry of a polygon ----
@@ -1588,79 +1620,6 @@ inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
     twice += (q.t - q.s) * cross(u, v);
   }
   return 0.5 * twice;
-}
-
-/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d), β = (t² - s²)/2, α = (t - s) - β: a boundary piece
-/// moves outward by the interpolated motion of its edge, its ends move along the boundary.
-inline Vec12 polygon_area_gradient(const PolygonShape& shape, const SixPoints& x) {
-  Vec12 gradient = Vec12::Zero();
-  for (int i = 0; i < shape.count; ++i) {
-    const Piece& q = shape[i];
-    const int u = edge_start(q.e), v = edge_end(q.e);
-    const double beta = 0.5 * (q.t * q.t - q.s * q.s), alpha = (q.t - q.s) - beta;
-    const Vec2 normal = perp(x.col(v) - x.col(u));
-    gradient.segment<2>(2 * u) += alpha * normal;
-    gradient.segment<2>(2 * v) += beta * normal;
-  }
-  return gradient;
-}
-
-/// Adds scale · (p qᵀ + q pᵀ)/2 where p and q each live on two of the six points: p has entries
-/// p0, p1 at points i0, i1 and q has q0, q1 at j0, j1.
-struct TwoPointRow {
-  int i0, i1;
-  Vec2 v0, v1;
-};
-inline void add_symmetric_product(const TwoPointRow& p, const TwoPointRow& q, double scale,
-                                  Mat12& H) {
-  const int i[2] = {p.i0, p.i1}, j[2] = {q.i0, q.i1};
-  const Vec2* pv[2] = {&p.v0, &p.v1};
-  const Vec2* qv[2] = {&q.v0, &q.v1};
-  for (int r = 0; r < 2; ++r)
-    for (int c = 0; c < 2; ++c) {
-      const Eigen::Matrix2d block = 0.5 * scale * *pv[r] * qv[c]->transpose();
-      H.block<2, 2>(2 * i[r], 2 * j[c]) += block;
-      H.block<2, 2>(2 * j[c], 2 * i[r]) += block.transpose();
-    }
-}
-
-/// The part of δ²a that comes from the corner where piece `first` hands over to piece `second` of
-/// the other triangle: with D = d × w, m_d = perp(d), m_w = perp(w) and the motions Z_1, Z_2 of the
-/// crossing point as a point of either edge,
-///   -(1/D) [(m_d·Z_1)(m_w·Z_1) - 2 (m_d·Z_1)(m_w·Z_2) + (m_w·Z_2)(m_d·Z_2)].
-/// |D| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
-inline void add_corner_hessian(const Piece& first, const Piece& second, const SixPoints& x,
-                               Mat12& H) {
-  constexpr double kMostParallel = 1e-8;
-  const int u = edge_start(first.e), v = edge_end(first.e);
-  const int c = edge_start(second.e), e = edge_end(second.e);
-  const Vec2 d = x.col(v) - x.col(u), w = x.col(e) - x.col(c);
-  const double D = cross(d, w);
-  if (D == 0) return;
-  const double least = kMostParallel * std::sqrt(d.squaredNorm() * w.squaredNorm());
-  const double inverse = std::copysign(1 / (std::max)(std::abs(D), least), D);
-  const Vec2 md = perp(d), mw = perp(w);
-  const double t = first.t, mu = second.s;
-  const TwoPointRow md_z1 = {u, v, (1 - t) * md, t * md}, mw_z1 = {u, v, (1 - t) * mw, t * mw};
-  const TwoPointRow md_z2 = {c, e, (1 - mu) * md, mu * md}, mw_z2 = {c, e, (1 - mu) * mw, mu * mw};
-  add_symmetric_product(md_z1, mw_z1, -inverse, H);
-  add_symmetric_product(md_z1, mw_z2, 2 * inverse, H);
-  add_symmetric_product(mw_z2, md_z2, -inverse, H);
-}
-
-/// ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners between triangles.
-inline Mat12 polygon_area_hessian(const PolygonShape& shape, const SixPoints& x) {
-  Mat12 H = Mat12::Zero();
-  int before = shape.count - 1;
-  for (int i = 0; i < shape.count; before = i++) {
-    const Piece& q = shape[i];
-    const int u = 2 * edge_start(q.e), v = 2 * edge_end(q.e);
-    const double half = 0.5 * (q.t - q.s);
-    H(u, v + 1) += half, H(v + 1, u) += half;
-    H(u + 1, v) -= half, H(v, u + 1) -= half;
-    if (!same_triangle(shape[before].e, q.e)) add_corner_hessian(shape[before], q, x, H);
-  }
-  return H;
 }
 
 /// A polygon whose area drowns in rounding errors of its triangles' coordinates. It weighs nothing
@@ -1785,87 +1744,12 @@ inline StretchDerivatives sarap_stretch(double S, double d) {
           second(p_d, q_d, p_d, q_d, p_dd, q_dd)};
 }
 
-/// ∇N and ∇²N. N is a sum over columns of F of |adj(G) F_c|², and, because adj(F) G is the
-/// adjugate of adj(G) F and has the same norm, also over columns of G of |adj(F) G_c|².
-inline void norm_derivatives(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, Vec8& gradient,
-                             Mat8& hessian) {
-  const Eigen::Matrix2d aF = adjugate(F), aG = adjugate(G);
-  const Eigen::Matrix2d K = aG * F, L = aF * G;
-  const Eigen::Matrix2d dF = 2 * aG.transpose() * K, dG = 2 * aF.transpose() * L;
-  gradient << dF(0, 0), dF(1, 0), dF(0, 1), dF(1, 1), dG(0, 0), dG(1, 0), dG(0, 1), dG(1, 1);
-  hessian.setZero();
-  for (int c = 0; c < 2; ++c) {
-    hessian.block<2, 2>(2 * c, 2 * c) = 2 * aG.transpose() * aG;
-    hessian.block<2, 2>(4 + 2 * c, 4 + 2 * c) = 2 * aF.transpose() * aF;
-  }
-  // Mixed part: ∂/∂G of 2 aGᵀ (aG F_c), column by column of F; adj(E) is linear in E.
-  for (int k = 0; k < 4; ++k) {
-    Eigen::Matrix2d E = Eigen::Matrix2d::Zero();
-    E(k % 2, k / 2) = 1;
-    const Eigen::Matrix2d aE = adjugate(E);
-    const Eigen::Matrix2d mixed = 2 * (aE.transpose() * K + aG.transpose() * (aE * F));
-    for (int r = 0; r < 4; ++r) hessian(r, 4 + k) = hessian(4 + k, r) = mixed(r % 2, r / 2);
-  }
-}
-
-/// Adds scale · ∇²det for the four entries starting at `first`.
-inline void add_det_hessian(double scale, int first, Mat8& H) {
-  H(first, first + 3) += scale, H(first + 3, first) += scale;
-  H(first + 1, first + 2) -= scale, H(first + 2, first + 1) -= scale;
-}
-
 /// A density of (N, f, g) at Jacobians F and G; +∞ unless both determinants are positive.
-template <class Invariant>
-double density_value(const Invariant& density, const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+inline double density_value(InvariantDensity density, const Eigen::Matrix2d& F,
+                            const Eigen::Matrix2d& G) {
   const double f = F.determinant(), g = G.determinant();
   if (!(f > 0) || !(g > 0)) return kInfinity;
   return density((adjugate(G) * F).squaredNorm(), f, g).value;
-}
-
-/// The same with derivatives with respect to the entries of F and G.
-template <class Invariant>
-Density density_derivatives(const Invariant& density, const Eigen::Matrix2d& F,
-                            const Eigen::Matrix2d& G) {
-  Eigen::Matrix<double, 8, 3> d = Eigen::Matrix<double, 8, 3>::Zero();  // ∇N, ∇f, ∇g
-  Vec8 dN;
-  Density w;
-  norm_derivatives(F, G, dN, w.hessian);
-  d.col(0) = dN;
-  d.block<4, 1>(0, 1) = det_gradient(F);
-  d.block<4, 1>(4, 2) = det_gradient(G);
-  const InvariantDerivatives v =
-      density((adjugate(G) * F).squaredNorm(), F.determinant(), G.determinant());
-  w.value = v.value;
-  w.gradient = d * v.gradient;
-  w.hessian *= v.gradient[0];
-  add_det_hessian(v.gradient[1], 0, w.hessian);
-  add_det_hessian(v.gradient[2], 4, w.hessian);
-  w.hessian += d * v.hessian * d.transpose();
-  return w;
-}
-
-template <class Invariant>
-DistortionMeasure measure_of(const Invariant& density) {
-  return {[=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-            return density_value(density, F, G);
-          },
-          [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-            return density_derivatives(density, F, G);
-          }};
-}
-
-/// Adds -κ (1/f + 1/g), the density of the covered areas.
-inline void add_coverage(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G, double kappa,
-                         Density& w) {
-  const Eigen::Vector4d df = det_gradient(F), dg = det_gradient(G);
-  const double i = 1 / F.determinant(), j = 1 / G.determinant();
-  w.value -= kappa * (i + j);
-  w.gradient.head<4>() += kappa * i * i * df;
-  w.gradient.tail<4>() += kappa * j * j * dg;
-  add_det_hessian(kappa * i * i, 0, w.hessian);
-  add_det_hessian(kappa * j * j, 4, w.hessian);
-  w.hessian.topLeftCorner<4, 4>() -= 2 * kappa * i * i * i * df * df.transpose();
-  w.hessian.bottomRightCorner<4, 4>() -= 2 * kappa * j * j * j * dg * dg.transpose();
 }
 
 /// The 2×6 map from three points to the columns of J: J_c = Σ_i B(i, c) p_i.
@@ -1874,75 +1758,6 @@ inline Eigen::Matrix<double, 3, 2> corner_weights(const Eigen::Matrix2d& rest_in
   B.bottomRows<2>() = rest_inverse;
   B.row(0) = -rest_inverse.colwise().sum();
   return B;
-}
-
-/// C of size 8×12 with (F, G) = C x.
-inline Eigen::Matrix<double, 8, 12> jacobian_matrix(const Eigen::Matrix2d& rest_inverse_a,
-                                                    const Eigen::Matrix2d& rest_inverse_b) {
-  Eigen::Matrix<double, 8, 12> C = Eigen::Matrix<double, 8, 12>::Zero();
-  const Eigen::Matrix<double, 3, 2> B[2] = {corner_weights(rest_inverse_a),
-                                            corner_weights(rest_inverse_b)};
-  for (int m = 0; m < 2; ++m)
-    for (int i = 0; i < 3; ++i)
-      for (int c = 0; c < 2; ++c)
-        for (int r = 0; r < 2; ++r) C(4 * m + 2 * c + r, 6 * m + 2 * i + r) = B[m](i, c);
-  return C;
-}
-
-}  // namespace detail
-
-inline DistortionMeasure symmetric_dirichlet() {
-  return detail::measure_of(detail::dirichlet_density);
-}
-inline DistortionMeasure arap() {
-  return detail::measure_of([](double N, double f, double g) {
-    return detail::stretch_density(detail::arap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
-  });
-}
-inline DistortionMeasure sarap() {
-  return detail::measure_of([](double N, double f, double g) {
-    return detail::stretch_density(detail::sarap_stretch(N / (g * g), f / g), 0.5, 0.5, N, f, g);
-  });
-}
-inline DistortionMeasure asap() {
-  return detail::measure_of([](double N, double f, double g) {
-    return detail::stretch_density(detail::asap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
-  });
-}
-
-namespace detail {
-
-// ---- one polygon ----
-
-struct PolygonDerivatives {
-  bool is_negligible = false;  // then all the rest is zero
-  double value = 0;
-  Vec12 gradient = Vec12::Zero();
-  Mat12 hessian = Mat12::Zero();
-};
-
-/// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
-inline PolygonDerivatives polygon_derivatives(const OverlayPolygon& p, const SixPoints& x,
-                                              const Eigen::Matrix2d& rest_inverse_a,
-                                              const Eigen::Matrix2d& rest_inverse_b,
-                                              const DistortionMeasure& measure, double kappa) {
-  const PolygonShape shape = polygon_shape(p, x);
-  const double a = polygon_area(shape, x);
-  PolygonDerivatives result;
-  result.is_negligible = is_negligible(a, x);
-  if (result.is_negligible) return result;
-  const Vec12 da = polygon_area_gradient(shape, x);
-  const Eigen::Matrix2d F = jacobian(x, 0, rest_inverse_a), G = jacobian(x, 3, rest_inverse_b);
-  Density w = measure.derivatives(F, G);
-  add_coverage(F, G, kappa, w);
-  const Eigen::Matrix<double, 8, 12> C = jacobian_matrix(rest_inverse_a, rest_inverse_b);
-  const Vec12 dw = C.transpose() * w.gradient;
-  result.value = a * w.value;
-  result.gradient = a * dw + w.value * da;
-  result.hessian.noalias() = C.transpose() * (a * w.hessian) * C;
-  result.hessian += dw * da.transpose() + da * dw.transpose();
-  result.hessian += w.value * polygon_area_hessian(shape, x);
-  return result;
 }
 
 // ---- one parametrised triangle: E_f and E_g (§4.4) ----
@@ -1983,142 +1798,561 @@ inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
   return result;
 }
 
+// ---- lanes: the same for many polygons or triangles side by side ----
+//
+// Polygons are differentiated in batches, one per lane: every operation below acts on all lanes,
+// which the compiler turns into the vector instructions of the processor. Lanes do not mix, so
+// results do not depend on what else is in a batch.
+
+constexpr int kLanes = 16;
+using Lanes = Eigen::Array<double, kLanes, 1>;
+
+template <int N>
+struct LaneVector {
+  Lanes entry[static_cast<std::size_t>(N)];
+  Lanes& operator[](int i) { return entry[i]; }
+  const Lanes& operator[](int i) const { return entry[i]; }
+};
+
+/// A symmetric matrix in every lane, of which the lower triangles count.
+template <int N>
+struct LaneMatrix {
+  Lanes entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
+  Lanes& operator()(int i, int j) { return entry[i][j]; }
+  const Lanes& operator()(int i, int j) const { return entry[i][j]; }
+  const Lanes& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
+};
+
+/// 1 where x is above 0 (by 1e-300 or more), else 0: selects without branches.
+inline Lanes is_positive(const Lanes& x) { return (x * 1e300).max(0.0).min(1.0); }
+
+inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
+  return which * one + (1 - which) * zero;
+}
+
+inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lanes& by) {
+  return ax * by - ay * bx;
+}
+
 // ---- projection to s.p.d. matrices (§5.1) ----
 
-/// Eigenvalues and eigenvectors of a small symmetric matrix by Householder tridiagonalisation and
-/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Plain loops: they compile in
-/// a moment, and the rotations act on whole rows.
+/// Eigenvalues and eigenvectors of small symmetric matrices by Householder tridiagonalisation and
+/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Lanes that are done wait for
+/// the others.
 template <int N>
-struct SymmetricEigen {
-  using Vector = Eigen::Matrix<double, N, 1>;
-  using Rows = Eigen::Matrix<double, N, N, Eigen::RowMajor>;
-  Vector value;
-  Rows vector;     // row i belongs to value[i]
-  bool ok = true;  // false if the iteration did not settle, as for non-finite input
+struct LaneEigen {
+  LaneVector<N> value;
+  Lanes vector[static_cast<std::size_t>(N)]
+              [static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
-  explicit SymmetricEigen(const Eigen::Matrix<double, N, N>& A) {
-    Rows a = A;
+  explicit LaneEigen(LaneMatrix<N> a) {
     tridiagonalize(a);
-    for (int l = 0; l < N && ok; ++l) ok = settle(l);
+    for (int l = 0; l + 1 < N; ++l) settle(l);
   }
 
  private:
-  Vector below;  // subdiagonal of the tridiagonal matrix
+  LaneVector<N> below;  // subdiagonal of the tridiagonal matrix
 
-  /// a = Q T Qᵀ by reflections I - β v vᵀ; `vector` becomes Qᵀ.
-  void tridiagonalize(Rows& a) {
-    Rows v;  // v(k, i) for i > k
-    Vector beta;
-    for (int k = 0; k < N; ++k) {
+  /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
+  void tridiagonalize(LaneMatrix<N>& a) {
+    LaneVector<N> beta;
+    for (int k = 0; k + 1 < N; ++k) {
       value[k] = a(k, k);
-      below[k] = 0;
-      beta[k] = 0;
-      if (k + 1 == N) break;
-      double norm2 = 0, tail2 = 0;
-      for (int i = k + 1; i < N; ++i) norm2 += a(i, k) * a(i, k);
-      for (int i = k + 2; i < N; ++i) tail2 += a(i, k) * a(i, k);
-      below[k] = a(k + 1, k);
-      if (tail2 == 0) continue;
-      below[k] = -std::copysign(std::sqrt(norm2), a(k + 1, k));
-      for (int i = k + 1; i < N; ++i) v(k, i) = a(i, k);
-      v(k, k + 1) -= below[k];
-      beta[k] = -1 / (below[k] * v(k, k + 1));  // 2 / vᵀv
-      reflect(a, k, v, beta[k]);
+      Lanes tail = Lanes::Zero();
+      for (int i = k + 2; i < N; ++i) tail += a(i, k).square();
+      const Lanes head = a(k + 1, k), norm = (head.square() + tail).sqrt();
+      const Lanes some = is_positive(tail), signed_norm = select(is_positive(head), norm, -norm);
+      below[k] = select(some, -signed_norm, head);
+      a(k + 1, k) = some * (head + signed_norm);
+      beta[k] = some / (signed_norm * (head + signed_norm) + (1 - some));  // 2 / vᵀv
+      reflect(a, k, beta[k]);
     }
-    accumulate(v, beta);
+    value[N - 1] = a(N - 1, N - 1);
+    below[N - 1].setZero();
+    accumulate(a, beta);
   }
 
   /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
-  static void reflect(Rows& a, int k, const Rows& v, double beta) {
-    Vector w;
-    double vp = 0;
-    for (int i = k + 1; i < N; ++i) {
-      double sum = 0;
-      for (int j = k + 1; j < N; ++j) sum += a(i, j) * v(k, j);
-      w[i] = beta * sum;
-      vp += v(k, i) * w[i];
+  static void reflect(LaneMatrix<N>& a, int k, const Lanes& beta) {
+    LaneVector<N> w;
+    for (int i = k + 1; i < N; ++i) w[i].setZero();
+    for (int j = k + 1; j < N; ++j) {
+      Lanes sum = a(j, j) * a(j, k);
+      for (int i = j + 1; i < N; ++i) {
+        sum += a(i, j) * a(i, k);
+        w[i] += a(i, j) * a(j, k);
+      }
+      w[j] += sum;
     }
-    for (int i = k + 1; i < N; ++i) w[i] -= 0.5 * beta * vp * v(k, i);
-    for (int i = k + 1; i < N; ++i)
-      for (int j = k + 1; j < N; ++j) a(i, j) -= v(k, i) * w[j] + w[i] * v(k, j);
+    Lanes vw = Lanes::Zero();
+    for (int i = k + 1; i < N; ++i) {
+      w[i] *= beta;
+      vw += a(i, k) * w[i];
+    }
+    for (int i = k + 1; i < N; ++i) w[i] -= 0.5 * beta * vw * a(i, k);
+    for (int j = k + 1; j < N; ++j)
+      for (int i = j; i < N; ++i) a(i, j) -= a(i, k) * w[j] + w[i] * a(j, k);
   }
 
   /// vector = Qᵀ, the product of the reflections.
-  void accumulate(const Rows& v, const Vector& beta) {
-    vector.setIdentity();
-    for (int k = N - 3; k >= 0; --k) {
-      if (beta[k] == 0) continue;
+  void accumulate(const LaneMatrix<N>& v, const LaneVector<N>& beta) {
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) vector[i][j].setConstant(i == j ? 1 : 0);
+    for (int k = N - 2; k >= 0; --k)
       for (int i = k + 1; i < N; ++i) {
-        double sum = 0;
-        for (int j = k + 1; j < N; ++j) sum += vector(i, j) * v(k, j);
-        for (int j = k + 1; j < N; ++j) vector(i, j) -= beta[k] * sum * v(k, j);
+        Lanes sum = Lanes::Zero();
+        for (int j = k + 1; j < N; ++j) sum += vector[i][j] * v(j, k);
+        sum *= beta[k];
+        for (int j = k + 1; j < N; ++j) vector[i][j] -= sum * v(j, k);
       }
-    }
   }
 
+  /// 1 in the lanes whose sweep, which starts at m, has passed place i.
+  static Lanes is_above(const Lanes& m, int i) { return (m - i).max(0.0).min(1.0); }
+
   /// The first negligible subdiagonal entry from l on.
-  int split(int l) const {
+  Lanes split(int l) const {
     constexpr double kNegligible = std::numeric_limits<double>::epsilon();
-    int m = l;
-    while (m + 1 < N &&
-           std::abs(below[m]) > kNegligible * (std::abs(value[m]) + std::abs(value[m + 1])))
-      ++m;
+    Lanes m = Lanes::Constant(N - 1);
+    for (int i = N - 2; i >= l; --i) {
+      const Lanes excess = below[i].abs() - kNegligible * (value[i].abs() + value[i + 1].abs());
+      m = select(is_positive(excess), m, Lanes::Constant(i));
+    }
     return m;
   }
 
   /// QL sweeps with Wilkinson's shift until value[l] stands alone.
-  bool settle(int l) {
+  void settle(int l) {
     constexpr int kMostSweeps = 50;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-      const int m = split(l);
-      if (m == l) return true;
-      const double half = (value[l + 1] - value[l]) / (2 * below[l]);
-      double g =
-          value[m] - value[l] + below[l] / (half + std::copysign(std::sqrt(half * half + 1), half));
-      double s = 1, c = 1, p = 0;
-      int i = m - 1;
-      for (; i >= l; --i) {
-        const double f = s * below[i], b = c * below[i], r = std::sqrt(f * f + g * g);
-        below[i + 1] = r;
-        if (r == 0) break;
-        s = f / r;
-        c = g / r;
-        g = value[i + 1] - p;
-        const double t = (value[i] - g) * s + 2 * c * b;
-        p = s * t;
-        value[i + 1] = g + p;
-        g = c * t - b;
-        rotate(i, c, s);
-      }
-      below[m] = 0;
-      if (i >= l) {  // the sweep split the matrix early
-        value[i + 1] -= p;
-        continue;
-      }
-      value[l] -= p;
-      below[l] = g;
+      const Lanes m = split(l);
+      int last = l;  // NaN does not count
+      for (int k = 0; k < kLanes; ++k)
+        if (m[k] > last) last = static_cast<int>(m[k]);
+      if (last == l) return;
+      const Lanes on = is_above(m, l), off = 1 - on;
+      const Lanes half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
+      const Lanes root = half.abs() + (half.square() + 1).sqrt();
+      Lanes end = value[l + 1];  // value[m]
+      for (int i = l + 2; i <= last; ++i) end = select(is_above(m, i - 1), value[i], end);
+      Sweep state;
+      state.g = end - value[l] + (2 * is_positive(half) - 1) * below[l] / root;
+      for (int i = last - 1; i >= l; --i) rotate(i, m, state);
+      value[l] -= on * state.p;
+      below[l] = select(on, state.g, below[l]);
+      for (int i = l + 1; i <= last; ++i) below[i] *= 1 - is_above(m, i - 1) + is_above(m, i);
     }
-    return false;
   }
 
-  void rotate(int i, double c, double s) {
+  struct Sweep {
+    Lanes g, s = Lanes::Ones(), c = Lanes::Ones(), p = Lanes::Zero();
+  };
+
+  /// One rotation of a sweep, in the lanes that have started.
+  void rotate(int i, const Lanes& m, Sweep& state) {
+    constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
+    const Lanes on = is_above(m, i), off = 1 - on;
+    const Lanes f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
+    const Lanes r2 = f.square() + g.square(), r = r2.sqrt();
+    const Lanes inverse = r * (1 / r2);  // beside the root, not after it
+    const Lanes s = f * inverse, c = g * inverse;
+    const Lanes h = value[i + 1] - state.p;
+    const Lanes t = (value[i] - h) * s + 2 * c * b, p = s * t;
+    below[i + 1] = on * r + off * below[i + 1];
+    value[i + 1] = on * (h + p) + off * value[i + 1];
+    state.g = on * (c * t - b) + off * state.g;
+    state.p = on * p;
+    const Lanes sine = on * s, cosine = on * c + off;
+    state.s = sine + off;
+    state.c = cosine;
     for (int k = 0; k < N; ++k) {
-      const double x = vector(i, k), y = vector(i + 1, k);
-      vector(i + 1, k) = s * x + c * y;
-      vector(i, k) = c * x - s * y;
+      const Lanes x = vector[i][k], y = vector[i + 1][k];
+      vector[i + 1][k] = sine * x + cosine * y;
+      vector[i][k] = cosine * x - sine * y;
     }
   }
 };
 
-/// Raises the eigenvalues of a symmetric matrix to at least ε [Teran et al. 2005].
-template <int N>
-inline void project_spd(Eigen::Matrix<double, N, N>& H, double epsilon) {
-  const SymmetricEigen<N> eigen(H);
+/// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
+/// when all of them are moved, to at least ε [Teran et al. 2005]. With γ = 1 / (1 + √P), the
+/// vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the translations; there, H
+/// is H_ij - γ (H_i0 + H_0j) + γ² H_00.
+template <int P>
+void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
+  constexpr int N = 2 * (P - 1);
+  const double root = std::sqrt(static_cast<double>(P)), gamma = 1 / (1 + root);
+  LaneMatrix<N> reduced;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j <= i; ++j) {
+      const int r = i % 2, q = j % 2;
+      reduced(i, j) =
+          H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
+    }
+  const LaneEigen<N> eigen(reduced);
+  LaneVector<2 * P> v, lifted;
   for (int k = 0; k < N; ++k) {
-    const double lift = epsilon - eigen.value[k];
-    if (!(lift > 0)) continue;
-    for (int j = 0; j < N; ++j)
-      for (int i = 0; i < N; ++i) H(i, j) += lift * eigen.vector(k, i) * eigen.vector(k, j);
+    const Lanes lift = (epsilon - eigen.value[k]).max(0.0);
+    if (!(lift > 0).any()) continue;
+    for (int r = 0; r < 2; ++r) {
+      Lanes sum = Lanes::Zero();
+      for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
+      v[r] = -sum / root;
+      for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
+    }
+    for (int i = 0; i < 2 * P; ++i) {
+      lifted[i] = lift * v[i];
+      for (int j = 0; j <= i; ++j) H(i, j) += lifted[i] * v[j];
+    }
+  }
+  for (int i = 0; i < 2 * P; ++i)
+    for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
+}
+
+// ---- the density w(F, G) ----
+
+/// w with its derivatives in the entries f11 f21 f12 f22 g11 g21 g12 g22, one pair in every lane.
+struct LaneDensity {
+  Lanes value;
+  LaneVector<8> gradient;
+  LaneMatrix<8> hessian;
+};
+
+/// Value, gradient and Hessian in (N, f, g), the latter two as N, f, g and NN, fN, ff, gN, gf, gg.
+struct LaneInvariants {
+  Lanes value, d[3], dd[6];
+};
+
+inline LaneInvariants evaluate_invariants(InvariantDensity density, const Lanes& N, const Lanes& f,
+                                          const Lanes& g) {
+  LaneInvariants v;
+  for (int l = 0; l < kLanes; ++l) {
+    const InvariantDerivatives w = density(N[l], f[l], g[l]);
+    v.value[l] = w.value;
+    for (int i = 0, k = 0; i < 3; ++i) {
+      v.d[i][l] = w.gradient[i];
+      for (int j = 0; j <= i; ++j) v.dd[k++][l] = w.hessian(i, j);
+    }
+  }
+  return v;
+}
+
+/// N is the sum of X_cd² over the columns of F and G, X_cd = cross(F_c, G_d): ∂X_cd/∂F_c =
+/// perp(G_d) and ∂X_cd/∂G_d = -perp(F_c). Then w has the gradient Σ w_m ∇m over m = N, f, g, and
+/// the Hessian Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
+inline void differentiate_invariants(InvariantDensity density, const LaneVector<8>& J,
+                                     LaneDensity& w) {
+  const Lanes f = cross(J[0], J[1], J[2], J[3]), g = cross(J[4], J[5], J[6], J[7]);
+  Lanes X[2][2], N = Lanes::Zero();
+  for (int c = 0; c < 2; ++c)
+    for (int d = 0; d < 2; ++d) {
+      X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
+      N += X[c][d].square();
+    }
+  const LaneInvariants v = evaluate_invariants(density, N, f, g);
+  const auto perp = [&](int column, int r) -> Lanes {  // of column F_1, F_2, G_1, G_2
+    return r == 0 ? Lanes(J[2 * column + 1]) : Lanes(-J[2 * column]);
+  };
+  LaneVector<8> dN, dfg;  // ∇N, and ∇f or ∇g, whichever is not zero
+  for (int c = 0; c < 2; ++c)
+    for (int r = 0; r < 2; ++r) {
+      dN[2 * c + r] = 2 * (X[c][0] * perp(2, r) + X[c][1] * perp(3, r));
+      dN[4 + 2 * c + r] = -2 * (X[0][c] * perp(0, r) + X[1][c] * perp(1, r));
+    }
+  for (int m = 0; m < 8; m += 4) {
+    dfg[m] = J[m + 3], dfg[m + 1] = -J[m + 2];
+    dfg[m + 2] = -J[m + 1], dfg[m + 3] = J[m];
+  }
+  w.value = v.value;
+  for (int i = 0; i < 8; ++i) w.gradient[i] = v.d[0] * dN[i] + (i < 4 ? v.d[1] : v.d[2]) * dfg[i];
+  for (int i = 0; i < 8; ++i) {
+    const Lanes& mixed = i < 4 ? v.dd[1] : v.dd[3];  // fN or gN
+    const Lanes on_dN = v.dd[0] * dN[i] + mixed * dfg[i];
+    const Lanes on_df = v.dd[1] * dN[i] + (i < 4 ? v.dd[2] : v.dd[4]) * dfg[i];
+    const Lanes on_dg = v.dd[3] * dN[i] + v.dd[5] * dfg[i];
+    for (int j = 0; j <= i; ++j) w.hessian(i, j) = on_dN * dN[j] + (j < 4 ? on_df : on_dg) * dfg[j];
+  }
+  for (int r = 0; r < 2; ++r)  // ∇²N between F and F, G and G
+    for (int q = 0; q <= r; ++q)
+      for (int m = 0; m < 2; ++m) {
+        const int other = 2 - 2 * m;
+        const Lanes P = 2 * v.d[0] *
+                        (perp(other, r) * perp(other, q) + perp(other + 1, r) * perp(other + 1, q));
+        w.hessian(4 * m + r, 4 * m + q) += P;
+        w.hessian(4 * m + 2 + r, 4 * m + 2 + q) += P;
+      }
+  for (int c = 0; c < 2; ++c)  // and between G and F
+    for (int d = 0; d < 2; ++d)
+      for (int r = 0; r < 2; ++r)
+        for (int q = 0; q < 2; ++q) {
+          Lanes sum = -perp(c, r) * perp(2 + d, q);
+          if (r != q) sum += r == 0 ? -X[c][d] : X[c][d];
+          w.hessian(4 + 2 * d + r, 2 * c + q) += 2 * v.d[0] * sum;
+        }
+  for (int m = 0; m < 2; ++m) {  // ∇²f and ∇²g
+    w.hessian(4 * m + 3, 4 * m) += v.d[1 + m];
+    w.hessian(4 * m + 2, 4 * m + 1) -= v.d[1 + m];
+  }
+}
+
+/// Adds -κ (1/f + 1/g), the density of the covered areas.
+inline void add_coverage(const LaneVector<8>& J, double kappa, LaneDensity& w) {
+  for (int m = 0; m < 8; m += 4) {
+    const Lanes i = 1 / cross(J[m], J[m + 1], J[m + 2], J[m + 3]), slope = kappa * i.square();
+    const Lanes d[4] = {J[m + 3], -J[m + 2], -J[m + 1], J[m]};  // ∇ det
+    w.value -= kappa * i;
+    for (int k = 0; k < 4; ++k) {
+      w.gradient[m + k] += slope * d[k];
+      const Lanes scaled = 2 * slope * i * d[k];
+      for (int j = 0; j <= k; ++j) w.hessian(m + k, m + j) -= scaled * d[j];
+    }
+    w.hessian(m + 3, m) += slope;
+    w.hessian(m + 2, m + 1) -= slope;
+  }
+}
+
+inline Eigen::Matrix2d jacobian_in(const LaneVector<8>& J, int first, int lane) {
+  Eigen::Matrix2d m;
+  m << J[first][lane], J[first + 2][lane], J[first + 1][lane], J[first + 3][lane];
+  return m;
+}
+
+/// The density of a measure, lane by lane where it is one of the user's.
+inline void differentiate_measure(const DistortionMeasure& measure, const LaneVector<8>& J,
+                                  LaneDensity& w) {
+  if (measure.in_invariants() != nullptr)
+    return differentiate_invariants(measure.in_invariants(), J, w);
+  for (int l = 0; l < kLanes; ++l) {
+    const Density density = measure.derivatives(jacobian_in(J, 0, l), jacobian_in(J, 4, l));
+    w.value[l] = density.value;
+    for (int i = 0; i < 8; ++i) {
+      w.gradient[i][l] = density.gradient[i];
+      for (int j = 0; j <= i; ++j) w.hessian(i, j)[l] = density.hessian(i, j);
+    }
+  }
+}
+
+inline Density density_derivatives(InvariantDensity density, const Eigen::Matrix2d& F,
+                                   const Eigen::Matrix2d& G) {
+  LaneVector<8> J;
+  for (int k = 0; k < 4; ++k) {
+    J[k].setConstant(F.data()[k]);
+    J[4 + k].setConstant(G.data()[k]);
+  }
+  LaneDensity w;
+  differentiate_invariants(density, J, w);
+  Density result;
+  result.value = w.value[0];
+  for (int i = 0; i < 8; ++i) {
+    result.gradient[i] = w.gradient[i][0];
+    for (int j = 0; j < 8; ++j) result.hessian(i, j) = w.hessian.symmetric(i, j)[0];
+  }
+  return result;
+}
+
+inline DistortionMeasure measure_of(InvariantDensity density) {
+  return {[=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+            return density_value(density, F, G);
+          },
+          [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+            return density_derivatives(density, F, G);
+          },
+          density};
+}
+
+}  // namespace detail
+
+inline DistortionMeasure symmetric_dirichlet() {
+  return detail::measure_of(detail::dirichlet_density);
+}
+inline DistortionMeasure arap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::arap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
+  });
+}
+inline DistortionMeasure sarap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::sarap_stretch(N / (g * g), f / g), 0.5, 0.5, N, f, g);
+  });
+}
+inline DistortionMeasure asap() {
+  return detail::measure_of([](double N, double f, double g) {
+    return detail::stretch_density(detail::asap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
+  });
+}
+
+namespace detail {
+
+// ---- a batch of polygons ----
+
+/// One polygon per lane: what differentiate() needs, and what it finds.
+struct PolygonBatch {
+  LaneVector<12> x;  // a0 a1 a2 b0 b1 b2, two coordinates each
+  LaneVector<8> rest_inverse;
+  LaneVector<6> s, t;  // of the pieces; both 0 on edges without one
+  struct Corner {
+    Lanes is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
+  };
+  Corner corner[3][3];  // where an edge of t_A meets one of t_B
+  Lanes area;
+  std::array<bool, kLanes> is_negligible;  // then the rest of the lane means nothing
+
+  Lanes value;
+  LaneVector<12> gradient;
+  LaneMatrix<12> hessian;
+};
+
+inline void load(const OverlayPolygon& p, const SixPoints& x, const Eigen::Matrix2d& rest_inverse_a,
+                 const Eigen::Matrix2d& rest_inverse_b, int lane, PolygonBatch& batch) {
+  const PolygonShape shape = polygon_shape(p, x);
+  batch.area[lane] = polygon_area(shape, x);
+  batch.is_negligible[static_cast<std::size_t>(lane)] = is_negligible(batch.area[lane], x);
+  for (int i = 0; i < 12; ++i) batch.x[i][lane] = x.data()[i];
+  for (int i = 0; i < 4; ++i) {
+    batch.rest_inverse[i][lane] = rest_inverse_a.data()[i];
+    batch.rest_inverse[4 + i][lane] = rest_inverse_b.data()[i];
+  }
+  for (int e = 0; e < 6; ++e) batch.s[e][lane] = batch.t[e][lane] = 0;
+  for (auto& row : batch.corner)
+    for (PolygonBatch::Corner& c : row) c.is_there[lane] = c.on_a[lane] = c.on_b[lane] = 0;
+  int before = shape.count - 1;
+  for (int i = 0; i < shape.count; before = i++) {
+    const Piece &from = shape[before], &to = shape[i];
+    batch.s[to.e][lane] = to.s;
+    batch.t[to.e][lane] = to.t;
+    if (same_triangle(from.e, to.e)) continue;
+    const bool from_a = from.e < 3;
+    PolygonBatch::Corner& c =
+        from_a ? batch.corner[from.e][to.e - 3] : batch.corner[to.e][from.e - 3];
+    c.is_there[lane] = 1;
+    (from_a ? c.on_a : c.on_b)[lane] = from.t;
+    (from_a ? c.on_b : c.on_a)[lane] = to.s;
+  }
+}
+
+/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d) over the pieces on edges d = v - u, β = (t² - s²)/2,
+/// α = (t - s) - β: a boundary piece moves outward by the interpolated motion of its edge, its ends
+/// move along the boundary.
+inline LaneVector<12> area_gradient(const PolygonBatch& batch) {
+  LaneVector<12> gradient;
+  for (int i = 0; i < 12; ++i) gradient[i].setZero();
+  for (int e = 0; e < 6; ++e) {
+    const int u = 2 * edge_start(e), v = 2 * edge_end(e);
+    const Lanes beta = 0.5 * (batch.t[e].square() - batch.s[e].square());
+    const Lanes alpha = (batch.t[e] - batch.s[e]) - beta;
+    const Lanes nx = batch.x[v + 1] - batch.x[u + 1], ny = batch.x[u] - batch.x[v];
+    gradient[u] += alpha * nx, gradient[u + 1] += alpha * ny;
+    gradient[v] += beta * nx, gradient[v + 1] += beta * ny;
+  }
+  return gradient;
+}
+
+/// Adds the part of weight · ∇²a that comes from the corner of edges i of t_A and j of t_B. With
+/// d, w the edges, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing point as
+/// a point of either edge, δ²a has the part
+///   -(1 / |d × w|) [(m_d·Z_d)(m_w·Z_d) - 2 (m_d·Z_d)(m_w·Z_w) + (m_w·Z_w)(m_d·Z_w)].
+/// |d × w| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
+inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const Lanes& weight,
+                               LaneMatrix<12>& H) {
+  constexpr double kMostParallel = 1e-8;
+  const PolygonBatch::Corner& corner = batch.corner[i][j];
+  const int end_a[2] = {2 * edge_start(i), 2 * edge_end(i)};
+  const int end_b[2] = {2 * edge_start(3 + j), 2 * edge_end(3 + j)};
+  const auto normal = [&](const int(&ends)[2], int r) -> Lanes {
+    const Lanes along = batch.x[ends[1] + 1 - r] - batch.x[ends[0] + 1 - r];
+    return r == 0 ? along : Lanes(-along);
+  };
+  const Lanes d[2] = {normal(end_a, 0), normal(end_a, 1)};
+  const Lanes w[2] = {normal(end_b, 0), normal(end_b, 1)};
+  const Lanes D = cross(d[0], d[1], w[0], w[1]).abs();
+  const Lanes least =
+      kMostParallel * ((d[0].square() + d[1].square()) * (w[0].square() + w[1].square())).sqrt();
+  const Lanes scale = weight * corner.is_there * is_positive(D) / D.max(least);
+  const Lanes part_a[2] = {1 - corner.on_a, corner.on_a},
+              part_b[2] = {1 - corner.on_b, corner.on_b};
+  const Lanes own[3] = {d[0] * w[0], 0.5 * (d[0] * w[1] + d[1] * w[0]), d[1] * w[1]};
+  const auto add_own = [&](const int(&ends)[2], const Lanes(&part)[2]) {
+    for (int k = 0; k < 2; ++k)
+      for (int l = 0; l < 2; ++l) {
+        if (ends[l] > ends[k]) continue;
+        const Lanes factor = scale * part[k] * part[l];
+        for (int r = 0; r < 2; ++r)
+          for (int q = 0; q < (k == l ? r + 1 : 2); ++q)
+            H(ends[k] + r, ends[l] + q) -= factor * own[r + q];
+      }
+  };
+  add_own(end_a, part_a);
+  add_own(end_b, part_b);
+  for (int k = 0; k < 2; ++k)
+    for (int l = 0; l < 2; ++l) {
+      const Lanes factor = scale * part_b[k] * part_a[l];
+      for (int r = 0; r < 2; ++r) {
+        const Lanes row = factor * w[r];
+        for (int q = 0; q < 2; ++q) H(end_b[k] + r, end_a[l] + q) += row * d[q];
+      }
+    }
+}
+
+/// H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
+inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, LaneMatrix<12>& H) {
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j <= i; ++j) H(i, j).setZero();
+  for (int e = 0; e < 6; ++e) {
+    const int u = 2 * edge_start(e), v = 2 * edge_end(e), lo = (std::min)(u, v);
+    const Lanes half = 0.5 * weight * (batch.t[e] - batch.s[e]);
+    const Lanes signed_half = u < v ? half : Lanes(-half);
+    H((std::max)(u, v) + 1, lo) += signed_half;
+    H((std::max)(u, v), lo + 1) -= signed_half;
+  }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) add_corner_hessian(batch, i, j, weight, H);
+}
+
+/// The weights of a triangle's points in the columns of its Jacobian, J_c = Σ_i B_ic p_i.
+struct CornerWeights {
+  Lanes weight[3][2];
+  explicit CornerWeights(const Lanes* rest_inverse) {
+    for (int c = 0; c < 2; ++c) {
+      weight[1][c] = rest_inverse[2 * c];
+      weight[2][c] = rest_inverse[2 * c + 1];
+      weight[0][c] = -weight[1][c] - weight[2][c];
+    }
+  }
+};
+
+/// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
+inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& batch) {
+  const CornerWeights B[2] = {CornerWeights(&batch.rest_inverse[0]),
+                              CornerWeights(&batch.rest_inverse[4])};
+  LaneVector<8> J;
+  for (int k = 0; k < 8; ++k) {
+    const int m = k / 4, c = k % 4 / 2, first = 6 * m + k % 2;
+    J[k] = B[m].weight[1][c] * (batch.x[first + 2] - batch.x[first]) +
+           B[m].weight[2][c] * (batch.x[first + 4] - batch.x[first]);
+  }
+  LaneDensity w;
+  differentiate_measure(measure, J, w);
+  add_coverage(J, kappa, w);
+  const LaneVector<12> da = area_gradient(batch);
+  LaneVector<12> dw;
+  Lanes half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
+  for (int i = 0; i < 12; ++i) {
+    const int m = i / 6, first = 4 * m + i % 2;
+    const Lanes(&b)[2] = B[m].weight[i % 6 / 2];
+    dw[i] = b[0] * w.gradient[first] + b[1] * w.gradient[first + 2];
+    const Lanes b0 = batch.area * b[0], b1 = batch.area * b[1];
+    for (int k = 0; k < 4 + 4 * m; ++k)
+      half[i][k] = b0 * w.hessian.symmetric(first, k) + b1 * w.hessian.symmetric(first + 2, k);
+  }
+  batch.value = batch.area * w.value;
+  set_area_hessian(batch, w.value, batch.hessian);
+  for (int i = 0; i < 12; ++i) {
+    batch.gradient[i] = batch.area * dw[i] + w.value * da[i];
+    for (int j = 0; j <= i; ++j) {
+      const int n = j / 6, first = 4 * n + j % 2;
+      const Lanes(&b)[2] = B[n].weight[j % 6 / 2];
+      batch.hessian(i, j) +=
+          b[0] * half[i][first] + b[1] * half[i][first + 2] + dw[i] * da[j] + da[i] * dw[j];
+    }
   }
 }
 
@@ -2998,11 +3232,25 @@ inline void scatter(const HalfEdgeMesh& m, int f, int first, const FaceTerm& ter
   }
 }
 
-/// The symmetric Dirichlet energy of one triangle of an embedding, projected (§4.4, §5.1).
-inline FaceTerm embedding_term(const Surface& s, const Eigen::Matrix2d& J, int f, double epsilon) {
-  TriangleDerivatives d = triangle_derivatives(J, s.rest_inverse[f], s.area[f]);
-  project_spd<6>(d.hessian, epsilon);
-  return {d.hessian, d.gradient};
+/// The symmetric Dirichlet energies of triangles begin to end - 1 of an embedding, projected (§4.4,
+/// §5.1). J(f) is the Jacobian of one of them.
+template <class JacobianOf>
+void embedding_terms(const Surface& s, int begin, int end, double epsilon, const JacobianOf& J,
+                     Array<FaceTerm>& terms) {
+  LaneMatrix<6> H;
+  for (; begin < end; begin += kLanes) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const int f = (std::min)(begin + lane, end - 1);
+      const TriangleDerivatives d = triangle_derivatives(J(f), s.rest_inverse[f], s.area[f]);
+      terms[f].gradient = d.gradient;
+      for (int i = 0; i < 6; ++i)
+        for (int k = 0; k <= i; ++k) H(i, k)[lane] = d.hessian(i, k);
+    }
+    project_spd<3>(H, epsilon);
+    for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
+      for (int i = 0; i < 6; ++i)
+        for (int k = 0; k < 6; ++k) terms[begin + lane].hessian(i, k) = H.symmetric(i, k)[lane];
+  }
 }
 
 /// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
@@ -3040,10 +3288,12 @@ class ModelBuilder {
     face_a_.resize(pair_.a.mesh.n_faces);
     face_b_.resize(pair_.b.mesh.n_faces);
     executor_.run_blocks(face_a_.size(), kBlock, [&](int begin, int end) {
-      for (int f = begin; f < end; ++f) differentiate_face_a(x, f);
+      differentiate_barrier(pair_.a, x.jacobian_f, begin, end, face_a_);
+      differentiate_polygons(x, by_a_.start[begin], by_a_.start[end]);
     });
     executor_.run_blocks(face_b_.size(), kBlock, [&](int begin, int end) {
-      for (int f = begin; f < end; ++f) differentiate_face_b(x, f);
+      differentiate_barrier(pair_.b, x.jacobian_g, begin, end, face_b_);
+      for (int f = begin; f < end; ++f) gather_face_b(f);
     });
   }
 
@@ -3063,34 +3313,52 @@ class ModelBuilder {
  private:
   static constexpr int kBlock = 64;  // faces or rows per task
 
-  FaceTerm barrier(const Surface& s, const Eigen::Matrix2d& J, int f) const {
-    const FaceTerm term = embedding_term(s, J, f, weights_.epsilon);
-    return {weights_.barrier * term.hessian, weights_.barrier * term.gradient};
-  }
-
-  void differentiate_face_a(const Iterate& x, int f) {
-    FaceTerm& face = face_a_[f];
-    face = barrier(pair_.a, x.jacobian_f[f], f);
-    for (int i = by_a_.start[f]; i < by_a_.start[f + 1]; ++i) {
-      const int id = by_a_.item[i];
-      const OverlayPolygon& p = x.overlay.polygons[id];
-      PolygonDerivatives d =
-          polygon_derivatives(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta],
-                              pair_.b.rest_inverse[p.tb], *weights_.measure, weights_.kappa);
-      PolygonTerm& term = term_[id];
-      term = PolygonTerm();
-      if (d.is_negligible) continue;
-      project_spd<12>(d.hessian, weights_.epsilon);
-      face.hessian += d.hessian.topLeftCorner<6, 6>();
-      face.gradient += d.gradient.head<6>();
-      term = {d.hessian.topRightCorner<6, 6>(), d.hessian.bottomRightCorner<6, 6>(),
-              d.gradient.tail<6>()};
+  /// ω_R E_f or ω_R E_g of some faces.
+  void differentiate_barrier(const Surface& s, const Array<Eigen::Matrix2d>& J, int begin, int end,
+                             Array<FaceTerm>& faces) const {
+    embedding_terms(
+        s, begin, end, weights_.epsilon, [&](int f) -> const Eigen::Matrix2d& { return J[f]; },
+        faces);
+    for (int f = begin; f < end; ++f) {
+      faces[f].hessian *= weights_.barrier;
+      faces[f].gradient *= weights_.barrier;
     }
   }
 
-  void differentiate_face_b(const Iterate& x, int f) {
+  /// Polygons begin to end - 1 of those grouped by the faces of A, projected one by one.
+  void differentiate_polygons(const Iterate& x, int begin, int end) {
+    const auto batch = std::make_unique<PolygonBatch>();
+    for (; begin < end; begin += kLanes) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const OverlayPolygon& p = x.overlay.polygons[by_a_.item[(std::min)(begin + lane, end - 1)]];
+        load(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta], pair_.b.rest_inverse[p.tb],
+             lane, *batch);
+      }
+      detail::differentiate(*weights_.measure, weights_.kappa, *batch);
+      project_spd<6>(batch->hessian, weights_.epsilon);
+      for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
+        store(x, by_a_.item[begin + lane], lane, *batch);
+    }
+  }
+
+  void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
+    PolygonTerm& term = term_[id];
+    term = PolygonTerm();
+    if (batch.is_negligible[static_cast<std::size_t>(lane)]) return;
+    FaceTerm& face = face_a_[x.overlay.polygons[id].ta];
+    for (int i = 0; i < 6; ++i) {
+      face.gradient[i] += batch.gradient[i][lane];
+      term.gradient_b[i] = batch.gradient[6 + i][lane];
+      for (int j = 0; j < 6; ++j) {
+        face.hessian(i, j) += batch.hessian.symmetric(i, j)[lane];
+        term.ab(i, j) = batch.hessian(6 + j, i)[lane];
+        term.bb(i, j) = batch.hessian.symmetric(6 + i, 6 + j)[lane];
+      }
+    }
+  }
+
+  void gather_face_b(int f) {
     FaceTerm& face = face_b_[f];
-    face = barrier(pair_.b, x.jacobian_g[f], f);
     for (int i = by_b_.start[f]; i < by_b_.start[f + 1]; ++i) {
       const PolygonTerm& term = term_[by_b_.item[i]];
       face.hessian += term.bb;
@@ -4844,8 +5112,8 @@ class FlatNewton {
     const Surface& s = *problem_.surfaces[k];
     terms_.resize(s.mesh.n_faces);
     executor_.run_blocks(s.mesh.n_faces, 256, [&](int begin, int end) {
-      for (int f = begin; f < end; ++f)
-        terms_[f] = embedding_term(s, triangle_jacobian(s, x, f), f, kEpsilon);
+      embedding_terms(
+          s, begin, end, kEpsilon, [&](int f) { return triangle_jacobian(s, x, f); }, terms_);
     });
     for (int f = 0; f < s.mesh.n_faces; ++f)
       scatter(s.mesh, f, first_row(k), terms_[f], system_.pattern, system_.H, system_.gradient);
@@ -5187,6 +5455,17 @@ class Hierarchy {
     return energy;
   }
 
+  /// A symmetric matrix with its eigenvalues raised to at least ε.
+  static Eigen::Matrix2d at_least(const Eigen::Matrix2d& H, double epsilon) {
+    const double mean = 0.5 * H.trace(), radius = std::hypot(0.5 * (H(0, 0) - H(1, 1)), H(0, 1));
+    if (mean - radius >= epsilon) return H;
+    const double largest = (std::max)(mean + radius, epsilon);
+    Eigen::Matrix2d axis = Eigen::Matrix2d::Zero();  // 1 and -1 along the eigenvectors
+    if (radius > 0) axis = (H - mean * Eigen::Matrix2d::Identity()) / radius;
+    return 0.5 * (largest + epsilon) * Eigen::Matrix2d::Identity() +
+           0.5 * (largest - epsilon) * axis;
+  }
+
   /// A few Newton steps of u alone.
   void relax(int u) {
     constexpr int kSteps = 6, kMostTrials = 12;
@@ -5194,7 +5473,7 @@ class Hierarchy {
     Eigen::Matrix2d hessian, unused_hessian;
     double energy = ring_energy(u, gradient, hessian);
     for (int i = 0; i < kSteps; ++i) {
-      project_spd<2>(hessian, 1e-6 * hessian.norm());
+      hessian = at_least(hessian, 1e-6 * hessian.norm());
       const Vec2 d = -hessian.inverse() * gradient, from = row2(x_, u);
       if (!d.allFinite()) return;
       bool gained = false;
@@ -6444,8 +6723,7 @@ bool check_options(const Options& o, Output& output) {
     return good ||
            fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
   };
-  return require(o.measure.value && o.measure.derivatives,
-                 "measure must have a value and derivatives") &&
+  return require(o.measure.is_complete(), "measure must have a value and derivatives") &&
          require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
                  "coverage_weight must be at least 0") &&
          require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),

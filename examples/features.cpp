@@ -87,12 +87,11 @@ void fix_vertices(const Pair& p) {
 
 /// Other distortion measures (§3.2), and a mix of two of them as one of one's own.
 void choose_measure(const Pair& p) {
-  ism::DistortionMeasure mix;
-  mix.value = [sd = ism::symmetric_dirichlet(), asap = ism::asap()](const auto& F, const auto& G) {
+  const ism::DistortionMeasure sd = ism::symmetric_dirichlet(), asap = ism::asap();
+  const auto value = [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
     return sd.value(F, G) + 0.5 * asap.value(F, G);
   };
-  mix.derivatives = [sd = ism::symmetric_dirichlet(), asap = ism::asap()](const auto& F,
-                                                                          const auto& G) {
+  const auto derivatives = [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
     ism::Density sum = sd.derivatives(F, G);
     const ism::Density other = asap.derivatives(F, G);
     sum.value += 0.5 * other.value;
@@ -101,7 +100,7 @@ void choose_measure(const Pair& p) {
     return sum;
   };
   ism::Options options = some_iterations();
-  options.measure = mix;
+  options.measure = {value, derivatives};
   print("a mixed measure", ism::compute_map(p.a, p.b, p.landmarks, options));
   std::printf("\n");
   options.coverage_weight = 0.2;  // goes with measures that are 0 for an isometry

@@ -192,7 +192,8 @@ grep -q '"coverage_weight": 0.2' out/arap/report.json || fail "--measure arap: k
 printf '40 60\n' >pins.txt
 for pins in "--landmarks marks.txt --pins pins.txt" "--landmarks pins.txt --pin-landmarks"; do
   "$ism_map" a.obj b.obj -o out/pins $pins --iterations 5 --quiet || fail "$pins"
-  grep -Eq '"pin_residual": [0-9.]+e-1[5-9]' out/pins/report.json || fail "$pins: no residual"
+  grep -o '"pin_residual": [^,}]*' out/pins/report.json |
+    awk '{ n++; if ($2 > 1e-9) bad = 1 } END { exit n < 5 || bad }' || fail "$pins: residual"
 done
 code=0
 "$ism_map" a.obj b.obj -o out/far --landmarks marks.txt --pin-landmarks 2>stderr.txt || code=$?

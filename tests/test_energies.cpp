@@ -1,5 +1,6 @@
 // Closed-form energies against singular values and finite differences.
 
+#include "elements.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -12,6 +13,11 @@ namespace {
 
 using namespace ism::detail;
 using Eigen::Matrix2d;
+using elements::Mat12;
+using elements::polygon_derivatives;
+using elements::PolygonDerivatives;
+using elements::project_spd;
+using elements::Vec12;
 using ism::Density;
 using ism::DistortionMeasure;
 using ism::Vec2;
@@ -122,9 +128,19 @@ double density(const Matrix2d& F, const Matrix2d& G, double kappa) {
 }
 
 Density density_derivatives(const Matrix2d& F, const Matrix2d& G, double kappa) {
-  Density w = kDirichlet.derivatives(F, G);
-  add_coverage(F, G, kappa, w);
-  return w;
+  LaneVector<8> J;
+  for (int k = 0; k < 4; ++k) {
+    J[k].setConstant(F(k));
+    J[4 + k].setConstant(G(k));
+  }
+  LaneDensity w;
+  differentiate_measure(kDirichlet, J, w);
+  add_coverage(J, kappa, w);
+  Density result;
+  result.value = w.value[0];
+  for (int i = 0; i < 8; ++i) result.gradient[i] = w.gradient[i][0];
+  result.hessian = elements::get<8>(w.hessian, 0);
+  return result;
 }
 
 PolygonDerivatives derivatives(const Sample& s, double kappa,
@@ -247,12 +263,16 @@ TEST_CASE("derivatives of polygon energies agree with differences for every corn
 }
 
 TEST_CASE("derivatives of polygon areas agree with differences for every corner count") {
+  const DistortionMeasure one = {[](const Matrix2d&, const Matrix2d&) { return 1.0; },
+                                 [](const Matrix2d&, const Matrix2d&) {
+                                   Density w;
+                                   w.value = 1;
+                                   return w;
+                                 }};
   const Worst worst = compare_samples(3, 400, [&](const Sample& s, const SixPoints& x) {
-    PolygonDerivatives a;
-    const PolygonShape shape = polygon_shape(s.polygon, x);
-    a.value = polygon_area(shape, x);
-    a.gradient = polygon_area_gradient(shape, x);
-    a.hessian = polygon_area_hessian(shape, x);
+    const PolygonDerivatives a =
+        polygon_derivatives(s.polygon, x, s.rest_inverse_a, s.rest_inverse_b, one, 0);
+    CHECK(a.value == area_of(s.polygon, x));
     return a;
   });
   for (int count : {3, 4, 5, 6}) CHECK(worst.corners[count] >= 400);
@@ -270,8 +290,8 @@ TEST_CASE("derivatives of the density agree with differences") {
     const double kappa = i % 2 ? 0 : 2;
     const Density exact = density_derivatives(J[0], J[1], kappa);
     CHECK(exact.value == doctest::Approx(density(J[0], J[1], kappa)).epsilon(1e-12));
-    Vec8 gradient;
-    Mat8 hessian;
+    Eigen::Matrix<double, 8, 1> gradient;
+    Eigen::Matrix<double, 8, 8> hessian;
     for (int k = 0; k < 8; ++k) {
       Matrix2d up[2] = {J[0], J[1]}, down[2] = {J[0], J[1]};
       up[k / 4](k % 4) += h;
@@ -348,12 +368,11 @@ TEST_CASE("the density is infinite unless both triangles are positive") {
   flipped(0, 0) = -1;
   flat(0, 0) = 0;
   const Matrix2d good = Matrix2d::Identity();
-  for (const auto& value :
-       {kDirichlet.value, ism::arap().value, ism::sarap().value, ism::asap().value})
+  for (const DistortionMeasure& measure : {kDirichlet, ism::arap(), ism::sarap(), ism::asap()})
     for (const Matrix2d& bad : {flipped, flat}) {
-      CHECK(value(bad, good) == kInfinity);
-      CHECK(value(good, bad) == kInfinity);
-      CHECK(value(bad, bad) == kInfinity);
+      CHECK(measure.value(bad, good) == kInfinity);
+      CHECK(measure.value(good, bad) == kInfinity);
+      CHECK(measure.value(bad, bad) == kInfinity);
     }
   CHECK(density(good, good, 0) == 4);
   CHECK(density(good, good, 2) == 0);
@@ -556,34 +575,98 @@ TEST_CASE("an isometric triangle is at rest") {
 
 // ---- projection ----
 
+/// A random matrix that, like a Hessian of a function of differences, takes translations to 0.
+template <int P>
+Eigen::Matrix<double, 2 * P, 2 * P> random_hessian(Rng& rng) {
+  using Mat = Eigen::Matrix<double, 2 * P, 2 * P>;
+  Mat T = Mat::Identity();
+  for (int i = 0; i < 2 * P; ++i)
+    for (int j = i % 2; j < 2 * P; j += 2) T(i, j) -= 1.0 / P;
+  return T * random_symmetric<2 * P>(rng) * T;
+}
+
 TEST_CASE("project_spd lifts eigenvalues to epsilon and keeps the others") {
   Rng rng(13);
   for (int i = 0; i < 200; ++i) {
-    const Mat12 H = random_symmetric<12>(rng);
+    const Mat12 H = random_hessian<6>(rng);
     for (double epsilon : {1e-3, 0.5}) {
       Mat12 P = H;
-      project_spd<12>(P, epsilon);
+      project_spd<6>(P, epsilon);
       const Eigen::SelfAdjointEigenSolver<Mat12> before(H), after(P);
       const Vec12 expected = before.eigenvalues().cwiseMax(epsilon);
       CHECK((after.eigenvalues() - expected).norm() < 1e-12);
-      CHECK((P - P.transpose()).norm() < 1e-13);
       CHECK((P * H - H * P).norm() < 1e-11);  // the same eigenvectors
-      Mat12 again = P;
-      project_spd<12>(again, epsilon);
-      CHECK((again - P).norm() < 1e-12);
+      const Mat12 reference =
+          before.eigenvectors() * expected.asDiagonal() * before.eigenvectors().transpose();
+      CHECK((P - reference).norm() < 1e-12);
     }
   }
 }
 
-TEST_CASE("project_spd leaves positive definite matrices alone") {
+TEST_CASE("project_spd keeps what is positive, but for translations") {
   Rng rng(14);
   for (int i = 0; i < 200; ++i) {
-    const Mat6 M = random_symmetric<6>(rng);
-    const Mat6 positive = M * M + 0.1 * Mat6::Identity();
+    const Mat6 M = random_hessian<3>(rng);
+    const Mat6 positive = M * M;  // with two eigenvalues of 0
     Mat6 P = positive;
-    project_spd<6>(P, 1e-3);
-    CHECK((P - positive).norm() < 1e-13 * positive.norm());
+    project_spd<3>(P, 1e-9);
+    CHECK((P - positive).norm() < 1e-8);
   }
+}
+
+TEST_CASE("eigenvalues of matrices that are diagonal, split, graded or multiples of one") {
+  Rng rng(16);
+  constexpr int N = 10;
+  using Mat = Eigen::Matrix<double, N, N>;
+  for (int i = 0; i < 100; ++i) {
+    LaneMatrix<N> lanes;
+    std::array<Mat, kLanes> matrix;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      Mat M = random_symmetric<N>(rng);
+      if (lane % 8 == 1) M = Mat(M.diagonal().asDiagonal());
+      if (lane % 8 == 2) M.setIdentity();
+      if (lane % 8 == 3) M.setZero();
+      if (lane % 8 == 4) M.topRightCorner<4, 6>().setZero(), M.bottomLeftCorner<6, 4>().setZero();
+      for (int k = 0; lane % 8 == 5 && k < N; ++k) {
+        M.row(k) *= std::pow(10.0, -2 * k);
+        M.col(k) *= std::pow(10.0, -2 * k);
+      }
+      if (lane % 8 == 6) M *= std::pow(10.0, rng.between(-40, 40));
+      if (lane % 8 == 7) M = Mat(M.col(0) * M.col(0).transpose());
+      elements::put<N>(M, lane, lanes);
+      matrix[static_cast<std::size_t>(lane)] = M;
+    }
+    const LaneEigen<N> eigen(lanes);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Mat& M = matrix[static_cast<std::size_t>(lane)];
+      Mat V;
+      Eigen::Matrix<double, N, 1> d;
+      for (int k = 0; k < N; ++k) {
+        d[k] = eigen.value[k][lane];
+        for (int j = 0; j < N; ++j) V(j, k) = eigen.vector[k][j][lane];
+      }
+      CAPTURE(lane);
+      CHECK((V * d.asDiagonal() * V.transpose() - M).norm() <= 1e-13 * M.norm());
+      CHECK((V.transpose() * V - Mat::Identity()).norm() < 1e-13);
+    }
+  }
+}
+
+TEST_CASE("a lane does not depend on the others, nor on their being numbers") {
+  Rng rng(17);
+  const Mat12 H = random_hessian<6>(rng);
+  LaneMatrix<12> alone, mixed;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    elements::put<12>(H, lane, alone);
+    elements::put<12>(random_hessian<6>(rng), lane, mixed);
+  }
+  elements::put<12>(Mat12::Constant(std::numeric_limits<double>::quiet_NaN()), 2, mixed);
+  elements::put<12>(Mat12::Constant(std::numeric_limits<double>::infinity()), 4, mixed);
+  elements::put<12>(H, 5, mixed);
+  ism::detail::project_spd<6>(alone, 1e-3);
+  ism::detail::project_spd<6>(mixed, 1e-3);
+  CHECK(elements::get<12>(mixed, 5) == elements::get<12>(alone, 0));
+  CHECK(elements::get<12>(mixed, 0).allFinite());
 }
 
 TEST_CASE("project_spd makes polygon Hessians definite and keeps their scale") {
@@ -592,7 +675,7 @@ TEST_CASE("project_spd makes polygon Hessians definite and keeps their scale") {
   for (int i = 0; i < 300; ++i) {
     const Mat12 H = derivatives(random_sample(rng), 2).hessian;
     Mat12 P = H;
-    project_spd<12>(P, 1e-3);
+    project_spd<6>(P, 1e-3);
     const Vec12 d = Eigen::SelfAdjointEigenSolver<Mat12>(H).eigenvalues();
     indefinite += d.minCoeff() < -1e-6;
     const Vec12 e = Eigen::SelfAdjointEigenSolver<Mat12>(P).eigenvalues();
