@@ -4150,13 +4150,13 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
          to.area_b > rules.least_area_b;
 }
 
-/// The steps of one block: 0.8^ℓ of the first step, and in the first block s = 1 (§5.2).
+/// Steps 0.8^ℓ of the first step, of which the search tries every third, and s = 1 (§5.2).
+constexpr double kShrink = 0.8;
+
 inline void add_block(int direction, const Direction& d, int block,
                       std::vector<std::pair<int, double>>& steps) {
-  constexpr int kBlockLength = 8;
-  constexpr double kShrink = 0.8;
-  for (int l = 0; l < kBlockLength; ++l)
-    steps.push_back({direction, d.first_step * std::pow(kShrink, block * kBlockLength + l)});
+  for (int l : {1, 4, 7})
+    steps.push_back({direction, d.first_step * std::pow(kShrink, 9 * block + l)});
   if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
 }
 
@@ -4195,27 +4195,41 @@ inline void evaluate_trial(const SearchProblem& problem, Trial& t) {
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// Tries all directions side by side, block by block; the best acceptable trial of the first block
-/// that has one, or -1 (Algorithm 1, lines 17 to 24).
+/// Tries steps side by side, in trials from `first` on; the best acceptable one of all trials so
+/// far, or -1.
+inline int try_steps(const SearchProblem& problem, const Executor& executor, int first,
+                     const std::vector<std::pair<int, double>>& steps, Array<Trial>& trials) {
+  const int n = static_cast<int>(steps.size());
+  if (trials.size() < first + n) trials.resize(first + n);
+  executor.run(n, [&](int i) {
+    Trial& trial = trials[first + i];
+    std::tie(trial.direction, trial.step) = steps[static_cast<std::size_t>(i)];
+    evaluate_trial(problem, trial);
+  });
+  const auto value = [&](int i) { return trials[i].x.energy + trials[i].resistance; };
+  int best = -1;
+  for (int i = 0; i < first + n; ++i)
+    if (trials[i].accepted && (best < 0 || value(i) < value(best))) best = i;
+  return best;
+}
+
+/// Tries all directions, block by block, and around the best acceptable trial of the first block
+/// that has one its neighbours; the best of all, or -1 (Algorithm 1, lines 17 to 24).
 inline int line_search(const SearchProblem& problem, const Executor& executor,
                        Array<Trial>& trials) {
-  constexpr int kMostBlocks = 10;
+  constexpr int kMostBlocks = 9;
   for (Trial& t : trials) t.collides = false;
   for (int block = 0; block < kMostBlocks; ++block) {
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, steps);
-    const int n = static_cast<int>(steps.size());
-    if (trials.size() < n) trials.resize(n);
-    executor.run(n, [&](int i) {
-      std::tie(trials[i].direction, trials[i].step) = steps[static_cast<std::size_t>(i)];
-      evaluate_trial(problem, trials[i]);
-    });
-    const auto value = [&](int i) { return trials[i].x.energy + trials[i].resistance; };
-    int best = -1;
-    for (int i = 0; i < n; ++i)
-      if (trials[i].accepted && (best < 0 || value(i) < value(best))) best = i;
-    if (best >= 0) return best;
+    const int best = try_steps(problem, executor, 0, steps, trials);
+    if (best < 0) continue;
+    const int k = trials[best].direction;
+    const double step = trials[best].step;
+    const double longer = (std::min)(step / kShrink, problem.directions[k].first_step);
+    return try_steps(problem, executor, static_cast<int>(steps.size()),
+                     {{k, longer}, {k, step * kShrink}}, trials);
   }
   return -1;
 }
