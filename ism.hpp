@@ -81,6 +81,7 @@
 #include <iterator>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <numeric>
 #include <queue>
 #include <string>
@@ -2391,7 +2392,6 @@ struct Front {
   std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
   int parent = -1;
   int depth = 0;
-  int group = 0;  // of fronts eliminated one after the other
   Array<int> children;
   struct OwnBlock {
     int block;        // of the pattern
@@ -2412,7 +2412,6 @@ struct LdltSymbolic {
   /// Groups of fronts, children before parents. Those of a stage can be eliminated side by side:
   /// first whole subtrees below a fixed depth, then the fronts above it, level by level.
   Array<Array<Array<int>>> stages;
-  int groups = 0;
 };
 
 /// A line or circle normal·p + bend |p|² = const that has a part of some points on one side.
@@ -2772,19 +2771,17 @@ class NestedDissection {
 
   void schedule() {
     constexpr int kSubtreeDepth = 5;
-    Array<Front>& fronts = result_.fronts;
+    const Array<Front>& fronts = result_.fronts;
     result_.stages.resize(kSubtreeDepth + 1);
     Array<int> place(fronts.size(), -1);               // of the group in its stage
     for (int id = fronts.size() - 1; id >= 0; --id) {  // parents before children
-      Front& front = fronts[id];
+      const Front& front = fronts[id];
       Array<Array<int>>& stage =
           result_.stages[kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth)];
       if (front.depth > kSubtreeDepth) {
         place[id] = place[front.parent];
-        front.group = fronts[front.parent].group;
       } else {
         place[id] = stage.size();
-        front.group = result_.groups++;
         stage.push_back({});
       }
       stage[place[id]].push_back(id);
@@ -2806,16 +2803,47 @@ class NestedDissection {
   Array<int> mark_;
 };
 
+/// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
+/// not.
+class MemoryPool {
+ public:
+  /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
+  Eigen::VectorXd take(Eigen::Index n) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (pieces_.empty()) return Eigen::VectorXd(n);
+    int best = 0;
+    for (int i = 1; i < pieces_.size(); ++i) {
+      const bool enough = pieces_[i].size() >= n, best_is_enough = pieces_[best].size() >= n;
+      if (enough != best_is_enough ? enough : (pieces_[i].size() < pieces_[best].size()) == enough)
+        best = i;
+    }
+    std::swap(pieces_[best], pieces_.back());
+    Eigen::VectorXd memory = std::move(pieces_.back());
+    pieces_.pop_back();
+    if (memory.size() < n) memory.resize(n);
+    return memory;
+  }
+
+  void give(Eigen::VectorXd memory) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (memory.size() > 0) pieces_.push_back(std::move(memory));
+  }
+
+ private:
+  std::mutex mutex_;
+  Array<Eigen::VectorXd> pieces_;
+};
+
 /// The numeric factor. A panel holds, of one front, L with D on the diagonal of its top block. Its
 /// memory serves again for the next factorisation.
 struct LdltFactor {
-  Eigen::VectorXd panels;               // one behind the other
-  Array<Eigen::VectorXd> update;        // per front, until the parent has taken it
-  Array<Array<Eigen::VectorXd>> spare;  // per group, memory for its update matrices
-  Array<int> negative_pivots;           // per front
-  Array<char> broken;                   // per front
-  bool ok = false;                      // no zero or non-finite pivot
-  int negative = 0;                     // number of negative pivots
+  Eigen::VectorXd panels;         // one behind the other
+  Array<Eigen::VectorXd> update;  // per front, until the parent has taken it
+  MemoryPool spare;               // for update matrices
+  Array<int> negative_pivots;     // per front
+  Array<char> broken;             // per front
+  bool ok = false;                // no zero or non-finite pivot
+  int negative = 0;               // number of negative pivots
 };
 
 /// The panel of a front, 2 size × 2 own.
@@ -2876,18 +2904,6 @@ inline void set_schur(const Eigen::Ref<const Eigen::MatrixXd>& panel, DenseRef u
   }
 }
 
-/// Memory for n numbers, out of what is spare if it is enough.
-inline Eigen::VectorXd take(Array<Eigen::VectorXd>& spare, Eigen::Index n) {
-  for (int i = spare.size() - 1; i >= 0; --i) {
-    if (spare[i].size() < n) continue;
-    std::swap(spare[i], spare.back());
-    Eigen::VectorXd memory = std::move(spare.back());
-    spare.pop_back();
-    return memory;
-  }
-  return Eigen::VectorXd(n);
-}
-
 /// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
 inline Eigen::Map<Eigen::MatrixXd> update_of(const Front& front, Eigen::VectorXd& memory) {
   return Eigen::Map<Eigen::MatrixXd>(memory.data(), 2 * front.rows.size(), 2 * front.rows.size());
@@ -2946,12 +2962,11 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
   add_children(true, panel);
   factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
   const auto n = 2 * Eigen::Index{front.rows.size()};
-  factor.update[id] = take(factor.spare[front.group], n * n);
+  if (n > 0) factor.update[id] = factor.spare.take(n * n);
   auto update = update_of(front, factor.update[id]);
   set_schur(panel, update);
   add_children(false, update);
-  for (int child : front.children)
-    factor.spare[symbolic.fronts[child].group].push_back(std::move(factor.update[child]));
+  for (int child : front.children) factor.spare.give(std::move(factor.update[child]));
 }
 
 inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
@@ -2959,7 +2974,6 @@ inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& ma
   const int n = symbolic.fronts.size();
   if (factor.panels.size() < symbolic.panels_size) factor.panels.resize(symbolic.panels_size);
   factor.update.assign(n, Eigen::VectorXd());
-  if (factor.spare.size() < symbolic.groups) factor.spare.resize(symbolic.groups);
   factor.negative_pivots.assign(n, 0);
   factor.broken.assign(n, 0);
   for (const Array<Array<int>>& stage : symbolic.stages)
