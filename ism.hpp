@@ -2037,62 +2037,79 @@ inline LaneInvariants evaluate_invariants(InvariantDensity density, const Lanes&
   return v;
 }
 
-/// N is the sum of X_cd² over the columns of F and G, X_cd = cross(F_c, G_d): ∂X_cd/∂F_c =
-/// perp(G_d) and ∂X_cd/∂G_d = -perp(F_c). Then w has the gradient Σ w_m ∇m over m = N, f, g, and
-/// the Hessian Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
+/// Entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
+inline Lanes perp_of(const LaneVector<8>& J, int column, int r) {
+  return r == 0 ? J[2 * column + 1] : Lanes(-J[2 * column]);
+}
+
+/// Adds scale · ∇² det for the four entries from `first` on.
+inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
+  H(first + 3, first) += scale;
+  H(first + 2, first + 1) -= scale;
+}
+
+/// X_cd = cross(F_c, G_d) of the columns of F and G.
+using ColumnProducts = std::array<std::array<Lanes, 2>, 2>;
+
+/// Adds scale · ∇²N. N is the sum of X_cd², ∂X_cd/∂F_c = perp(G_d) and ∂X_cd/∂G_d = -perp(F_c).
+inline void add_norm_hessian(const LaneVector<8>& J, const ColumnProducts& X, const Lanes& scale,
+                             LaneMatrix<8>& H) {
+  const auto perp = [&](int column, int r) { return perp_of(J, column, r); };
+  for (int r = 0; r < 2; ++r)  // between F and F, G and G
+    for (int q = 0; q <= r; ++q)
+      for (int m = 0; m < 2; ++m) {
+        const int other = 2 - 2 * m;
+        const Lanes P =
+            2 * scale * (perp(other, r) * perp(other, q) + perp(other + 1, r) * perp(other + 1, q));
+        H(4 * m + r, 4 * m + q) += P;
+        H(4 * m + 2 + r, 4 * m + 2 + q) += P;
+      }
+  for (int c = 0; c < 2; ++c)  // between G and F
+    for (int d = 0; d < 2; ++d)
+      for (int r = 0; r < 2; ++r)
+        for (int q = 0; q < 2; ++q) {
+          const Lanes& x = X[static_cast<std::size_t>(c)][static_cast<std::size_t>(d)];
+          Lanes sum = -perp(c, r) * perp(2 + d, q);
+          if (r != q) sum += r == 0 ? -x : x;
+          H(4 + 2 * d + r, 2 * c + q) += 2 * scale * sum;
+        }
+}
+
+/// w has the gradient Σ w_m ∇m over m = N, f, g, and the Hessian Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
 inline void differentiate_invariants(InvariantDensity density, const LaneVector<8>& J,
                                      LaneDensity& w) {
-  const Lanes f = cross(J[0], J[1], J[2], J[3]), g = cross(J[4], J[5], J[6], J[7]);
-  Lanes X[2][2], N = Lanes::Zero();
-  for (int c = 0; c < 2; ++c)
-    for (int d = 0; d < 2; ++d) {
-      X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
+  ColumnProducts X;
+  Lanes N = Lanes::Zero();
+  for (std::size_t c = 0; c < 2; ++c)
+    for (std::size_t d = 0; d < 2; ++d) {
+      const int F = 2 * static_cast<int>(c), G = 4 + 2 * static_cast<int>(d);
+      X[c][d] = cross(J[F], J[F + 1], J[G], J[G + 1]);
       N += X[c][d].square();
     }
-  const LaneInvariants v = evaluate_invariants(density, N, f, g);
-  const auto perp = [&](int column, int r) -> Lanes {  // of column F_1, F_2, G_1, G_2
-    return r == 0 ? Lanes(J[2 * column + 1]) : Lanes(-J[2 * column]);
-  };
+  const LaneInvariants v =
+      evaluate_invariants(density, N, cross(J[0], J[1], J[2], J[3]), cross(J[4], J[5], J[6], J[7]));
   LaneVector<8> dN, dfg;  // ∇N, and ∇f or ∇g, whichever is not zero
-  for (int c = 0; c < 2; ++c)
+  for (std::size_t c = 0; c < 2; ++c)
     for (int r = 0; r < 2; ++r) {
-      dN[2 * c + r] = 2 * (X[c][0] * perp(2, r) + X[c][1] * perp(3, r));
-      dN[4 + 2 * c + r] = -2 * (X[0][c] * perp(0, r) + X[1][c] * perp(1, r));
+      const int k = 2 * static_cast<int>(c) + r;
+      dN[k] = 2 * (X[c][0] * perp_of(J, 2, r) + X[c][1] * perp_of(J, 3, r));
+      dN[4 + k] = -2 * (X[0][c] * perp_of(J, 0, r) + X[1][c] * perp_of(J, 1, r));
     }
   for (int m = 0; m < 8; m += 4) {
     dfg[m] = J[m + 3], dfg[m + 1] = -J[m + 2];
     dfg[m + 2] = -J[m + 1], dfg[m + 3] = J[m];
   }
   w.value = v.value;
-  for (int i = 0; i < 8; ++i) w.gradient[i] = v.d[0] * dN[i] + (i < 4 ? v.d[1] : v.d[2]) * dfg[i];
   for (int i = 0; i < 8; ++i) {
-    const Lanes& mixed = i < 4 ? v.dd[1] : v.dd[3];  // fN or gN
-    const Lanes on_dN = v.dd[0] * dN[i] + mixed * dfg[i];
+    w.gradient[i] = v.d[0] * dN[i] + (i < 4 ? v.d[1] : v.d[2]) * dfg[i];
+    const Lanes on_dN = v.dd[0] * dN[i] + (i < 4 ? v.dd[1] : v.dd[3]) * dfg[i];
     const Lanes on_df = v.dd[1] * dN[i] + (i < 4 ? v.dd[2] : v.dd[4]) * dfg[i];
     const Lanes on_dg = v.dd[3] * dN[i] + v.dd[5] * dfg[i];
     for (int j = 0; j <= i; ++j) w.hessian(i, j) = on_dN * dN[j] + (j < 4 ? on_df : on_dg) * dfg[j];
   }
-  for (int r = 0; r < 2; ++r)  // ∇²N between F and F, G and G
-    for (int q = 0; q <= r; ++q)
-      for (int m = 0; m < 2; ++m) {
-        const int other = 2 - 2 * m;
-        const Lanes P = 2 * v.d[0] *
-                        (perp(other, r) * perp(other, q) + perp(other + 1, r) * perp(other + 1, q));
-        w.hessian(4 * m + r, 4 * m + q) += P;
-        w.hessian(4 * m + 2 + r, 4 * m + 2 + q) += P;
-      }
-  for (int c = 0; c < 2; ++c)  // and between G and F
-    for (int d = 0; d < 2; ++d)
-      for (int r = 0; r < 2; ++r)
-        for (int q = 0; q < 2; ++q) {
-          Lanes sum = -perp(c, r) * perp(2 + d, q);
-          if (r != q) sum += r == 0 ? -X[c][d] : X[c][d];
-          w.hessian(4 + 2 * d + r, 2 * c + q) += 2 * v.d[0] * sum;
-        }
-  for (int m = 0; m < 2; ++m) {  // ∇²f and ∇²g
-    w.hessian(4 * m + 3, 4 * m) += v.d[1 + m];
-    w.hessian(4 * m + 2, 4 * m + 1) -= v.d[1 + m];
-  }
+  add_norm_hessian(J, X, v.d[0], w.hessian);
+  add_det_hessian(v.d[1], 0, w.hessian);
+  add_det_hessian(v.d[2], 4, w.hessian);
 }
 
 /// Adds -κ (1/f + 1/g), the density of the covered areas.
@@ -2106,8 +2123,7 @@ inline void add_coverage(const LaneVector<8>& J, double kappa, LaneDensity& w) {
       const Lanes scaled = 2 * slope * i * d[k];
       for (int j = 0; j <= k; ++j) w.hessian(m + k, m + j) -= scaled * d[j];
     }
-    w.hessian(m + 3, m) += slope;
-    w.hessian(m + 2, m + 1) -= slope;
+    add_det_hessian(slope, m, w.hessian);
   }
 }
 
@@ -2623,8 +2639,8 @@ class NestedDissection {
   void separate(int begin, int end) {
     std::array<Array<int>, 2> rim;
     for (int i = begin; i < end; ++i) {
-      const Part own = part_[*at(i)], other = own == kLeft ? kRight : kLeft;
-      if (is_coupled_to(*at(i), other)) rim[own].push_back(*at(i));
+      const Part own = part_[*at(i)];
+      if (is_coupled_to(*at(i), other_side(own))) rim[own].push_back(*at(i));
     }
     for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
   }
@@ -2660,7 +2676,7 @@ class NestedDissection {
     while (!moves_.empty() && made.size() - best < kPatience) {
       const Move move = moves_.top();
       moves_.pop();
-      const Part from = move.to == kLeft ? kRight : kLeft;
+      const Part from = other_side(move.to);
       if (part_[move.vertex] != kSeparator || mark_[move.vertex] >= 0) continue;
       if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
       mark_[move.vertex] = 0;
@@ -2674,19 +2690,19 @@ class NestedDissection {
       least = size[kSeparator];
       best = made.size();
     }
-    while (made.size() > best) {
-      const Part from = made.back().to == kLeft ? kRight : kLeft;
+    for (; made.size() > best; made.pop_back()) {
       pulled_end.pop_back();
       for (; pulled.size() > (pulled_end.empty() ? 0 : pulled_end.back()); pulled.pop_back())
-        part_[pulled.back()] = from;
+        part_[pulled.back()] = other_side(made.back().to);
       part_[made.back().vertex] = kSeparator;
-      made.pop_back();
     }
   }
 
+  static Part other_side(Part side) { return side == kLeft ? kRight : kLeft; }
+
   void offer(int v, Part to) {
     constexpr int kLeastGain = -1;
-    const int gain = 1 - coupled_[to == kLeft ? kRight : kLeft][v];
+    const int gain = 1 - coupled_[other_side(to)][v];
     if (mark_[v] < 0 && gain >= kLeastGain) moves_.push({gain, v, to});
   }
 
@@ -2700,7 +2716,7 @@ class NestedDissection {
   }
 
   void leave_separator(int v, Part to, Array<int>& pulled) {
-    const Part from = to == kLeft ? kRight : kLeft;
+    const Part from = other_side(to);
     const int begin = pulled.size();
     part_[v] = to;
     for_each_neighbour(v, [&](int u) {

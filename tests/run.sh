@@ -11,7 +11,8 @@ jobs="${JOBS:-$(nproc 2>/dev/null || echo 2)}"
 source .ci/packages.sh
 install doctest-dev has_header doctest/doctest.h
 
-cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON
+cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON \
+  -DISM_BUILD_BENCH=ON
 cmake --build "$build" --parallel "$jobs"
 cd "$build"
 ctest --parallel "$jobs" --output-on-failure --no-tests=error
