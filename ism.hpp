@@ -2549,7 +2549,7 @@ class NestedDissection {
   static constexpr int kLargestLeaf = 12;       // smaller leaves cost more in bookkeeping
   static constexpr double kLargestPart = 0.65;  // of a set that one side may have
 
-  enum Part : char { kLeft, kRight, kSeparator, kOutside };
+  enum Part : std::uint8_t { kLeft, kRight, kSeparator, kOutside };
 
   struct Neighbour {
     int vertex;
