@@ -2430,31 +2430,28 @@ struct LdltSymbolic {
   Array<Array<Array<int>>> stages;
 };
 
-/// A line or circle normal·p + bend |p|² = const that has a part of some points on one side.
+/// A line or circle that has a part of some points on one side.
 struct PlanarCut {
-  Vec2 normal = Vec2::Zero();
-  double bend = 0;
+  bool is_circle = false;
+  Vec2 vector = Vec2::Zero();  // center of the circle, or normal of the line
   double part = 0.5;
-  double key(const Vec2& p) const { return normal.dot(p) + bend * p.squaredNorm(); }
+  double key(const Vec2& p) const { return is_circle ? (p - vector).squaredNorm() : vector.dot(p); }
 };
 
 /// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
 /// couplings between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which
-/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all.
+/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all,
+/// and single precision is enough to count them.
 class CutFinder {
  public:
-  static constexpr int kCouplings = 4;
+  static constexpr int kCouplings = 8;
 
-  void resize(int n) {
-    n_ = n;
-    for (Points* p : {&x_, &y_, &square_}) p->resize(n, kCouplings + 1);
-  }
+  explicit CutFinder(int n) : n_(n), x_(n, kCouplings + 1), y_(n, kCouplings + 1) {}
 
   /// The k-th point that point i is coupled to; the 0-th is itself.
   void set(int i, int k, const Vec2& p) {
-    x_(i, k) = p.x();
-    y_(i, k) = p.y();
-    square_(i, k) = p.squaredNorm();
+    x_(i, k) = static_cast<float>(p.x());
+    y_(i, k) = static_cast<float>(p.y());
   }
 
   PlanarCut best() {
@@ -2464,12 +2461,12 @@ class CutFinder {
     double least = kInfinity;
     for (int i = 0; i < lines + circles; ++i) {
       PlanarCut cut;
-      if (i < lines) {
-        cut.normal = Vec2(std::cos(kPi * i / lines), std::sin(kPi * i / lines));
-      } else {
+      cut.is_circle = i >= lines;
+      if (cut.is_circle) {
         const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
-        cut.normal = -2 * Vec2(x_(center, 0), y_(center, 0));
-        cut.bend = 1;
+        cut.vector = Vec2(x_(center, 0), y_(center, 0));
+      } else {
+        cut.vector = Vec2(std::cos(kPi * i / lines), std::sin(kPi * i / lines));
       }
       measure(cut);
       for (double part : {0.4, 0.5, 0.6}) {
@@ -2484,21 +2481,21 @@ class CutFinder {
   }
 
  private:
-  using Points = Eigen::Array<double, Eigen::Dynamic, kCouplings + 1>;
+  using Points = Eigen::Array<float, Eigen::Dynamic, kCouplings + 1>;
 
-  /// The keys of the points, and the least and largest keys of what they are coupled to.
+  /// The keys of the points, and the least and largest key of each and what it is coupled to.
   void measure(const PlanarCut& cut) {
     constexpr int kQuantiles = 64;
-    const auto keys = [&](int k) {
-      return cut.normal.x() * x_.col(k) + cut.normal.y() * y_.col(k) + cut.bend * square_.col(k);
-    };
-    key_ = keys(0);
-    lo_ = key_;
-    hi_ = key_;
-    for (int k = 1; k <= kCouplings; ++k) {
-      other_ = keys(k);
-      lo_ = lo_.min(other_);
-      hi_ = hi_.max(other_);
+    const Eigen::Vector2f v = cut.vector.cast<float>();
+    lo_.setConstant(n_, std::numeric_limits<float>::infinity());
+    hi_ = -lo_;
+    for (int k = kCouplings; k >= 0; --k) {  // the points themselves come last
+      if (cut.is_circle)
+        key_ = (x_.col(k) - v.x()).square() + (y_.col(k) - v.y()).square();
+      else
+        key_ = v.x() * x_.col(k) + v.y() * y_.col(k);
+      lo_ = lo_.min(key_);
+      hi_ = hi_.max(key_);
     }
     quantile_.clear();
     for (int i = 0; i < n_; i += 1 + n_ / kQuantiles) quantile_.push_back(key_[i]);
@@ -2507,41 +2504,46 @@ class CutFinder {
 
   /// Points of the side with fewer of them that are coupled to the other side; more if one side is
   /// larger.
-  double cost(double level, double part) const {
-    const auto below = (key_ < level && hi_ >= level).count();
-    const auto above = (key_ >= level && lo_ < level).count();
-    return static_cast<double>((std::min)(below, above)) * (1 + std::abs(part - 0.5));
+  double cost(float level, double part) const {
+    int below = 0, above = 0;
+    for (int i = 0; i < n_; ++i) {  // without branches, so that compilers vectorise it
+      below += int{key_[i] < level} & int{hi_[i] >= level};
+      above += int{key_[i] >= level} & int{lo_[i] < level};
+    }
+    return (std::min)(below, above) * (1 + std::abs(part - 0.5));
   }
 
-  int n_ = 0;
-  Points x_, y_, square_;
-  Eigen::ArrayXd key_, other_, lo_, hi_;
-  Array<double> quantile_;
+  int n_;
+  Points x_, y_;
+  Eigen::ArrayXf key_, lo_, hi_;
+  Array<float> quantile_;
 };
 
 /// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
 /// has fewer of them, the vertices coupled to the other side separate the rest; the separator is
-/// thinned, its vertices are eliminated last, and both sides are divided again.
+/// thinned, its vertices are eliminated last, and both sides are divided again. Sets of one level
+/// are not coupled, so they are divided side by side.
 class NestedDissection {
  public:
-  NestedDissection(const BlockPattern& pattern, const Points2& positions)
-      : pattern_(pattern), positions_(positions) {}
+  NestedDissection(const BlockPattern& pattern, const Points2& positions, const Executor& executor)
+      : pattern_(pattern), positions_(positions), executor_(executor) {}
 
   LdltSymbolic build() {
     const int n = pattern_.rows();
     build_adjacency();
-    part_.assign(n, kOutside);
-    for (Array<int>& count : coupled_) count.assign(n, 0);
-    mark_.assign(n, -1);
     result_.order.resize(n);
     std::iota(result_.order.begin(), result_.order.end(), 0);
-    dissect(0, n, 0);
+    dissect();
     result_.place.resize(n);
     for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
-    mark_.assign(n, -1);
-    for (int k = 0; k < result_.fronts.size(); ++k) find_rows(k);
-    for (int k = 0; k < result_.fronts.size(); ++k) place_entries(k);
+    add_front(0);
     schedule();
+    for (const Array<Array<int>>& stage : result_.stages)
+      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
+    for (Front& front : result_.fronts) {
+      front.panel = result_.panels_size;
+      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
+    }
     return std::move(result_);
   }
 
@@ -2555,6 +2557,15 @@ class NestedDissection {
     int vertex;
     int block;
     bool transposed;  // the block is stored as (neighbour, vertex)
+  };
+
+  /// The vertices order[begin, end). Once divided, those of the left side come first, then those of
+  /// the right side, then the separator.
+  struct Set {
+    int begin, end, depth;
+    int left_end = 0, right_end = 0;
+    int child = -1;  // its left side in sets_; the right side is the next
+    int size() const { return end - begin; }
   };
 
   void build_adjacency() {
@@ -2583,44 +2594,60 @@ class NestedDissection {
     for (int k = start_[v]; k < start_[v + 1]; ++k) visit(neighbour_[k].vertex);
   }
 
-  /// Orders result_.order[begin, end) and appends its fronts; returns the topmost.
-  int dissect(int begin, int end, int depth) {
-    if (end - begin <= kLargestLeaf) return add_front(begin, end, depth, -1, -1);
-    divide(begin, end);
-    separate(begin, end);
-    thin(begin, end);
+  void dissect() {
+    part_.assign(pattern_.rows(), kOutside);
+    for (Array<int>& count : coupled_) count.assign(pattern_.rows(), 0);
+    moved_.assign(pattern_.rows(), 0);
+    sets_.push_back({0, pattern_.rows(), 0});
+    for (int first = 0, last = 1; first < last; first = last, last = sets_.size()) {
+      executor_.run(last - first, [&](int i) { split(sets_[first + i]); });
+      for (int i = first; i < last; ++i) {
+        const Set set = sets_[i];
+        if (set.size() <= kLargestLeaf) continue;
+        sets_[i].child = sets_.size();
+        sets_.push_back({set.begin, set.left_end, set.depth + 1});
+        sets_.push_back({set.left_end, set.right_end, set.depth + 1});
+      }
+    }
+  }
+
+  void split(Set& set) {
+    if (set.size() <= kLargestLeaf) return;
+    divide(set);
+    separate(set);
+    thin(set);
     const auto move_to_front = [&](int from, Part part) {
-      int* last = std::stable_partition(at(from), at(end), [&](int v) { return part_[v] == part; });
+      int* last =
+          std::stable_partition(at(from), at(set.end), [&](int v) { return part_[v] == part; });
       return static_cast<int>(last - at(0));
     };
-    const int left_end = move_to_front(begin, kLeft), right_end = move_to_front(left_end, kRight);
-    for (int i = begin; i < end; ++i) part_[*at(i)] = kOutside;
-    const int left = dissect(begin, left_end, depth + 1);
-    const int right = dissect(left_end, right_end, depth + 1);
-    return add_front(right_end, end, depth, left, right);
+    set.left_end = move_to_front(set.begin, kLeft);
+    set.right_end = move_to_front(set.left_end, kRight);
+    for (int i = set.begin; i < set.end; ++i) part_[*at(i)] = kOutside;
   }
 
   int* at(int i) { return result_.order.data() + i; }
 
   /// Puts every vertex of a set on one of two sides.
-  void divide(int begin, int end) {
-    for (int i = begin; i < end; ++i) part_[*at(i)] = kLeft;
-    const int n = end - begin;
-    cuts_.resize(n);
+  void divide(const Set& set) {
+    const Vec2 origin = row2(positions_, *at(set.begin));
+    const auto point = [&](int v) { return Vec2(row2(positions_, v) - origin); };
+    for (int i = set.begin; i < set.end; ++i) part_[*at(i)] = kLeft;
+    const int n = set.size();
+    CutFinder cuts(n);
     for (int i = 0; i < n; ++i) {
-      const int v = *at(begin + i);
+      const int v = *at(set.begin + i);
       for (int k = 0; k <= CutFinder::kCouplings; ++k) {
         const int u = k == 0 ? v : spread_neighbour(v, k - 1);
-        cuts_.set(i, k, row2(positions_, part_[u] == kLeft ? u : v));
+        cuts.set(i, k, point(part_[u] == kLeft ? u : v));
       }
     }
-    const PlanarCut cut = cuts_.best();
-    key_.resize(n);
-    for (int i = 0; i < n; ++i)
-      key_[i] = {cut.key(row2(positions_, *at(begin + i))), *at(begin + i)};
+    const PlanarCut cut = cuts.best();
+    Array<std::pair<double, int>> key(n);
+    for (int i = 0; i < n; ++i) key[i] = {cut.key(point(*at(set.begin + i))), *at(set.begin + i)};
     const int left = (std::max)(1, static_cast<int>(cut.part * n));
-    std::nth_element(key_.begin(), key_.begin() + left, key_.end());
-    for (int i = left; i < n; ++i) part_[key_[i].second] = kRight;
+    std::nth_element(key.begin(), key.begin() + left, key.end());
+    for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
   }
 
   /// One of kCouplings neighbours evenly spread over the list of v.
@@ -2636,9 +2663,9 @@ class NestedDissection {
   }
 
   /// Makes the vertices of one side that are coupled to the other one the separator.
-  void separate(int begin, int end) {
+  void separate(const Set& set) {
     std::array<Array<int>, 2> rim;
-    for (int i = begin; i < end; ++i) {
+    for (int i = set.begin; i < set.end; ++i) {
       const Part own = part_[*at(i)];
       if (is_coupled_to(*at(i), other_side(own))) rim[own].push_back(*at(i));
     }
@@ -2656,32 +2683,33 @@ class NestedDissection {
       return std::tie(gain, vertex, to) < std::tie(o.gain, o.vertex, o.to);
     }
   };
+  using Moves = std::priority_queue<Move>;
 
   /// Makes the best moves one after the other, also such that do not pay at once, and takes back
   /// those after the smallest separator. No vertex moves twice.
-  void thin(int begin, int end) {
+  void thin(const Set& set) {
     constexpr int kPatience = 30;  // moves without success
-    const int largest = static_cast<int>(kLargestPart * (end - begin));
+    const int largest = static_cast<int>(kLargestPart * set.size());
     std::array<int, 3> size{};
-    moves_ = {};
-    for (int i = begin; i < end; ++i) {
-      mark_[*at(i)] = -1;
+    Moves moves;
+    for (int i = set.begin; i < set.end; ++i) {
+      moved_[*at(i)] = 0;
       ++size[part_[*at(i)]];
     }
-    for (int i = begin; i < end; ++i)
-      if (part_[*at(i)] == kSeparator) enter_separator(*at(i));
+    for (int i = set.begin; i < set.end; ++i)
+      if (part_[*at(i)] == kSeparator) enter_separator(*at(i), moves);
     Array<Move> made;
     Array<int> pulled, pulled_end;
     int best = 0, least = size[kSeparator];
-    while (!moves_.empty() && made.size() - best < kPatience) {
-      const Move move = moves_.top();
-      moves_.pop();
+    while (!moves.empty() && made.size() - best < kPatience) {
+      const Move move = moves.top();
+      moves.pop();
       const Part from = other_side(move.to);
-      if (part_[move.vertex] != kSeparator || mark_[move.vertex] >= 0) continue;
+      if (part_[move.vertex] != kSeparator || moved_[move.vertex]) continue;
       if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
-      mark_[move.vertex] = 0;
+      moved_[move.vertex] = 1;
       made.push_back(move);
-      leave_separator(move.vertex, move.to, pulled);
+      leave_separator(move.vertex, move.to, pulled, moves);
       pulled_end.push_back(pulled.size());
       size[kSeparator] -= move.gain;
       size[move.to] += 1;
@@ -2700,89 +2728,50 @@ class NestedDissection {
 
   static Part other_side(Part side) { return side == kLeft ? kRight : kLeft; }
 
-  void offer(int v, Part to) {
+  void offer(int v, Part to, Moves& moves) const {
     constexpr int kLeastGain = -1;
     const int gain = 1 - coupled_[other_side(to)][v];
-    if (mark_[v] < 0 && gain >= kLeastGain) moves_.push({gain, v, to});
+    if (!moved_[v] && gain >= kLeastGain) moves.push({gain, v, to});
   }
 
-  void enter_separator(int v) {
+  void enter_separator(int v, Moves& moves) {
     coupled_[kLeft][v] = coupled_[kRight][v] = 0;
     for_each_neighbour(v, [&](int u) {
       if (part_[u] <= kRight) ++coupled_[part_[u]][v];
     });
-    offer(v, kLeft);
-    offer(v, kRight);
+    offer(v, kLeft, moves);
+    offer(v, kRight, moves);
   }
 
-  void leave_separator(int v, Part to, Array<int>& pulled) {
+  void leave_separator(int v, Part to, Array<int>& pulled, Moves& moves) {
     const Part from = other_side(to);
     const int begin = pulled.size();
     part_[v] = to;
     for_each_neighbour(v, [&](int u) {
-      if (part_[u] == kSeparator) ++coupled_[to][u], offer(u, from);
+      if (part_[u] == kSeparator) ++coupled_[to][u], offer(u, from, moves);
       if (part_[u] == from) part_[u] = kSeparator, pulled.push_back(u);
     });
     for (int i = begin; i < pulled.size(); ++i)
       for_each_neighbour(pulled[i], [&](int u) {
-        if (part_[u] == kSeparator) --coupled_[from][u], offer(u, to);
+        if (part_[u] == kSeparator) --coupled_[from][u], offer(u, to, moves);
       });
-    for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i]);
+    for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i], moves);
   }
 
-  int add_front(int begin, int end, int depth, int left, int right) {
+  /// Appends the fronts of a set, those of its sides first; returns the topmost.
+  int add_front(int id_set) {
+    const Set& set = sets_[id_set];
+    const bool is_leaf = set.child < 0;
     Front front;
-    front.begin = begin;
-    front.end = end;
-    front.depth = depth;
+    front.begin = is_leaf ? set.begin : set.right_end;
+    front.end = set.end;
+    front.depth = set.depth;
+    if (!is_leaf)
+      for (int side : {0, 1}) front.children.push_back(add_front(set.child + side));
     const int id = result_.fronts.size();
-    for (int child : {left, right}) {
-      if (child < 0) continue;
-      front.children.push_back(child);
-      result_.fronts[child].parent = id;
-    }
-    result_.fronts.push_back(front);
+    for (int child : front.children) result_.fronts[child].parent = id;
+    result_.fronts.push_back(std::move(front));
     return id;
-  }
-
-  void find_rows(int k) {
-    Front& front = result_.fronts[k];
-    const auto add = [&](int i) {
-      if (i < front.end || mark_[i] == k) return;
-      mark_[i] = k;
-      front.rows.push_back(i);
-    };
-    for (int i = front.begin; i < front.end; ++i) {
-      const int v = result_.order[i];
-      for (int e = start_[v]; e < start_[v + 1]; ++e) add(result_.place[neighbour_[e].vertex]);
-    }
-    for (int child : front.children)
-      for (int i : result_.fronts[child].rows) add(i);
-    std::sort(front.rows.begin(), front.rows.end());
-  }
-
-  /// Local places of the matrix entries and of the children's rows; mark_ maps to local places.
-  void place_entries(int k) {
-    Front& front = result_.fronts[k];
-    for (int i = front.begin; i < front.end; ++i) mark_[i] = i - front.begin;
-    for (int r = 0; r < front.rows.size(); ++r) mark_[front.rows[r]] = front.own() + r;
-    for (int i = front.begin; i < front.end; ++i) {
-      const int v = result_.order[i];
-      for (int e = start_[v]; e < start_[v + 1]; ++e) {
-        const int j = result_.place[neighbour_[e].vertex];
-        if (j < i) continue;
-        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
-        front.blocks.push_back(
-            {neighbour_[e].block, mark_[j], i - front.begin, !neighbour_[e].transposed});
-      }
-    }
-    for (int child : front.children) {
-      Front& c = result_.fronts[child];
-      c.parent_row.resize(c.rows.size());
-      for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = mark_[c.rows[r]];
-    }
-    front.panel = result_.panels_size;
-    result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
   }
 
   void schedule() {
@@ -2806,17 +2795,63 @@ class NestedDissection {
       for (Array<int>& ids : stage) std::reverse(ids.begin(), ids.end());
   }
 
+  /// Finds the rows and the entries of a group of fronts.
+  void fill_fronts(const Array<int>& ids) {
+    Array<int> local(pattern_.rows(), -1);  // of a vertex of the front, its place in it
+    for (int id : ids) {
+      Front& front = result_.fronts[id];
+      find_rows(front, local);
+      place_entries(front, local);
+      for (int i = front.begin; i < front.end; ++i) local[i] = -1;
+      for (int i : front.rows) local[i] = -1;
+    }
+  }
+
+  void find_rows(Front& front, Array<int>& local) const {
+    const auto add = [&](int i) {
+      if (i < front.end || local[i] >= 0) return;
+      local[i] = 0;
+      front.rows.push_back(i);
+    };
+    for (int i = front.begin; i < front.end; ++i) {
+      const int v = result_.order[i];
+      for (int e = start_[v]; e < start_[v + 1]; ++e) add(result_.place[neighbour_[e].vertex]);
+    }
+    for (int child : front.children)
+      for (int i : result_.fronts[child].rows) add(i);
+    std::sort(front.rows.begin(), front.rows.end());
+    for (int i = front.begin; i < front.end; ++i) local[i] = i - front.begin;
+    for (int r = 0; r < front.rows.size(); ++r) local[front.rows[r]] = front.own() + r;
+  }
+
+  void place_entries(Front& front, const Array<int>& local) {
+    for (int i = front.begin; i < front.end; ++i) {
+      const int v = result_.order[i];
+      for (int e = start_[v]; e < start_[v + 1]; ++e) {
+        const int j = result_.place[neighbour_[e].vertex];
+        if (j < i) continue;
+        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
+        front.blocks.push_back(
+            {neighbour_[e].block, local[j], local[i], !neighbour_[e].transposed});
+      }
+    }
+    for (int child : front.children) {
+      Front& c = result_.fronts[child];
+      c.parent_row.resize(c.rows.size());
+      for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = local[c.rows[r]];
+    }
+  }
+
   const BlockPattern& pattern_;
   const Points2& positions_;
+  const Executor& executor_;
   LdltSymbolic result_;
   Array<int> start_;
   Array<Neighbour> neighbour_;
+  Array<Set> sets_;  // level by level
   Array<Part> part_;
   std::array<Array<int>, 2> coupled_;  // of a vertex of the separator, how many on either side
-  std::priority_queue<Move> moves_;
-  CutFinder cuts_;
-  Array<std::pair<double, int>> key_;
-  Array<int> mark_;
+  Array<char> moved_;
 };
 
 /// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
@@ -4582,7 +4617,7 @@ class Optimizer {
     };
     Points2 positions(pair_.rows(), 2);
     positions << x_.f, x_.g;
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
     ldlt_factorize(symbolic, matrix(omega_), executor_, factor_);
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
@@ -5079,7 +5114,7 @@ class FlatNewton {
     Points2 positions(system.pattern.rows(), 2);
     for (std::size_t k = 0; k < x.size(); ++k)
       positions.middleRows(first_row(k), x[k].rows()) = x[k];
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
     ldlt_factorize(symbolic, {&system.H, nullptr, 0}, executor_, factor_);
     if (!factor_.ok) return Eigen::VectorXd::Constant(system.gradient.size(), kInfinity);
     return ldlt_solve(symbolic, factor_, -system.gradient);

@@ -305,7 +305,7 @@ TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and defin
     CHECK(system.gradient == m.model.gradient);
     Points2 positions(m.pair.rows(), 2);
     positions << m.x.f, m.x.g;
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions).build();
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, m.executor).build();
     LdltFactor factor;
     ldlt_factorize(symbolic, {&system.H, nullptr, 0}, m.executor, factor);
     CHECK(factor.ok);

@@ -396,7 +396,7 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
   LdltSymbolic symbolic;
   LdltFactor factor;
   const double analysis = median_seconds(
-      repeats, [&] { symbolic = NestedDissection(system.pattern, positions).build(); });
+      repeats, [&] { symbolic = NestedDissection(system.pattern, positions, run).build(); });
   const double factorisation =
       median_seconds(repeats, [&] { ldlt_factorize(symbolic, matrix, run, factor); });
   const double own = analysis + factorisation;
