@@ -3182,8 +3182,10 @@ inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const Ove
   return six_points(pair.a.mesh, x.f, pair.b.mesh, x.g, p);
 }
 
-/// E_Φ and the covered areas over the polygons of x.overlay.
-inline void add_map_energy(const SurfacePair& pair, const DistortionMeasure& measure, Iterate& x) {
+/// E_Φ and the covered areas over the polygons of x.overlay; false, and a part of them only, if E_Φ
+/// exceeds `most`.
+inline bool add_map_energy(const SurfacePair& pair, const DistortionMeasure& measure, double most,
+                           Iterate& x) {
   for (const OverlayPolygon& p : x.overlay.polygons) {
     const SixPoints points = six_points(pair, x, p);
     const double area = polygon_area(polygon_shape(p, points), points);
@@ -3192,18 +3194,25 @@ inline void add_map_energy(const SurfacePair& pair, const DistortionMeasure& mea
     x.map_energy += area * measure.value(F, G);
     x.area_a += area / F.determinant();
     x.area_b += area / G.determinant();
+    if (x.map_energy > most) return false;
   }
+  return true;
 }
 
-/// E at the positions x.f, x.g (§5); the overlay is computed anew.
-inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x) {
+/// E at the positions x.f, x.g (§5); the overlay is computed anew. Gives up, with an infinite E, as
+/// soon as it is sure to exceed `limit`: no more than all area can be covered.
+inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x,
+                     double limit = kInfinity) {
+  x.energy = kInfinity;
   x.map_energy = x.area_a = x.area_b = 0;
   x.energy_f = embedding_energy(pair.a, x.f, x.jacobian_f);
   x.energy_g = embedding_energy(pair.b, x.g, x.jacobian_g);
+  const double embeddings = weights.barrier * (x.energy_f + x.energy_g);
+  const double most = limit - embeddings + weights.kappa * pair.total_area();
+  if (most < 0) return;
   compute_overlay(pair.a.mesh, x.f, pair.b.mesh, x.g, x.overlay);
-  add_map_energy(pair, *weights.measure, x);
-  x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) +
-             weights.barrier * (x.energy_f + x.energy_g);
+  if (!add_map_energy(pair, *weights.measure, most, x)) return;
+  x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) + embeddings;
 }
 
 // ---- patterns ----
@@ -4197,6 +4206,7 @@ struct Trial {
   bool collides = false;  // rejected, here or in an earlier block, where a boundary meets itself
   double resistance = 0;  // of the scaffolds
   Iterate x;
+  double value() const { return x.energy + resistance; }
 };
 
 /// What a trial must satisfy besides injectivity.
@@ -4205,11 +4215,16 @@ struct StepRules {
   double least_area_a, least_area_b;        // that stays covered
 };
 
+/// The largest E of an acceptable trial (§5.2).
+inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
+  constexpr double kArmijo = 1e-4;
+  return from.energy + kArmijo * t.step * d.slope - (std::max)(t.resistance, 0.0);
+}
+
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
                           const Trial& t) {
-  constexpr double kArmijo = 1e-4;  // §5.2
   const Iterate& to = t.x;
-  return to.energy + (std::max)(t.resistance, 0.0) <= from.energy + kArmijo * t.step * d.slope &&
+  return to.energy <= largest_energy(from, d, t) &&
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
          to.area_b > rules.least_area_b;
@@ -4242,8 +4257,9 @@ struct SearchProblem {
   const Array<Direction>& directions;
 };
 
-/// Takes the step of a trial and decides whether it is acceptable.
-inline void evaluate_trial(const SearchProblem& problem, Trial& t) {
+/// Takes the step of a trial and decides whether it is acceptable. A trial gives up as soon as it
+/// cannot be, or cannot have a value below `best`.
+inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const SurfacePair& pair = problem.pair;
   const Direction& d = problem.directions[t.direction];
   t.x.f = moved(problem.from.f, d.f, t.step);
@@ -4256,25 +4272,25 @@ inline void evaluate_trial(const SearchProblem& problem, Trial& t) {
   if (!problem.scaffolds.empty())
     t.resistance =
         scaffold_energy(problem.scaffolds[0], t.x.f) + scaffold_energy(problem.scaffolds[1], t.x.g);
-  evaluate(pair, problem.weights, t.x);
+  const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance);
+  evaluate(pair, problem.weights, t.x, limit);
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// Tries steps side by side, in trials from `first` on; the best acceptable one of all trials so
-/// far, or -1.
-inline int try_steps(const SearchProblem& problem, const Executor& executor, int first,
+/// Tries steps side by side, in trials from `first` on; the best acceptable one of these and of
+/// `best` unless that is -1, or -1.
+inline int try_steps(const SearchProblem& problem, const Executor& executor, int first, int best,
                      const std::vector<std::pair<int, double>>& steps, Array<Trial>& trials) {
   const int n = static_cast<int>(steps.size());
   if (trials.size() < first + n) trials.resize(first + n);
+  const double best_value = best < 0 ? kInfinity : trials[best].value();
   executor.run(n, [&](int i) {
     Trial& trial = trials[first + i];
     std::tie(trial.direction, trial.step) = steps[static_cast<std::size_t>(i)];
-    evaluate_trial(problem, trial);
+    evaluate_trial(problem, best_value, trial);
   });
-  const auto value = [&](int i) { return trials[i].x.energy + trials[i].resistance; };
-  int best = -1;
-  for (int i = 0; i < first + n; ++i)
-    if (trials[i].accepted && (best < 0 || value(i) < value(best))) best = i;
+  for (int i = first; i < first + n; ++i)
+    if (trials[i].accepted && (best < 0 || trials[i].value() < trials[best].value())) best = i;
   return best;
 }
 
@@ -4288,12 +4304,12 @@ inline int line_search(const SearchProblem& problem, const Executor& executor,
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, steps);
-    const int best = try_steps(problem, executor, 0, steps, trials);
+    const int best = try_steps(problem, executor, 0, -1, steps, trials);
     if (best < 0) continue;
     const int k = trials[best].direction;
     const double step = trials[best].step;
     const double longer = (std::min)(step / kShrink, problem.directions[k].first_step);
-    return try_steps(problem, executor, static_cast<int>(steps.size()),
+    return try_steps(problem, executor, static_cast<int>(steps.size()), best,
                      {{k, longer}, {k, step * kShrink}}, trials);
   }
   return -1;

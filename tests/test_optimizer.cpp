@@ -293,6 +293,27 @@ TEST_CASE("the gradient of the whole objective agrees with differences") {
     }
 }
 
+TEST_CASE("an evaluation gives up only where the energy exceeds the limit") {
+  const auto [a, b] = random_pair(6);
+  const SurfacePair pair = surfaces(a, b);
+  const Weights weights = {2.2, 1e-2, 1e-3, &kDirichlet};
+  Iterate x = evaluated(pair, weights, a.plane, b.plane);
+  const double energy = x.energy;
+  const auto energy_within = [&](double limit) {
+    evaluate(pair, weights, x, limit);
+    return x.energy;
+  };
+  CHECK(energy_within(energy + 1e-12) == energy);
+  CHECK(energy_within(energy + 1) == energy);
+  // The limit at which to give up leaves room for the energy of all area that is not covered.
+  const double room = weights.kappa * (pair.total_area() - x.area_a - x.area_b);
+  REQUIRE(room > 0);
+  CHECK(energy_within(energy - room + 1e-9) == energy);
+  CHECK(energy_within(energy - room - 1e-9) == std::numeric_limits<double>::infinity());
+  CHECK(energy_within(-1e9) == std::numeric_limits<double>::infinity());
+  CHECK(energy_within(energy) == energy);  // what was given up leaves no trace
+}
+
 TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and definite") {
   for (std::uint64_t seed : {3u, 4u}) {
     const auto [a, b] = random_pair(seed);

@@ -1,5 +1,6 @@
 // The overlay of two embeddings against brute force, and the injectivity decision.
 
+#include "allocations.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <map>
 #include <set>
@@ -448,6 +450,23 @@ TEST_CASE("an overlay is the same when its memory is used again") {
     }
     CHECK(different == 0);
   }
+}
+
+TEST_CASE("an overlay whose memory is large enough takes no more") {
+  Rng rng(9);
+  const Pair pair(shapes::random_disk(12, 9, rng), shapes::random_disk(10, 11, rng));
+  const Pair smaller(shapes::grid(5, 5), shapes::random_disk(4, 6, rng));
+  Overlay overlay;
+  const auto allocations_of = [&](const Pair& p) {
+    const std::size_t before = allocations();
+    compute_overlay(p.a, p.f, p.b, p.g, overlay);
+    return allocations() - before;
+  };
+  CHECK(allocations_of(pair) > 0);
+  CHECK(overlay.polygons.size() > 500);
+  CHECK(allocations_of(pair) == 0);
+  CHECK(allocations_of(smaller) == 0);
+  CHECK(allocations_of(pair) == 0);
 }
 
 // ---- injectivity ----
