@@ -35,7 +35,8 @@
 //            Options::exact_landmarks is set.
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
-//            a job system of your own.
+//            a job system of your own. With -fopenmp, define EIGEN_DONT_PARALLELIZE: else Eigen
+//            splits large products, and rounds them, by its number of threads.
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
 //            the ids of offending elements.
 //
@@ -74,6 +75,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -81,7 +83,6 @@
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <mutex>
 #include <numeric>
 #include <queue>
 #include <string>
@@ -90,7 +91,6 @@
 #include <vector>
 
 #ifndef ISM_NO_THREADS
-#include <atomic>
 #include <thread>
 #endif
 
@@ -125,7 +125,8 @@ enum class Status {
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
   kNoOverlap,         // f(A) and g(B) do not overlap at the start
-  kNumericalFailure   // a factorisation or an embedding failed; please report the mesh
+  kNumericalFailure   // an embedding failed, please report the mesh; or E, its derivatives or a
+                      // factorisation are not finite
 };
 
 /// True for the statuses under which the positions are a valid injective map.
@@ -231,6 +232,7 @@ struct Density {
 };
 
 namespace detail {
+struct BuiltInMeasure;
 struct InvariantDerivatives;
 using InvariantDensity = InvariantDerivatives (*)(double N, double f, double g);
 }  // namespace detail
@@ -245,9 +247,8 @@ class DistortionMeasure {
   using Value = std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
   using Derivatives =
       std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
-  DistortionMeasure(Value value, Derivatives derivatives,
-                    detail::InvariantDensity density = nullptr)
-      : value_(std::move(value)), derivatives_(std::move(derivatives)), in_invariants_(density) {}
+  DistortionMeasure(Value value, Derivatives derivatives)
+      : value_(std::move(value)), derivatives_(std::move(derivatives)) {}
 
   double value(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g) const {
     return value_(J_f, J_g);
@@ -256,13 +257,12 @@ class DistortionMeasure {
     return derivatives_(J_f, J_g);
   }
   bool is_complete() const { return value_ && derivatives_; }
-  /// Of the measures below, the same in three invariants, which is faster; null for your own.
-  detail::InvariantDensity in_invariants() const { return in_invariants_; }
 
  private:
+  friend struct detail::BuiltInMeasure;
   Value value_;
   Derivatives derivatives_;
-  detail::InvariantDensity in_invariants_;
+  detail::InvariantDensity in_invariants_ = nullptr;  // of the measures below
 };
 
 /// ‖J_Φ‖² over B' plus ‖J_Φ⁻¹‖² over A' (Eq. 3). E(Φ) = E(Φ⁻¹); an isometry has 2 per area.
@@ -306,10 +306,11 @@ struct Options {
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again;
   /// while ω_L comes down and is above 1e-3, nothing stops.
-  double tolerance = 1e-4;   // ≥ 0
-  int window = 10;           // ≥ 1
-  bool keep_scale = false;   // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
-  int threads = 0;           // ≥ 0; 0: as many as the machine has; results do not depend on it
+  double tolerance = 1e-4;  // ≥ 0
+  int window = 10;          // ≥ 1
+  bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
+  int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
+                    // the most that are used; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each level of the embedding and each iteration, from the calling thread; return
   /// false to cancel.
@@ -563,12 +564,15 @@ class Executor {
   explicit Executor(const Options& options)
       : threads_(options.threads), hook_(options.parallel_for) {
 #ifndef ISM_NO_THREADS
-    if (threads_ <= 0) threads_ = static_cast<int>(std::thread::hardware_concurrency());
+    constexpr int kMostPerProcessor = 4;
+    const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
+    threads_ = threads_ <= 0 ? processors : (std::min)(threads_, kMostPerProcessor * processors);
 #endif
     threads_ = (std::max)(threads_, 1);
   }
 
   void run(int n, const std::function<void(int)>& task) const {
+    if (n <= 0) return;
     if (hook_) return hook_(n, task);
 #ifndef ISM_NO_THREADS
     if (threads_ > 1 && n > 1) return run_threads(n, task);
@@ -1177,8 +1181,9 @@ inline std::vector<Problem> validate(const TriangleMesh& mesh) {
 // Invariants: every decision is the sign of orient2d of three input vertices, mixed triples under
 //             the symbolic perturbation; so neighbouring polygons agree on their common corners and
 //             no polygon has fewer than 3 or more than 6 corners.
-// Fails:      never on injective embeddings; cost is linear in the number of polygons, plus
-//             O((a + b + crossings) log(a b)) for boundaries of a and b edges.
+// Fails:      never on injective embeddings; cost is linear in the number of polygons, unless a
+//             triangle of A meets B in many separate pieces, plus O((a + b + crossings) log(a b))
+//             for boundaries of a and b edges.
 
 namespace ism {
 namespace detail {
@@ -1207,11 +1212,11 @@ class BoundaryTree {
  public:
   /// Memory of an earlier tree is used again.
   void build(const HalfEdgeMesh& m, const Points2& x) {
-    n_ = m.boundary.size();
-    for (leaves_ = 1; leaves_ < n_;) leaves_ *= 2;
+    const int n = m.boundary.size();
+    for (leaves_ = 1; leaves_ < n;) leaves_ *= 2;
     lo_.assign(2 * leaves_, Vec2::Constant(std::numeric_limits<double>::infinity()));
     hi_.assign(2 * leaves_, Vec2::Constant(-std::numeric_limits<double>::infinity()));
-    for (int i = 0; i < n_; ++i) {
+    for (int i = 0; i < n; ++i) {
       const Vec2 p = row2(x, m.tail[m.boundary[i]]), q = row2(x, m.tip(m.boundary[i]));
       lo_[leaves_ + i] = p.cwiseMin(q);
       hi_[leaves_ + i] = p.cwiseMax(q);
@@ -1244,7 +1249,6 @@ class BoundaryTree {
     }
   }
 
-  int n_ = 0;
   int leaves_ = 1;
   Array<Vec2> lo_, hi_;
 };
@@ -1262,7 +1266,8 @@ inline bool segments_touch(const Vec2& p, const Vec2& q, const Vec2& r, const Ve
   return straddles(r_side, s_side) && straddles(p_side, q_side);
 }
 
-/// True if consecutive segments pq and qr have no point but q in common.
+/// True if consecutive segments pq and qr fold back onto each other, so that they share more than
+/// q.
 inline bool turns_back(const Vec2& p, const Vec2& q, const Vec2& r) {
   return orient2d(p, q, r) == 0 && (p - q).dot(r - q) > 0;
 }
@@ -1554,7 +1559,7 @@ using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
 // ---- geometry of a polygon ----
 
 /// One piece of a polygon's boundary: edge `e` (0-5 as in OverlayPolygon), from its parameter s to
-/// t, 0 ≤ s ≤ t ≤ 1.
+/// t, 0 ≤ s ≤ t ≤ 1 up to rounding.
 struct Piece {
   int e = 0;
   double s = 0;
@@ -1640,12 +1645,6 @@ inline Eigen::Matrix2d jacobian(const Vec2& p0, const Vec2& p1, const Vec2& p2,
   Eigen::Matrix2d edges;
   edges << p1 - p0, p2 - p0;
   return edges * rest_inverse;
-}
-
-/// The same of the triangle in columns first .. first + 2 of x.
-inline Eigen::Matrix2d jacobian(const SixPoints& x, int first,
-                                const Eigen::Matrix2d& rest_inverse) {
-  return jacobian(x.col(first), x.col(first + 1), x.col(first + 2), rest_inverse);
 }
 
 inline Eigen::Matrix2d adjugate(const Eigen::Matrix2d& m) {
@@ -1753,7 +1752,7 @@ inline double density_value(InvariantDensity density, const Eigen::Matrix2d& F,
   return density((adjugate(G) * F).squaredNorm(), f, g).value;
 }
 
-/// The 2×6 map from three points to the columns of J: J_c = Σ_i B(i, c) p_i.
+/// The weights of a triangle's points in the columns of its Jacobian: J_c = Σ_i B(i, c) p_i.
 inline Eigen::Matrix<double, 3, 2> corner_weights(const Eigen::Matrix2d& rest_inverse) {
   Eigen::Matrix<double, 3, 2> B;
   B.bottomRows<2>() = rest_inverse;
@@ -1799,10 +1798,11 @@ inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
   return result;
 }
 
-// ---- lanes: the same for many polygons or triangles side by side ----
+// ---- lanes: many polygons side by side ----
 //
-// Polygons are differentiated in batches, one per lane: every operation below acts on all lanes,
-// which the compiler turns into the vector instructions of the processor. Lanes do not mix, so
+// Polygons are differentiated in batches, one per lane, and Hessians of polygons and triangles are
+// projected in batches: every operation below acts on all lanes, which the compiler turns into the
+// vector instructions it may use. Lanes do not mix, so
 // results do not depend on what else is in a batch.
 
 constexpr int kLanes = 16;
@@ -1824,8 +1824,9 @@ struct LaneMatrix {
   const Lanes& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
 };
 
-/// 1 where x is above 0 (by 1e-300 or more), else 0: selects without branches.
-inline Lanes is_positive(const Lanes& x) { return (x * 1e300).max(0.0).min(1.0); }
+/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
+/// double.
+inline Lanes is_positive(const Lanes& x) { return (x * 1e300 * 1e300).max(0.0).min(1.0); }
 
 inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
   return which * one + (1 - which) * zero;
@@ -2006,7 +2007,7 @@ void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
     }
   }
   for (int i = 0; i < 2 * P; ++i)
-    for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
+    for (int j = i % 2; j <= i; j += 2) H(i, j) += epsilon / P;  // translations
 }
 
 // ---- the density w(F, G) ----
@@ -2133,21 +2134,6 @@ inline Eigen::Matrix2d jacobian_in(const LaneVector<8>& J, int first, int lane) 
   return m;
 }
 
-/// The density of a measure, lane by lane where it is one of the user's.
-inline void differentiate_measure(const DistortionMeasure& measure, const LaneVector<8>& J,
-                                  LaneDensity& w) {
-  if (measure.in_invariants() != nullptr)
-    return differentiate_invariants(measure.in_invariants(), J, w);
-  for (int l = 0; l < kLanes; ++l) {
-    const Density density = measure.derivatives(jacobian_in(J, 0, l), jacobian_in(J, 4, l));
-    w.value[l] = density.value;
-    for (int i = 0; i < 8; ++i) {
-      w.gradient[i][l] = density.gradient[i];
-      for (int j = 0; j <= i; ++j) w.hessian(i, j)[l] = density.hessian(i, j);
-    }
-  }
-}
-
 inline Density density_derivatives(InvariantDensity density, const Eigen::Matrix2d& F,
                                    const Eigen::Matrix2d& G) {
   LaneVector<8> J;
@@ -2166,33 +2152,41 @@ inline Density density_derivatives(InvariantDensity density, const Eigen::Matrix
   return result;
 }
 
-inline DistortionMeasure measure_of(InvariantDensity density) {
-  return {[=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-            return density_value(density, F, G);
-          },
-          [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-            return density_derivatives(density, F, G);
-          },
-          density};
-}
+/// Measures that are a function of three invariants, which is faster.
+struct BuiltInMeasure {
+  static DistortionMeasure of(InvariantDensity density) {
+    DistortionMeasure measure(
+        [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+          return density_value(density, F, G);
+        },
+        [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+          return density_derivatives(density, F, G);
+        });
+    measure.in_invariants_ = density;
+    return measure;
+  }
+
+  /// Null for a measure of the user's own.
+  static InvariantDensity density(const DistortionMeasure& m) { return m.in_invariants_; }
+};
 
 }  // namespace detail
 
 inline DistortionMeasure symmetric_dirichlet() {
-  return detail::measure_of(detail::dirichlet_density);
+  return detail::BuiltInMeasure::of(detail::dirichlet_density);
 }
 inline DistortionMeasure arap() {
-  return detail::measure_of([](double N, double f, double g) {
+  return detail::BuiltInMeasure::of([](double N, double f, double g) {
     return detail::stretch_density(detail::arap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
   });
 }
 inline DistortionMeasure sarap() {
-  return detail::measure_of([](double N, double f, double g) {
+  return detail::BuiltInMeasure::of([](double N, double f, double g) {
     return detail::stretch_density(detail::sarap_stretch(N / (g * g), f / g), 0.5, 0.5, N, f, g);
   });
 }
 inline DistortionMeasure asap() {
-  return detail::measure_of([](double N, double f, double g) {
+  return detail::BuiltInMeasure::of([](double N, double f, double g) {
     return detail::stretch_density(detail::asap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
   });
 }
@@ -2200,6 +2194,21 @@ inline DistortionMeasure asap() {
 namespace detail {
 
 // ---- a batch of polygons ----
+
+/// The density of a measure, lane by lane where it is one of the user's.
+inline void differentiate_measure(const DistortionMeasure& measure, const LaneVector<8>& J,
+                                  LaneDensity& w) {
+  if (const InvariantDensity density = BuiltInMeasure::density(measure))
+    return differentiate_invariants(density, J, w);
+  for (int l = 0; l < kLanes; ++l) {
+    const Density density = measure.derivatives(jacobian_in(J, 0, l), jacobian_in(J, 4, l));
+    w.value[l] = density.value;
+    for (int i = 0; i < 8; ++i) {
+      w.gradient[i][l] = density.gradient[i];
+      for (int j = 0; j <= i; ++j) w.hessian(i, j)[l] = density.hessian(i, j);
+    }
+  }
+}
 
 /// One polygon per lane: what differentiate() needs, and what it finds.
 struct PolygonBatch {
@@ -2278,15 +2287,17 @@ inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const La
     const Lanes along = batch.x[ends[1] + 1 - r] - batch.x[ends[0] + 1 - r];
     return r == 0 ? along : Lanes(-along);
   };
-  const Lanes d[2] = {normal(end_a, 0), normal(end_a, 1)};
-  const Lanes w[2] = {normal(end_b, 0), normal(end_b, 1)};
-  const Lanes D = cross(d[0], d[1], w[0], w[1]).abs();
+  const Lanes m_d[2] = {normal(end_a, 0), normal(end_a, 1)};
+  const Lanes m_w[2] = {normal(end_b, 0), normal(end_b, 1)};
+  const Lanes D = cross(m_d[0], m_d[1], m_w[0], m_w[1]).abs();
   const Lanes least =
-      kMostParallel * ((d[0].square() + d[1].square()) * (w[0].square() + w[1].square())).sqrt();
+      kMostParallel *
+      ((m_d[0].square() + m_d[1].square()) * (m_w[0].square() + m_w[1].square())).sqrt();
   const Lanes scale = weight * corner.is_there * is_positive(D) / D.max(least);
   const Lanes part_a[2] = {1 - corner.on_a, corner.on_a},
               part_b[2] = {1 - corner.on_b, corner.on_b};
-  const Lanes own[3] = {d[0] * w[0], 0.5 * (d[0] * w[1] + d[1] * w[0]), d[1] * w[1]};
+  const Lanes own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]),
+                        m_d[1] * m_w[1]};
   const auto add_own = [&](const int(&ends)[2], const Lanes(&part)[2]) {
     for (int k = 0; k < 2; ++k)
       for (int l = 0; l < 2; ++l) {
@@ -2303,8 +2314,8 @@ inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const La
     for (int l = 0; l < 2; ++l) {
       const Lanes factor = scale * part_b[k] * part_a[l];
       for (int r = 0; r < 2; ++r) {
-        const Lanes row = factor * w[r];
-        for (int q = 0; q < 2; ++q) H(end_b[k] + r, end_a[l] + q) += row * d[q];
+        const Lanes row = factor * m_w[r];
+        for (int q = 0; q < 2; ++q) H(end_b[k] + r, end_a[l] + q) += row * m_d[q];
       }
     }
 }
@@ -2324,10 +2335,10 @@ inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, Lan
     for (int j = 0; j < 3; ++j) add_corner_hessian(batch, i, j, weight, H);
 }
 
-/// The weights of a triangle's points in the columns of its Jacobian, J_c = Σ_i B_ic p_i.
-struct CornerWeights {
+/// corner_weights() in every lane.
+struct LaneCornerWeights {
   Lanes weight[3][2];
-  explicit CornerWeights(const Lanes* rest_inverse) {
+  explicit LaneCornerWeights(const Lanes* rest_inverse) {
     for (int c = 0; c < 2; ++c) {
       weight[1][c] = rest_inverse[2 * c];
       weight[2][c] = rest_inverse[2 * c + 1];
@@ -2338,8 +2349,8 @@ struct CornerWeights {
 
 /// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
 inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& batch) {
-  const CornerWeights B[2] = {CornerWeights(&batch.rest_inverse[0]),
-                              CornerWeights(&batch.rest_inverse[4])};
+  const LaneCornerWeights B[2] = {LaneCornerWeights(&batch.rest_inverse[0]),
+                                  LaneCornerWeights(&batch.rest_inverse[4])};
   LaneVector<8> J;
   for (int k = 0; k < 8; ++k) {
     const int m = k / 4, c = k % 4 / 2, first = 6 * m + k % 2;
@@ -2430,11 +2441,11 @@ struct LdltSymbolic {
   Array<Array<Array<int>>> stages;
 };
 
-/// A line or circle that has a part of some points on one side.
+/// A line or circle with a fraction of some points below it, or inside.
 struct PlanarCut {
   bool is_circle = false;
   Vec2 vector = Vec2::Zero();  // center of the circle, or normal of the line
-  double part = 0.5;
+  double fraction = 0.5;
   double key(const Vec2& p) const { return is_circle ? (p - vector).squaredNorm() : vector.dot(p); }
 };
 
@@ -2469,11 +2480,11 @@ class CutFinder {
         cut.vector = Vec2(std::cos(kPi * i / lines), std::sin(kPi * i / lines));
       }
       measure(cut);
-      for (double part : {0.4, 0.5, 0.6}) {
-        const double c = cost(quantile_[static_cast<int>(part * quantile_.size())], part);
+      for (double fraction : {0.4, 0.5, 0.6}) {
+        const double c = cost(sample_[static_cast<int>(fraction * sample_.size())], fraction);
         if (c >= least) continue;
         least = c;
-        cut.part = part;
+        cut.fraction = fraction;
         best = cut;
       }
     }
@@ -2485,7 +2496,7 @@ class CutFinder {
 
   /// The keys of the points, and the least and largest key of each and what it is coupled to.
   void measure(const PlanarCut& cut) {
-    constexpr int kQuantiles = 64;
+    constexpr int kSamples = 64;
     const Eigen::Vector2f v = cut.vector.cast<float>();
     lo_.setConstant(n_, std::numeric_limits<float>::infinity());
     hi_ = -lo_;
@@ -2497,26 +2508,26 @@ class CutFinder {
       lo_ = lo_.min(key_);
       hi_ = hi_.max(key_);
     }
-    quantile_.clear();
-    for (int i = 0; i < n_; i += 1 + n_ / kQuantiles) quantile_.push_back(key_[i]);
-    std::sort(quantile_.begin(), quantile_.end());
+    sample_.clear();
+    for (int i = 0; i < n_; i += 1 + n_ / kSamples) sample_.push_back(key_[i]);
+    std::sort(sample_.begin(), sample_.end());
   }
 
   /// Points of the side with fewer of them that are coupled to the other side; more if one side is
   /// larger.
-  double cost(float level, double part) const {
+  double cost(float level, double fraction) const {
     int below = 0, above = 0;
     for (int i = 0; i < n_; ++i) {  // without branches, so that compilers vectorise it
       below += int{key_[i] < level} & int{hi_[i] >= level};
       above += int{key_[i] >= level} & int{lo_[i] < level};
     }
-    return (std::min)(below, above) * (1 + std::abs(part - 0.5));
+    return (std::min)(below, above) * (1 + std::abs(fraction - 0.5));
   }
 
   int n_;
   Points x_, y_;
   Eigen::ArrayXf key_, lo_, hi_;
-  Array<float> quantile_;
+  Array<float> sample_;  // of the keys, ascending
 };
 
 /// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
@@ -2630,10 +2641,15 @@ class NestedDissection {
 
   /// Puts every vertex of a set on one of two sides.
   void divide(const Set& set) {
-    const Vec2 origin = row2(positions_, *at(set.begin));
-    const auto point = [&](int v) { return Vec2(row2(positions_, v) - origin); };
-    for (int i = set.begin; i < set.end; ++i) part_[*at(i)] = kLeft;
     const int n = set.size();
+    const Vec2 origin = row2(positions_, *at(set.begin));
+    double extent = 0;
+    for (int i = set.begin; i < set.end; ++i) {
+      part_[*at(i)] = kLeft;  // for now: it is in the set
+      extent = (std::max)(extent, (row2(positions_, *at(i)) - origin).cwiseAbs().maxCoeff());
+    }
+    const double unit = extent > 0 ? 1 / extent : 1;
+    const auto point = [&](int v) { return Vec2(unit * (row2(positions_, v) - origin)); };
     CutFinder cuts(n);
     for (int i = 0; i < n; ++i) {
       const int v = *at(set.begin + i);
@@ -2645,7 +2661,7 @@ class NestedDissection {
     const PlanarCut cut = cuts.best();
     Array<std::pair<double, int>> key(n);
     for (int i = 0; i < n; ++i) key[i] = {cut.key(point(*at(set.begin + i))), *at(set.begin + i)};
-    const int left = (std::max)(1, static_cast<int>(cut.part * n));
+    const int left = (std::max)(1, static_cast<int>(cut.fraction * n));
     std::nth_element(key.begin(), key.begin() + left, key.end());
     for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
   }
@@ -2855,33 +2871,46 @@ class NestedDissection {
 };
 
 /// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
-/// not.
+/// not. The lock is held for a few instructions, and works where there is no <mutex>.
 class MemoryPool {
  public:
   /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
   Eigen::VectorXd take(Eigen::Index n) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (pieces_.empty()) return Eigen::VectorXd(n);
-    int best = 0;
-    for (int i = 1; i < pieces_.size(); ++i) {
-      const bool enough = pieces_[i].size() >= n, best_is_enough = pieces_[best].size() >= n;
-      if (enough != best_is_enough ? enough : (pieces_[i].size() < pieces_[best].size()) == enough)
-        best = i;
+    Eigen::VectorXd memory;
+    lock();
+    if (!pieces_.empty()) {
+      int best = 0;
+      for (int i = 1; i < pieces_.size(); ++i)
+        if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
+      std::swap(pieces_[best], pieces_.back());
+      memory = std::move(pieces_.back());
+      pieces_.pop_back();
     }
-    std::swap(pieces_[best], pieces_.back());
-    Eigen::VectorXd memory = std::move(pieces_.back());
-    pieces_.pop_back();
+    unlock();
     if (memory.size() < n) memory.resize(n);
     return memory;
   }
 
   void give(Eigen::VectorXd memory) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (memory.size() > 0) pieces_.push_back(std::move(memory));
+    if (memory.size() == 0) return;
+    lock();
+    pieces_.push_back(std::move(memory));
+    unlock();
   }
 
  private:
-  std::mutex mutex_;
+  static bool is_better(Eigen::Index size, Eigen::Index than, Eigen::Index n) {
+    if (size >= n && than >= n) return size < than;
+    return size > than;
+  }
+
+  void lock() {
+    while (locked_.test_and_set(std::memory_order_acquire)) {
+    }
+  }
+  void unlock() { locked_.clear(std::memory_order_release); }
+
+  std::atomic_flag locked_ = ATOMIC_FLAG_INIT;
   Array<Eigen::VectorXd> pieces_;
 };
 
@@ -2941,7 +2970,7 @@ inline bool factor_panel(DenseRef A, int& negative) {
   return factor_panel(A.bottomRightCorner(n - left, right), negative);
 }
 
-/// update = -L₂ D L₂ᵀ, lower triangle, in chunks of columns of L₂ that fit the first-level cache.
+/// update = -L₂ D L₂ᵀ, lower triangle. Chunks of columns of L₂ keep what Eigen packs of them small.
 inline void set_schur(const Eigen::Ref<const Eigen::MatrixXd>& panel, DenseRef update) {
   constexpr Eigen::Index kChunk = 96;
   const auto n = update.rows();
@@ -3082,7 +3111,8 @@ inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A,
 
 /// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
 /// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
-/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step.
+/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
+/// has fallen to a tolerance of its first value, z the preconditioned r, or after 50 steps.
 inline Eigen::VectorXd solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
                                             const BlockPattern& pattern, const ShiftedMatrix& A,
                                             const Eigen::VectorXd& b, double tolerance) {
@@ -3216,6 +3246,12 @@ inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x
 }
 
 // ---- patterns ----
+
+/// Rows of A per task where every task has an array as long as B: a bounded number of tasks.
+inline int rows_per_task(int rows, int least) {
+  constexpr int kMostTasks = 256;
+  return (std::max)(least, (rows + kMostTasks - 1) / kMostTasks);
+}
 
 /// The vertices within one or two edges of u in one mesh, u included, ids ≥ u, ascending.
 inline void ring_columns(const HalfEdgeMesh& m, int u, int rings, Array<int>& mark,
@@ -3442,11 +3478,11 @@ class ModelBuilder {
 
   /// Row by row, so that rows are independent: the polygons around a vertex of A.
   CouplingBlocks gather_couplings(const Iterate& x) const {
-    const int n = pair_.n_a();
-    Array<CouplingBlocks> part((n + kBlock - 1) / kBlock);
-    executor_.run_blocks(n, kBlock, [&](int begin, int end) {
+    const int n = pair_.n_a(), block = rows_per_task(n, kBlock);
+    Array<CouplingBlocks> part((n + block - 1) / block);
+    executor_.run_blocks(n, block, [&](int begin, int end) {
       Array<int> place(pair_.n_b(), -1);
-      for (int u = begin; u < end; ++u) gather_row(x, u, place, part[begin / kBlock]);
+      for (int u = begin; u < end; ++u) gather_row(x, u, place, part[begin / block]);
     });
     return concatenate(part);
   }
@@ -3619,11 +3655,12 @@ class SystemBuilder {
   /// Row r: the fixed couplings within a mesh, then, for vertices of A, the union over the
   /// history of its couplings with B.
   BlockPattern union_pattern(const Array<QuadraticModel>& history) const {
-    Array<Array<int>> columns((n_a_ + kBlock - 1) / kBlock), counts(columns.size());
-    executor_.run_blocks(n_a_, kBlock, [&](int begin, int end) {
+    const int block = rows_per_task(n_a_, kBlock);
+    Array<Array<int>> columns((n_a_ + block - 1) / block), counts(columns.size());
+    executor_.run_blocks(n_a_, block, [&](int begin, int end) {
       Array<int> mark(n_b_, -1);
       for (int r = begin; r < end; ++r)
-        union_row(history, r, mark, columns[begin / kBlock], counts[begin / kBlock]);
+        union_row(history, r, mark, columns[begin / block], counts[begin / block]);
     });
     BlockPattern pattern;
     pattern.start.push_back(0);
@@ -3631,10 +3668,10 @@ class SystemBuilder {
       for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
         pattern.column.push_back(within_.column[b]);
       if (r < n_a_) {
-        const Array<int>& ends = counts[r / kBlock];
-        const int begin = r % kBlock == 0 ? 0 : ends[r % kBlock - 1];
-        for (int i = begin; i < ends[r % kBlock]; ++i)
-          pattern.column.push_back(n_a_ + columns[r / kBlock][i]);
+        const Array<int>& ends = counts[r / block];
+        const int begin = r % block == 0 ? 0 : ends[r % block - 1];
+        for (int i = begin; i < ends[r % block]; ++i)
+          pattern.column.push_back(n_a_ + columns[r / block][i]);
       }
       pattern.start.push_back(pattern.blocks());
     }
@@ -4202,8 +4239,9 @@ struct Direction {
 struct Trial {
   int direction = 0;
   double step = 0;
+  double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
-  bool collides = false;  // rejected, here or in an earlier block, where a boundary meets itself
+  bool collides = false;  // rejected because a boundary meets itself
   double resistance = 0;  // of the scaffolds
   Iterate x;
   double value() const { return x.energy + resistance; }
@@ -4224,19 +4262,21 @@ inline double largest_energy(const Iterate& from, const Direction& d, const Tria
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
                           const Trial& t) {
   const Iterate& to = t.x;
-  return to.energy <= largest_energy(from, d, t) &&
+  return std::isfinite(to.energy) && to.energy <= largest_energy(from, d, t) &&
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
          to.area_b > rules.least_area_b;
 }
 
-/// Steps 0.8^ℓ of the first step, of which the search tries every third, and s = 1 (§5.2).
-constexpr double kShrink = 0.8;
+constexpr double kShrink = 0.8;  // §5.2
 
+/// Adds the steps 0.8^ℓ of the first step in a block of nine ℓ, of which every third is tried, and
+/// s = 1.
 inline void add_block(int direction, const Direction& d, int block,
                       std::vector<std::pair<int, double>>& steps) {
-  for (int l : {1, 4, 7})
-    steps.push_back({direction, d.first_step * std::pow(kShrink, 9 * block + l)});
+  constexpr int kBlock = 9, kStride = 3;
+  for (int l = kBlock * block + 1; l <= kBlock * (block + 1); l += kStride)
+    steps.push_back({direction, d.first_step * std::pow(kShrink, l)});
   if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
 }
 
@@ -4262,11 +4302,13 @@ struct SearchProblem {
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const SurfacePair& pair = problem.pair;
   const Direction& d = problem.directions[t.direction];
+  t.omega = d.omega;
+  t.max_step = d.max_step;
   t.x.f = moved(problem.from.f, d.f, t.step);
   t.x.g = moved(problem.from.g, d.g, t.step);
   place_followers(problem.followers, t.x.f, t.x.g);
   t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
-  t.collides = t.collides || (!t.accepted && collides(pair, t.x));
+  t.collides = !t.accepted && collides(pair, t.x);
   if (!t.accepted) return;
   t.resistance = 0;
   if (!problem.scaffolds.empty())
@@ -4277,42 +4319,50 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// Tries steps side by side, in trials from `first` on; the best acceptable one of these and of
-/// `best` unless that is -1, or -1.
-inline int try_steps(const SearchProblem& problem, const Executor& executor, int first, int best,
-                     const std::vector<std::pair<int, double>>& steps, Array<Trial>& trials) {
+/// What a line search has found.
+struct SearchResult {
+  int best = -1;          // of the trials; -1 if none is acceptable
+  bool collided = false;  // a trial failed because a boundary meets itself
+};
+
+/// Tries steps side by side, in trials from `first` on.
+inline void try_steps(const SearchProblem& problem, const Executor& executor, int first,
+                      const std::vector<std::pair<int, double>>& steps, Array<Trial>& trials,
+                      SearchResult& result) {
   const int n = static_cast<int>(steps.size());
   if (trials.size() < first + n) trials.resize(first + n);
-  const double best_value = best < 0 ? kInfinity : trials[best].value();
+  const double best = result.best < 0 ? kInfinity : trials[result.best].value();
   executor.run(n, [&](int i) {
     Trial& trial = trials[first + i];
     std::tie(trial.direction, trial.step) = steps[static_cast<std::size_t>(i)];
-    evaluate_trial(problem, best_value, trial);
+    evaluate_trial(problem, best, trial);
   });
-  for (int i = first; i < first + n; ++i)
-    if (trials[i].accepted && (best < 0 || trials[i].value() < trials[best].value())) best = i;
-  return best;
+  for (int i = first; i < first + n; ++i) {
+    const Trial& t = trials[i];
+    result.collided = result.collided || t.collides;
+    if (t.accepted && (result.best < 0 || t.value() < trials[result.best].value())) result.best = i;
+  }
 }
 
 /// Tries all directions, block by block, and around the best acceptable trial of the first block
-/// that has one its neighbours; the best of all, or -1 (Algorithm 1, lines 17 to 24).
-inline int line_search(const SearchProblem& problem, const Executor& executor,
-                       Array<Trial>& trials) {
+/// that has one its neighbours (Algorithm 1, lines 17 to 24; the paper tries all steps of a block).
+inline SearchResult line_search(const SearchProblem& problem, const Executor& executor,
+                                Array<Trial>& trials) {
   constexpr int kMostBlocks = 9;
-  for (Trial& t : trials) t.collides = false;
-  for (int block = 0; block < kMostBlocks; ++block) {
+  SearchResult result;
+  for (int block = 0; block < kMostBlocks && result.best < 0; ++block) {
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, steps);
-    const int best = try_steps(problem, executor, 0, -1, steps, trials);
-    if (best < 0) continue;
-    const int k = trials[best].direction;
-    const double step = trials[best].step;
+    try_steps(problem, executor, 0, steps, trials, result);
+    if (result.best < 0) continue;
+    const int k = trials[result.best].direction;
+    const double step = trials[result.best].step;
     const double longer = (std::min)(step / kShrink, problem.directions[k].first_step);
-    return try_steps(problem, executor, static_cast<int>(steps.size()), best,
-                     {{k, longer}, {k, step * kShrink}}, trials);
+    try_steps(problem, executor, static_cast<int>(steps.size()), {{k, longer}, {k, step * kShrink}},
+              trials, result);
   }
-  return -1;
+  return result;
 }
 
 }  // namespace detail
@@ -4324,7 +4374,10 @@ inline int line_search(const SearchProblem& problem, const Executor& executor,
 //             preset switches off; bounds on the displacement and on the loss of covered area in a
 //             step; s = 1 is tried where it is within these bounds; Armijo's slope is that of the
 //             newest gradient, so that E never grows; history weights add up to 1, so that ω_L
-//             means the same in the first iterations.
+//             means the same in the first iterations; where only a short step is found, the newest
+//             derivatives alone are tried too. Short of the paper, for speed: one matrix is
+//             factorised, for the other ω_L conjugate gradients use its factor; and the line search
+//             tries every third step, then the neighbours of the best.
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
 
@@ -4417,9 +4470,8 @@ inline double pin_residual(const SurfacePair& pair, const Array<Follower>& follo
   return largest;
 }
 
-inline IterationLog describe(const SurfacePair& pair, const Array<Follower>& followers,
-                             const Iterate& x) {
-  IterationLog log;
+inline void describe(const SurfacePair& pair, const Array<Follower>& followers, const Iterate& x,
+                     IterationLog& log) {
   log.energy = x.energy;
   log.map_energy = x.map_energy;
   log.energy_f = x.energy_f;
@@ -4429,7 +4481,6 @@ inline IterationLog describe(const SurfacePair& pair, const Array<Follower>& fol
   log.coverage_b = x.area_b / pair.b.total_area;
   log.polygons = x.overlay.polygons.size();
   log.pin_residual = pin_residual(pair, followers, x.f, x.g);
-  return log;
 }
 
 /// Half the diagonal of the box around both embeddings.
@@ -4459,7 +4510,9 @@ class Optimizer {
     while (result.status == Status::kIterationLimit &&
            static_cast<int>(result.log.size()) < options_.max_iterations) {
       if (!iterate(result))
-        result.status = stationary_ ? Status::kConverged : Status::kStalled;
+        result.status = stationary_  ? Status::kConverged
+                        : factor_.ok ? Status::kStalled
+                                     : Status::kNumericalFailure;
       else if (!report(result))
         result.status = Status::kCancelled;
       else if (converged(result))
@@ -4482,7 +4535,7 @@ class Optimizer {
     rules_ = {options_.max_coverage_loss * pair_.a.total_area,
               options_.max_coverage_loss * pair_.b.total_area, options_.least_coverage * x_.area_a,
               options_.least_coverage * x_.area_b};
-    result.initial = describe(pair_, followers_, x_);
+    describe(pair_, followers_, x_, result.initial);
     result.initial.omega = omega_;
     result.status = Status::kIterationLimit;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
@@ -4520,24 +4573,20 @@ class Optimizer {
     models_.differentiate(x_);  // lines 4 to 7
     log.seconds_derivatives = timer.lap();
     remember(models_.assemble(x_));  // lines 8 and 9
-    log.seconds_assembly = timer.lap();
     if (is_scaffolded_) build_scaffolds();
+    log.seconds_assembly += timer.lap();
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 10 to 16
-      timer.lap();
       constexpr double kRounding = 1e-14;
       stationary_ = promise_little(directions, kRounding);
       if (stationary_ || directions.empty()) return false;
-      const SearchProblem search = {pair_,      weights_, rules_,    followers_,
-                                    scaffolds_, x_,       directions};
-      const int best = line_search(search, executor_, trials_);  // lines 17 to 24
-      log.seconds_search += timer.lap();
-      const bool collided =
-          std::any_of(trials_.begin(), trials_.end(), [](const Trial& t) { return t.collides; });
-      const bool is_new = options_.scaffold && collided && !is_scaffolded_;
+      const SearchResult found = search(directions, log);  // lines 17 to 24
+      const bool is_new = options_.scaffold && found.collided && !is_scaffolded_;
       if (is_new) is_scaffolded_ = true;
-      if (best >= 0) {
-        accept(directions[trials_[best].direction], trials_[best], log, result);
+      if (found.best >= 0) {
+        std::swap(chosen_, trials_[found.best]);
+        if (chosen_.step < kShort && history_.size() > 1) try_newest(log);
+        accept(log, result);
         return true;
       }
       if (is_new)
@@ -4549,6 +4598,27 @@ class Optimizer {
         return false;
       }
     }
+  }
+
+  SearchResult search(const Array<Direction>& directions, IterationLog& log) {
+    Timer timer;
+    const SearchProblem problem = {pair_, weights_, rules_, followers_, scaffolds_, x_, directions};
+    const SearchResult found = line_search(problem, executor_, trials_);
+    log.seconds_search += timer.lap();
+    return found;
+  }
+
+  /// Where only a short step was found, searches along the directions of the newest derivatives
+  /// alone: the memory from the other side of a kink of E may hold an iteration up, in steps that
+  /// look like convergence. It is kept, as it is what overcomes the next kinks.
+  void try_newest(IterationLog& log) {
+    Array<QuadraticModel> memory = std::move(history_);
+    history_ = Array<QuadraticModel>(1, memory[0]);
+    const Array<Direction> directions = find_directions(log);
+    const SearchResult found = search(directions, log);
+    if (found.best >= 0 && trials_[found.best].value() < chosen_.value())
+      std::swap(chosen_, trials_[found.best]);
+    history_ = std::move(memory);
   }
 
   /// The space around both embeddings, with the weight of E_f and E_g.
@@ -4635,6 +4705,7 @@ class Optimizer {
     positions << x_.f, x_.g;
     const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
     ldlt_factorize(symbolic, matrix(omega_), executor_, factor_);
+    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
@@ -4665,20 +4736,15 @@ class Optimizer {
         (std::min)(0.99 * direction.max_step, options_.max_displacement * radius_ / longest);
   }
 
-  void accept(const Direction& direction, Trial& trial, IterationLog& log, Result& result) {
-    std::swap(x_, trial.x);
-    omega_ = direction.omega;
-    IterationLog state = describe(pair_, followers_, x_);
-    state.iteration = static_cast<int>(result.log.size()) + 1;
-    state.omega = direction.omega;
-    state.step = trial.step;
-    state.max_step = direction.max_step;
-    state.history_reset = log.history_reset;
-    state.seconds_derivatives = log.seconds_derivatives;
-    state.seconds_assembly = log.seconds_assembly;
-    state.seconds_solve = log.seconds_solve;
-    state.seconds_search = log.seconds_search;
-    result.log.push_back(state);
+  void accept(IterationLog& log, Result& result) {
+    std::swap(x_, chosen_.x);
+    omega_ = chosen_.omega;
+    describe(pair_, followers_, x_, log);
+    log.iteration = static_cast<int>(result.log.size()) + 1;
+    log.omega = chosen_.omega;
+    log.step = chosen_.step;
+    log.max_step = chosen_.max_step;
+    result.log.push_back(log);
   }
 
   bool report(const Result& result) const {
@@ -4702,7 +4768,8 @@ class Optimizer {
     return before.energy - now.energy < w * options_.tolerance * scale;
   }
 
-  static constexpr double kSolved = 1e-6;    // relative error of the directions for other ω_L
+  static constexpr double kShort = 0.05;     // a step to be content with
+  static constexpr double kSolved = 1e-6;    // wanted relative error of directions for other ω_L
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
@@ -4722,6 +4789,7 @@ class Optimizer {
   Array<QuadraticModel> history_;  // newest first
   LdltFactor factor_;
   Array<Trial> trials_;
+  Trial chosen_;
   Array<Scaffold> scaffolds_;  // around f(A) and g(B), once a trial has met a boundary
   bool is_scaffolded_ = false;
 };
@@ -7099,7 +7167,9 @@ inline const char* explain(Status s) {
     case Status::kInvalidPins:
       return "a triangle at a pinned vertex is so thin at the start that rounding turns it over";
     case Status::kNumericalFailure:
-      return "a triangle of the start is too thin for the energy to be a number";
+      return "the energy or its derivatives are not finite: a triangle is too thin for them, or "
+             "the "
+             "measure fails";
     default:
       return "";
   }

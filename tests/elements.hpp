@@ -17,6 +17,12 @@ struct PolygonDerivatives {
   Mat12 hessian = Mat12::Zero();
 };
 
+/// Jacobian of the triangle in columns first .. first + 2 of x.
+inline Eigen::Matrix2d jacobian(const ism::detail::SixPoints& x, int first,
+                                const Eigen::Matrix2d& rest_inverse) {
+  return ism::detail::jacobian(x.col(first), x.col(first + 1), x.col(first + 2), rest_inverse);
+}
+
 template <int N>
 void put(const Eigen::Matrix<double, N, N>& M, int lane, ism::detail::LaneMatrix<N>& lanes) {
   for (int i = 0; i < N; ++i)

@@ -294,6 +294,16 @@ TEST_CASE("a limb crowded into a spot is cut off by a circle") {
   CHECK(s.fronts.back().own() == across);
 }
 
+TEST_CASE("the unit of the positions does not matter") {
+  const int n = 50;
+  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 1));
+  const LdltSymbolic expected = dissected(pattern, lattice_points(n));
+  for (double unit : {0x1p-160, 0x1p160}) {
+    const LdltSymbolic s = dissected(pattern, unit * lattice_points(n));
+    CHECK(std::equal(s.order.begin(), s.order.end(), expected.order.begin()));
+  }
+}
+
 TEST_CASE("the order and the fronts are the same for any number of threads") {
   const int n = 50;
   const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));

@@ -489,13 +489,15 @@ TEST_CASE("results are the same bits for any number of threads and order of task
     options.threads = threads;
     check_same_bits(ism::compute_map(a.mesh, b.mesh, landmarks, options), expected);
   }
-  int calls = 0;
+  int calls = 0, empty_calls = 0;
   options.parallel_for = [&](int n, const std::function<void(int)>& task) {
     ++calls;
+    if (n <= 0) ++empty_calls;
     for (int i = n - 1; i >= 0; --i) task(i);
   };
   check_same_bits(ism::compute_map(a.mesh, b.mesh, landmarks, options), expected);
   CHECK(calls > 0);
+  CHECK(empty_calls == 0);
 }
 
 TEST_CASE("every iterate is injective, whatever the limit of iterations") {
@@ -671,6 +673,36 @@ TEST_CASE("a measure of one's own") {
   CHECK(own.g == known.g);
   options.measure = {nullptr, derivatives};
   CHECK(ism::compute_map(a.mesh, b.mesh, {}, options).status == Status::kInvalidOptions);
+}
+
+TEST_CASE("a measure that is no number is reported, not accepted") {
+  const auto [a, b] = random_pair(30);
+  Options options = from_planes(a, b);
+  const auto value = [](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+    return kDirichlet.value(F, G);
+  };
+  const auto broken = [](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+    ism::Density density = kDirichlet.derivatives(F, G);
+    density.hessian.setConstant(std::numeric_limits<double>::quiet_NaN());
+    return density;
+  };
+  options.measure = {value, broken};
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.status == Status::kNumericalFailure);
+  CHECK(result.log.empty());
+  CHECK(result.message.find("not finite") != std::string::npos);
+  int values = 0;  // of which those behind the start are -∞
+  const int polygons = result.initial.polygons;
+  options.threads = 1;
+  options.measure = {[&](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+                       const bool is_start = ++values <= polygons;
+                       return is_start ? kDirichlet.value(F, G)
+                                       : -std::numeric_limits<double>::infinity();
+                     },
+                     [](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
+                       return kDirichlet.derivatives(F, G);
+                     }};
+  CHECK(ism::compute_map(a.mesh, b.mesh, {}, options).log.empty());
 }
 
 // ---- scaffold ----
