@@ -1,6 +1,7 @@
 // The overlay of two embeddings against brute force, and the injectivity decision.
 
 #include "allocations.hpp"
+#include "elements.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -211,7 +212,7 @@ double covered_area(const Pair& pair, const Surface& s, bool on_a) {
   double sum = 0;
   for (const OverlayPolygon& p : pair.overlay.polygons) {
     const int face = on_a ? p.ta : p.tb;
-    const auto J = jacobian(pair.points(p), on_a ? 0 : 3, s.rest_inverse[face]);
+    const auto J = elements::jacobian(pair.points(p), on_a ? 0 : 3, s.rest_inverse[face]);
     sum += pair.area(p) / J.determinant();
   }
   return sum;
