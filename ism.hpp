@@ -1976,7 +1976,7 @@ struct LaneEigen {
 };
 
 /// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
-/// when all of them are moved, to at least ε [Teran et al. 2005]. With γ = 1 / (1 + √P), the
+/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 / (1 + √P), the
 /// vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the translations; there, H
 /// is H_ij - γ (H_i0 + H_0j) + γ² H_00.
 template <int P>
@@ -2007,7 +2007,7 @@ void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
     }
   }
   for (int i = 0; i < 2 * P; ++i)
-    for (int j = i % 2; j <= i; j += 2) H(i, j) += epsilon / P;  // translations
+    for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
 }
 
 // ---- the density w(F, G) ----
