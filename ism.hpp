@@ -1976,9 +1976,9 @@ struct LaneEigen {
 };
 
 /// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
-/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 / (1 + √P), the
-/// vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the translations; there, H
-/// is H_ij - γ (H_i0 + H_0j) + γ² H_00.
+/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
+/// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
+/// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
 template <int P>
 void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
   constexpr int N = 2 * (P - 1);
