@@ -348,6 +348,7 @@ struct Options {
     options.omega_least = 0;
     options.max_iterations = 550;
     options.least_coverage = 0;
+    options.window = 10;
     options.scaffold = false;
     return options;
   }
@@ -4769,7 +4770,7 @@ class Optimizer {
   }
 
   static constexpr double kShort = 0.05;     // a step to be content with
-  static constexpr double kSolved = 1e-6;    // wanted relative error of directions for other ω_L
+  static constexpr double kSolved = 1e-3;    // wanted relative error of directions for other ω_L
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
