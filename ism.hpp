@@ -307,7 +307,7 @@ struct Options {
   /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again;
   /// while ω_L comes down and is above 1e-3, nothing stops.
   double tolerance = 1e-4;  // ≥ 0
-  int window = 10;          // ≥ 1
+  int window = 20;          // ≥ 1
   bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
