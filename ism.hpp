@@ -1803,8 +1803,8 @@ inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
 //
 // Polygons are differentiated in batches, one per lane, and Hessians of polygons and triangles are
 // projected in batches: every operation below acts on all lanes, which the compiler turns into the
-// vector instructions it may use. Lanes do not mix, so
-// results do not depend on what else is in a batch.
+// vector instructions it may use. Lanes do not mix, so results do not depend on what else is in a
+// batch.
 
 constexpr int kLanes = 16;
 using Lanes = Eigen::Array<double, kLanes, 1>;
