@@ -302,6 +302,14 @@ struct Options {
   /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
   /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
   double least_coverage = 0.5;
+  /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
+  int search_stride = 3;
+  /// ≥ 0: after a step below it, the newest derivatives alone are tried too. The memory from the
+  /// other side of a kink may hold an iteration up, in steps that look like convergence.
+  double short_step = 0.05;
+  /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
+  /// find with the factor for ω_L.
+  double solve_tolerance = 1e-3;
   int max_iterations = 400;  // ≥ 0
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again;
@@ -334,9 +342,9 @@ struct Options {
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
 
-  /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, at
-  /// most 550 iterations. The bounds on a step stay: without them the empty overlap is reached in
-  /// the first iterations.
+  /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, all
+  /// steps of the line search, at most 550 iterations. The bounds on a step stay: without them the
+  /// empty overlap is reached in the first iterations.
   static Options paper() {
     Options options;
     options.coverage_weight = 0;
@@ -348,6 +356,9 @@ struct Options {
     options.omega_least = 0;
     options.max_iterations = 550;
     options.least_coverage = 0;
+    options.search_stride = 1;
+    options.short_step = 0;
+    options.solve_tolerance = 1e-12;
     options.window = 10;
     options.scaffold = false;
     return options;
@@ -4271,13 +4282,14 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
 
 constexpr double kShrink = 0.8;  // §5.2
 
-/// Adds the steps 0.8^ℓ of the first step in a block of nine ℓ, of which every third is tried, and
-/// s = 1.
-inline void add_block(int direction, const Direction& d, int block,
+/// Adds the steps 0.8^ℓ of the first step of a block, and s = 1 to the first one. A block covers
+/// at least eight ℓ; of every `stride` of them, the one in the middle is tried.
+inline void add_block(int direction, const Direction& d, int block, int stride,
                       std::vector<std::pair<int, double>>& steps) {
-  constexpr int kBlock = 9, kStride = 3;
-  for (int l = kBlock * block + 1; l <= kBlock * (block + 1); l += kStride)
-    steps.push_back({direction, d.first_step * std::pow(kShrink, l)});
+  constexpr int kBlock = 8;
+  const int trials = (kBlock - 1) / stride + 1;
+  for (int i = block * trials; i < (block + 1) * trials; ++i)
+    steps.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
   if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
 }
 
@@ -4296,6 +4308,7 @@ struct SearchProblem {
   const Array<Scaffold>& scaffolds;  // of f(A) and g(B), or none
   const Iterate& from;
   const Array<Direction>& directions;
+  int stride;  // Options::search_stride
 };
 
 /// Takes the step of a trial and decides whether it is acceptable. A trial gives up as soon as it
@@ -4345,18 +4358,18 @@ inline void try_steps(const SearchProblem& problem, const Executor& executor, in
   }
 }
 
-/// Tries all directions, block by block, and around the best acceptable trial of the first block
-/// that has one its neighbours (Algorithm 1, lines 17 to 24; the paper tries all steps of a block).
+/// Tries all directions, block by block, and where not all steps are tried, the neighbours of the
+/// best acceptable one (Algorithm 1, lines 17 to 24).
 inline SearchResult line_search(const SearchProblem& problem, const Executor& executor,
                                 Array<Trial>& trials) {
-  constexpr int kMostBlocks = 9;
+  constexpr int kMostBlocks = 10;
   SearchResult result;
   for (int block = 0; block < kMostBlocks && result.best < 0; ++block) {
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < problem.directions.size(); ++k)
-      add_block(k, problem.directions[k], block, steps);
+      add_block(k, problem.directions[k], block, problem.stride, steps);
     try_steps(problem, executor, 0, steps, trials, result);
-    if (result.best < 0) continue;
+    if (result.best < 0 || problem.stride == 1) continue;
     const int k = trials[result.best].direction;
     const double step = trials[result.best].step;
     const double longer = (std::min)(step / kShrink, problem.directions[k].first_step);
@@ -4376,9 +4389,9 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 //             step; s = 1 is tried where it is within these bounds; Armijo's slope is that of the
 //             newest gradient, so that E never grows; history weights add up to 1, so that ω_L
 //             means the same in the first iterations; where only a short step is found, the newest
-//             derivatives alone are tried too. Short of the paper, for speed: one matrix is
-//             factorised, for the other ω_L conjugate gradients use its factor; and the line search
-//             tries every third step, then the neighbours of the best.
+//             derivatives alone are tried too. For speed, one matrix is factorised, and conjugate
+//             gradients use its factor for the other ω_L; and of the steps of the line search some
+//             are tried, then the neighbours of the best.
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
 
@@ -4586,7 +4599,7 @@ class Optimizer {
       if (is_new) is_scaffolded_ = true;
       if (found.best >= 0) {
         std::swap(chosen_, trials_[found.best]);
-        if (chosen_.step < kShort && history_.size() > 1) try_newest(log);
+        if (chosen_.step < options_.short_step && history_.size() > 1) try_newest(log);
         accept(log, result);
         return true;
       }
@@ -4603,15 +4616,15 @@ class Optimizer {
 
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    const SearchProblem problem = {pair_, weights_, rules_, followers_, scaffolds_, x_, directions};
+    const SearchProblem problem = {pair_,      weights_, rules_,     followers_,
+                                   scaffolds_, x_,       directions, options_.search_stride};
     const SearchResult found = line_search(problem, executor_, trials_);
     log.seconds_search += timer.lap();
     return found;
   }
 
-  /// Where only a short step was found, searches along the directions of the newest derivatives
-  /// alone: the memory from the other side of a kink of E may hold an iteration up, in steps that
-  /// look like convergence. It is kept, as it is what overcomes the next kinks.
+  /// Searches along the directions of the newest derivatives alone (Options::short_step). The
+  /// memory is kept, as it is what overcomes the next kinks.
   void try_newest(IterationLog& log) {
     Array<QuadraticModel> memory = std::move(history_);
     history_ = Array<QuadraticModel>(1, memory[0]);
@@ -4714,7 +4727,7 @@ class Optimizer {
       const Eigen::VectorXd d =
           k == 0 ? ldlt_solve(symbolic, factor_, -system.gradient)
                  : solve_with_neighbour(symbolic, factor_, system.pattern, matrix(omegas[k]),
-                                        -system.gradient, kSolved);
+                                        -system.gradient, options_.solve_tolerance);
       set_direction(expanded(followers_, d), directions[k]);
     });
     return directions;
@@ -4769,8 +4782,6 @@ class Optimizer {
     return before.energy - now.energy < w * options_.tolerance * scale;
   }
 
-  static constexpr double kShort = 0.05;     // a step to be content with
-  static constexpr double kSolved = 1e-3;    // wanted relative error of directions for other ω_L
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
@@ -6906,6 +6917,10 @@ bool check_options(const Options& o, Output& output) {
          require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
          require(o.least_coverage >= 0 && o.least_coverage < 1,
                  "least_coverage must be in [0, 1)") &&
+         require(o.search_stride >= 1 && o.search_stride <= 8, "search_stride must be in [1, 8]") &&
+         require(o.short_step >= 0, "short_step must be at least 0") &&
+         require(o.solve_tolerance > 0 && o.solve_tolerance < 1,
+                 "solve_tolerance must be in (0, 1)") &&
          require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
          require(o.tolerance >= 0, "tolerance must be at least 0") &&
          require(o.window >= 1, "window must be at least 1") &&

@@ -111,6 +111,9 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_displacement", o.max_displacement);
   visit("max_coverage_loss", o.max_coverage_loss);
   visit("least_coverage", o.least_coverage);
+  visit("search_stride", o.search_stride);
+  visit("short_step", o.short_step);
+  visit("solve_tolerance", o.solve_tolerance);
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("window", o.window);

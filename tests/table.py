@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 PROJECT = pathlib.Path(__file__).resolve().parent.parent
-COLUMNS = ["pair", "triangles A / B", "iterations", "status", "distortion", "coverage A",
+COLUMNS = ["pair", "triangles A / B", "iterations", "to 1%", "status", "distortion", "coverage A",
            "coverage B", "start landmarks", "end landmarks", "vertices added", "embedding s",
            "derivatives s", "assembly s", "solve s", "search s", "total s"]
 
@@ -68,16 +68,27 @@ def number(value, digits):
     return "-" if value is None else f"{value:.{digits}f}"  # JSON null: not finite
 
 
+def to_one_percent(report):
+    """Iterations until E + κ (area A + area B) is within 1% of its last value; the areas are 1."""
+    if report["options"]["keep_scale"]:
+        return "-"
+    energies = [it["energy"] + 2 * report["options"]["coverage_weight"]
+                for it in report["iterations"]]
+    return str(next(i for i, e in enumerate(energies) if e <= 1.01 * energies[-1]))
+
+
 def row(name, report):
     if "error" in report:
-        return [name, "", "", report["error"]] + [""] * (len(COLUMNS) - 4)
+        return [name, "", "", "", report["error"]] + [""] * (len(COLUMNS) - 5)
     start, final, seconds = report["start"], report["final"], report["seconds"]
     added = " / ".join(str(len(report[mesh]["added_midpoints"])) for mesh in "ab")
     phases = ["embedding", "derivatives", "assembly", "solve", "search", "total"]
     return [name, f'{report["a"]["triangles"]} / {report["b"]["triangles"]}',
-            str(final["iterations"]), report["status"], number(final["mean_distortion"], 4),
+            str(final["iterations"]), to_one_percent(report), report["status"],
+            number(final["mean_distortion"], 4),
             number(final["coverage_a"], 4), number(final["coverage_b"], 4),
-            number(start["landmark_distance"], 4), number(final["landmark_distance"], 4), added] + [number(seconds[p], 1) for p in phases]
+            number(start["landmark_distance"], 4), number(final["landmark_distance"], 4),
+            added] + [number(seconds[p], 1) for p in phases]
 
 
 def print_row(cells):
@@ -93,7 +104,7 @@ def main():
         out = args.out or pathlib.Path(scratch)
         runs = [pool.submit(run, pair, out / pair.name, args) for pair in pairs]
         print_row(COLUMNS)
-        print_row(["---"] + ["---:"] * 2 + ["---"] + ["---:"] * (len(COLUMNS) - 4))
+        print_row(["---"] + ["---:"] * 3 + ["---"] + ["---:"] * (len(COLUMNS) - 5))
         for pair, running in zip(pairs, runs):
             reports[pair.name] = running.result()
             print_row(row(pair.name, reports[pair.name]))

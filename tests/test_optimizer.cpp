@@ -932,6 +932,9 @@ TEST_CASE("options out of range are refused by name") {
   refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
   refuse("least_coverage", &Options::least_coverage, Doubles{1, -1, kNan});
   refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
+  refuse("search_stride", &Options::search_stride, Ints{0, -1, 9});
+  refuse("short_step", &Options::short_step, Doubles{-1, kNan});
+  refuse("solve_tolerance", &Options::solve_tolerance, Doubles{0, 1, -1, kNan});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
   refuse("window", &Options::window, Ints{0, -3});
@@ -1029,6 +1032,8 @@ TEST_CASE("the paper preset has the paper's constants and can be run") {
   CHECK(paper.history_length == 6);
   CHECK(paper.history_decay == 0.5);
   CHECK(paper.least_coverage == 0);
+  CHECK(paper.search_stride == 1);
+  CHECK(paper.short_step == 0);
   CHECK(paper.max_iterations == 550);
   CHECK(paper.variant == ism::Variant::kFull);
   const auto [a, b] = random_pair(28);
