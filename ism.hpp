@@ -49,7 +49,7 @@
 //            [10] objective, quadratic model and constraints       [11] scaffold
 //            [12] line search                [13] the loop (Algorithm 1)
 //            [14] initial embedding          [15] map evaluation and meta mesh
-//            [16] entry points
+//            [16] applications: attributes, morphing           [17] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -82,9 +82,11 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <queue>
+#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -124,9 +126,10 @@ enum class Status {
   kInvalidPositions,  // given planar positions are not an injective embedding
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
-  kNoOverlap,         // f(A) and g(B) do not overlap at the start
-  kNumericalFailure   // an embedding failed, please report the mesh; or E, its derivatives or a
-                      // factorisation are not finite
+  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
+  kNoOverlap,          // f(A) and g(B) do not overlap at the start
+  kNumericalFailure    // an embedding failed, please report the mesh; or E, its derivatives or a
+                       // factorisation are not finite
 };
 
 /// True for the statuses under which the positions are a valid injective map.
@@ -425,12 +428,46 @@ struct MappedPoint {
   SurfacePoint point;
 };
 
+/// A curve on a surface: the segment from point i to i + 1 lies in the triangle of point i.
+using Polyline = std::vector<SurfacePoint>;
+
+/// One of the two surfaces of a map.
+enum class Side { kA, kB };
+
 /// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
-/// two geometries. Corners are identified by what they are, so neighbouring polygons share them.
+/// two geometries. Vertices are identified by what they are, so neighbouring polygons share them.
 struct MetaMesh {
-  Points3 on_a, on_b;  // #M×3, the vertices on either surface
-  std::vector<std::vector<int>> polygons;
-  std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
+  TriangleMesh a, b;                       // what it refines
+  Points3 on_a, on_b;                      // #M×3, the vertices on either surface
+  Points2 plane;                           // #M×2, the vertices in the common plane
+  std::vector<std::vector<int>> polygons;  // counter-clockwise
+  std::vector<int> face_a, face_b;         // per polygon, the triangles it lies in
+  /// #C×3, where the corners of the polygons, one polygon after the other, lie in face_a and in
+  /// face_b: barycentric coordinates.
+  Points3 corner_a, corner_b;
+};
+
+/// How the map distorts one polygon of the meta mesh, where it is affine.
+struct PolygonDistortion {
+  double area_a = 0, area_b = 0;        // of the polygon on either surface
+  double sigma_min = 1, sigma_max = 1;  // singular values of the Jacobian of Φ
+  double density = 2;                   // symmetric Dirichlet energy per area on A and B; ≥ 2
+};
+
+/// Totals of PolygonDistortion, weighted by area_a + area_b.
+struct DistortionSummary {
+  double mean = 0;                      // E_Φ / (area A' + area B'), 2 is an isometry
+  double median = 0, p95 = 0;           // densities that half, 95% of the area stay below
+  double largest = 0;                   // density
+  double sigma_min = 0, sigma_max = 0;  // the extremes
+  double area_a = 0, area_b = 0;        // covered
+};
+
+/// A mesh with the geometry of the other surface. Ids of vertices are kept; those without an image
+/// are in no triangle and lie on the first image.
+struct Remesh {
+  TriangleMesh mesh;
+  std::vector<char> covered;  // per vertex
 };
 
 namespace detail {
@@ -462,21 +499,101 @@ class SurfaceMap {
   MappedPoint backward_vertex(int b) const;
   std::vector<MappedPoint> forward_vertices() const;   // one per vertex of a valid mesh A
   std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
-  /// The image of the edge from vertex u to v of A on B: a polyline for every stretch of it that is
-  /// covered, in order. The segment from point i to i + 1 lies in the triangle of point i. Empty if
-  /// there is no such edge. Of a polygon mesh that was cut into triangles (§6.3), ask for the edges
-  /// of its polygons.
-  std::vector<std::vector<SurfacePoint>> forward_edge(int u, int v) const;
-  std::vector<std::vector<SurfacePoint>> backward_edge(int u, int v) const;  // of B on A
+  /// The image on B of a path along edges of A, given by its vertices: a polyline for every stretch
+  /// of it that is covered, in order, with a point on every edge of B it crosses. Where two
+  /// vertices have no edge, the path is interrupted. Of a polygon mesh that was cut into triangles
+  /// (§6.3), ask for the edges of its polygons; see edge_paths().
+  std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
+  std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
+  /// The same of a curve, given by points of A. Points without a common triangle are joined by a
+  /// straight line of the plane. A point whose face is out of range interrupts the curve.
+  std::vector<Polyline> forward_curve(const Polyline& points) const;
+  std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
   /// p.face one of its triangles.
   Vec3 position_on_a(const SurfacePoint& p) const;
   Vec3 position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh() const;
+  /// Of every polygon of meta_mesh(). Both surfaces are scaled to area 1 first, as they are for
+  /// compute_map(), unless keep_scale.
+  std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
+  friend class Morph;
+  friend Remesh remesh(const SurfaceMap& map, Side side);
   std::shared_ptr<const detail::MapData> data_;
 };
+
+/// The vertices along edges of a mesh to whose edges vertices were added (Embedding::added_a): the
+/// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost
+/// O(n log n).
+inline std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
+                                                const TriangleMesh& mesh,
+                                                const std::vector<Midpoint>& added);
+
+/// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
+inline Remesh remesh(const SurfaceMap& map, Side side);
+
+/// What the rows of attributes belong to. Corner k of face f is row 3 f + k. Texture coordinates
+/// with seams belong to corners.
+enum class Element { kVertex, kFace, kCorner };
+
+/// Attributes of a mesh, or of the corners of a meta mesh.
+struct Attributes {
+  Status status = Status::kConverged;  // or kInvalidAttributes: the number of rows does not fit
+  std::string message;
+  Eigen::MatrixXd values;     // a row per element, as many columns as were given
+  std::vector<char> covered;  // per row; a row that is not covered is 0
+};
+
+/// Attributes of the mesh on one side, at all corners of the meta mesh: rows as those of
+/// MetaMesh::corner_a. Nothing is lost, neither detail nor seams. Linear cost, thread-safe.
+inline Attributes to_meta(const MetaMesh& meta, Side side, Element element,
+                          const Eigen::MatrixXd& values);
+
+/// Attributes of the corners of the meta mesh at vertices or corners of the mesh on one side (the
+/// mean, where corners at a vertex differ), or their mean over the covered part of each face. What
+/// to_meta() made of the same side comes back as it was. Linear cost, thread-safe.
+inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
+                            const Eigen::MatrixXd& corners);
+
+/// Attributes of the mesh on side `from` at elements of the other mesh: both of the above. It
+/// samples: on a coarser mesh, detail is lost; corners of a face across a seam of texture
+/// coordinates lie on either side of it, so keep to_meta()'s for these. Linear cost, thread-safe.
+inline Attributes transfer(const MetaMesh& meta, Side from, Element element,
+                           const Eigen::MatrixXd& values, Element target);
+
+/// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
+inline Points3 linear_morph(const MetaMesh& meta, double t);
+
+namespace detail {
+struct MorphData;
+}
+
+/// As-rigid-as-possible shapes between A and B, at 0 and 1 the two surfaces up to rounding. Every
+/// polygon wants to turn by its share of the rotation of Φ there, and to stretch linearly; edges of
+/// the meta mesh then fit in least squares [Alexa, Cohen-Or and Levin 2000]. Exchanging A and B
+/// gives the same shapes. For surfaces of about the same size.
+///
+///   ism::Morph morph(map);
+///   ism::Points3 halfway = morph.at(0.5);  // vertices of map.meta_mesh()
+///
+/// Thread-safe. Cheap to copy; copies share their data.
+class Morph {
+ public:
+  /// Factorises a matrix of the size of the meta mesh; of the options, the threads count.
+  explicit Morph(const SurfaceMap& map, const Options& options = {});
+  /// kConverged, kNumericalFailure, or what the map has.
+  Status status() const;
+  /// #M×3, for any t; no rows if status() is not kConverged. A solve with the factor.
+  Points3 at(double t) const;
+
+ private:
+  std::shared_ptr<const detail::MorphData> data_;
+};
+
+/// Totals of what SurfaceMap::distortion() found. Sorts: O(n log n).
+inline DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 }  // namespace ism
 
@@ -552,6 +669,7 @@ inline double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y()
 inline Vec2 perp(const Vec2& d) { return Vec2(d.y(), -d.x()); }
 
 inline Vec2 row2(const Points2& p, int i) { return p.row(i).transpose(); }
+inline Vec3 row3(const Points3& p, int i) { return p.row(i).transpose(); }
 
 inline double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -4282,12 +4400,17 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
 
 constexpr double kShrink = 0.8;  // §5.2
 
-/// Adds the steps 0.8^ℓ of the first step of a block, and s = 1 to the first one. A block covers
-/// at least eight ℓ; of every `stride` of them, the one in the middle is tried.
+/// A block of the line search covers eight ℓ of 0.8^ℓ, or some more for a stride that does not
+/// divide eight; of every `stride` of them, the one in the middle is tried.
+inline int trials_per_block(int stride) {
+  constexpr int kBlock = 8;  // §5.2
+  return (kBlock - 1) / stride + 1;
+}
+
+/// Adds the steps of a block, and s = 1 to those of the first one.
 inline void add_block(int direction, const Direction& d, int block, int stride,
                       std::vector<std::pair<int, double>>& steps) {
-  constexpr int kBlock = 8;
-  const int trials = (kBlock - 1) / stride + 1;
+  const int trials = trials_per_block(stride);
   for (int i = block * trials; i < (block + 1) * trials; ++i)
     steps.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
   if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
@@ -4362,9 +4485,10 @@ inline void try_steps(const SearchProblem& problem, const Executor& executor, in
 /// best acceptable one (Algorithm 1, lines 17 to 24).
 inline SearchResult line_search(const SearchProblem& problem, const Executor& executor,
                                 Array<Trial>& trials) {
-  constexpr int kMostBlocks = 10;
+  constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
+  const int covered = trials_per_block(problem.stride) * problem.stride;
   SearchResult result;
-  for (int block = 0; block < kMostBlocks && result.best < 0; ++block) {
+  for (int block = 0; block * covered < kMost && result.best < 0; ++block) {
     std::vector<std::pair<int, double>> steps;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, problem.stride, steps);
@@ -6577,119 +6701,300 @@ struct MapSide {
   }
 };
 
-/// A stretch of an edge whose image lies in one triangle: from parameter s to t, 0 at its start.
-struct EdgeStretch {
+// ---- curves ----
+
+/// A stretch of a segment of the plane that lies in one triangle: from parameter s to t.
+struct Stretch {
   static constexpr int kAlong = -2;
   double s, t;
-  int face;          // of the other mesh
+  int face;
   int enter, leave;  // half-edges of that face, -1 where the stretch does not end at one, kAlong
                      // where it runs along the boundary
 };
 
-/// The stretches of half-edge h, on the boundary, along that of the other mesh, exactly. In the
-/// overlay the one is infinitely close to the other, on either side of it.
-inline std::vector<EdgeStretch> boundary_stretches(const MapSide& side, int h) {
-  std::vector<EdgeStretch> stretches;
-  if (side.from.twin[h] >= 0) return stretches;
-  const Vec2 u = row2(side.x, side.from.tail[h]), v = row2(side.x, side.from.tip(h));
-  const auto parameter = [&](const Vec2& p) {
-    return clamp01((p - u).dot(v - u) / (v - u).squaredNorm());
-  };
-  for (int i = side.groups.start[h / 3]; i < side.groups.start[h / 3 + 1]; ++i) {
-    const OverlayPolygon& p = side.polygons[side.groups.item[i]];
-    const int target = side.forward ? p.tb : p.ta;
-    for (int e : {3 * target, 3 * target + 1, 3 * target + 2}) {
-      const Vec2 q = row2(side.y, side.to.tail[e]), r = row2(side.y, side.to.tip(e));
-      if (side.to.twin[e] >= 0 || orient2d(u, v, q) != 0 || orient2d(u, v, r) != 0) continue;
-      const double s = parameter(q), t = parameter(r);
-      if (s < t) stretches.push_back({s, t, target, EdgeStretch::kAlong, EdgeStretch::kAlong});
-    }
-  }
-  return stretches;
-}
+/// Stretches, each of which begins where the one before it ends.
+using Chain = std::vector<Stretch>;
 
-/// The stretches of half-edge h of the first mesh of a side, in the order of s.
-inline std::vector<EdgeStretch> edge_stretches(const MapSide& side, int h) {
-  const std::vector<EdgeStretch> along = boundary_stretches(side, h);
-  std::vector<EdgeStretch> stretches = along;
-  const auto is_along = [&](const Piece& piece) {
-    const double middle = 0.5 * (piece.s + piece.t);
-    return std::any_of(along.begin(), along.end(),
-                       [&](const EdgeStretch& a) { return a.s <= middle && middle <= a.t; });
-  };
-  const int face = h / 3, own = side.forward ? 0 : 3, other = 3 - own;
-  for (int i = side.groups.start[face]; i < side.groups.start[face + 1]; ++i) {
-    const OverlayPolygon& p = side.polygons[side.groups.item[i]];
-    const SixPoints x = side.forward ? six_points(side.from, side.x, side.to, side.y, p)
-                                     : six_points(side.to, side.y, side.from, side.x, p);
-    const PolygonShape shape = polygon_shape(p, x);
-    const int target = side.forward ? p.tb : p.ta;
-    const auto half_edge = [&](int k) {
-      const int e = shape[k].e - other;
-      return e >= 0 && e < 3 ? 3 * target + e : -1;
+/// Cuts segments of the plane at the edges of an embedded mesh, exactly. The vertices of the mesh
+/// have the labels first_label, first_label + 1, ... of the symbolic perturbation; the ends of a
+/// segment have others.
+class SegmentCutter {
+ public:
+  SegmentCutter(const HalfEdgeMesh& m, const Points2& x, int first_label)
+      : m_(m), x_(x), first_label_(first_label) {}
+
+  /// The chains of segment pq in order, where pq passes through a triangle of `seeds` or next to
+  /// one.
+  std::vector<Chain> cut(const LabelledPoint& p, const LabelledPoint& q,
+                         const std::vector<int>& seeds) const {
+    const std::vector<Stretch> along = along_boundary(p.p, q.p, seeds);
+    std::vector<Stretch> stretches = along;
+    for (const Stretch& s : across(p, q, seeds)) {
+      const double middle = 0.5 * (s.s + s.t);
+      if (std::none_of(along.begin(), along.end(),
+                       [&](const Stretch& a) { return a.s <= middle && middle <= a.t; }))
+        stretches.push_back(s);
+    }
+    std::sort(stretches.begin(), stretches.end(),
+              [](const Stretch& a, const Stretch& b) { return a.s < b.s; });
+    return chains(stretches);
+  }
+
+ private:
+  /// The stretches along the boundary. Under the perturbation, the segment is infinitely close to
+  /// it, on either side.
+  std::vector<Stretch> along_boundary(const Vec2& p, const Vec2& q,
+                                      const std::vector<int>& faces) const {
+    std::vector<Stretch> stretches;
+    const auto parameter = [&](const Vec2& r) {
+      return clamp01((r - p).dot(q - p) / (q - p).squaredNorm());
     };
-    for (int k = 0; k < p.count; ++k)
-      if (shape[k].e == own + h % 3 && !is_along(shape[k]))
-        stretches.push_back({shape[k].s, shape[k].t, target, half_edge((k + p.count - 1) % p.count),
-                             half_edge((k + 1) % p.count)});
+    for (int f : faces)
+      for (int h : {3 * f, 3 * f + 1, 3 * f + 2}) {
+        const Vec2 u = row2(x_, m_.tail[h]), v = row2(x_, m_.tip(h));
+        if (m_.twin[h] >= 0 || orient2d(p, q, u) != 0 || orient2d(p, q, v) != 0) continue;
+        const auto [s, t] = std::minmax({parameter(u), parameter(v)});
+        if (s < t) stretches.push_back({s, t, f, Stretch::kAlong, Stretch::kAlong});
+      }
+    return stretches;
   }
-  std::sort(stretches.begin(), stretches.end(),
-            [](const EdgeStretch& a, const EdgeStretch& b) { return a.s < b.s; });
-  return stretches;
+
+  /// The stretches in triangles, those of the seeds and their neighbours first, then those the
+  /// segment goes to and comes from.
+  std::vector<Stretch> across(const LabelledPoint& p, const LabelledPoint& q,
+                              const std::vector<int>& seeds) const {
+    std::vector<Stretch> stretches;
+    std::set<int> known;
+    std::vector<int> queue;
+    const auto offer = [&](int f) {
+      if (known.insert(f).second) queue.push_back(f);
+    };
+    const auto offer_beyond = [&](int h) {
+      if (h >= 0 && m_.twin[h] >= 0) offer(m_.twin[h] / 3);
+    };
+    for (int f : seeds) {
+      offer(f);
+      for (int h : {3 * f, 3 * f + 1, 3 * f + 2}) offer_beyond(h);
+    }
+    for (std::size_t i = 0; i < queue.size(); ++i) {
+      Stretch s{0, 1, queue[i], -1, -1};
+      if (!clip(p, q, s)) continue;
+      stretches.push_back(s);
+      offer_beyond(s.enter);
+      offer_beyond(s.leave);
+    }
+    return stretches;
+  }
+
+  /// The part of pq in triangle s.face; false if there is none.
+  bool clip(const LabelledPoint& p, const LabelledPoint& q, Stretch& s) const {
+    const LabelledTriangle corner = labelled(m_, x_, s.face, first_label_);
+    std::array<bool, 3> p_left, q_left, left;  // of edge k; corner k of pq
+    for (std::size_t k = 0; k < 3; ++k) {
+      const LabelledPoint &u = corner[k], &v = corner[(k + 1) % 3];
+      p_left[k] = oriented(u, v, p);
+      q_left[k] = oriented(u, v, q);
+      left[k] = oriented(p, q, u);
+    }
+    bool starts = inside(p_left), ends = inside(q_left);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (p_left[k] == q_left[k] || left[k] == left[(k + 1) % 3]) continue;
+      const Vec2 u = corner[k].p, v = corner[(k + 1) % 3].p;
+      const double at = crossing(p.p, q.p - p.p, u, v - u).first;
+      const int h = 3 * s.face + static_cast<int>(k);
+      if (q_left[k])
+        starts = true, s.enter = h, s.s = at;
+      else
+        ends = true, s.leave = h, s.t = at;
+    }
+    return starts && ends;
+  }
+
+  /// Within the mesh, a stretch enters the triangle beyond the half-edge by which the one before it
+  /// leaves: parameters are rounded and could tell neither gaps nor the order of short ones. Along
+  /// the boundary, they are those of its vertices.
+  bool follows(const Stretch& a, const Stretch& b) const {
+    if (a.leave == Stretch::kAlong) return b.enter == Stretch::kAlong && a.t == b.s;
+    return a.leave >= 0 && b.enter >= 0 && m_.twin[a.leave] == b.enter;
+  }
+
+  std::vector<Chain> chains(const std::vector<Stretch>& stretches) const {
+    std::vector<Chain> result;
+    for (const Stretch& first : stretches) {
+      if (std::any_of(stretches.begin(), stretches.end(),
+                      [&](const Stretch& s) { return follows(s, first); }))
+        continue;
+      result.push_back({first});
+      while (result.back().size() < stretches.size()) {
+        const auto next = std::find_if(stretches.begin(), stretches.end(), [&](const Stretch& s) {
+          return follows(result.back().back(), s);
+        });
+        if (next == stretches.end()) break;
+        result.back().push_back(*next);
+      }
+    }
+    return result;
+  }
+
+  const HalfEdgeMesh& m_;
+  const Points2& x_;
+  int first_label_;
+};
+
+/// The faces a point lies in: one, or those around its edge or vertex.
+inline std::vector<int> faces_around(const HalfEdgeMesh& m, const SurfacePoint& s) {
+  std::vector<int> faces;
+  for (int k = 0; k < 3; ++k)
+    if (s.barycentric[k] == 1) {
+      m.for_each_outgoing(m.corner(s.face, k), [&](int h) { faces.push_back(h / 3); });
+      return faces;
+    }
+  faces.push_back(s.face);
+  for (int k = 0; k < 3; ++k) {  // corner k does not count: the point is on the edge behind it
+    const int twin = m.twin[next(3 * s.face + k)];
+    if (s.barycentric[k] == 0 && twin >= 0) faces.push_back(twin / 3);
+  }
+  return faces;
 }
 
-/// Chains of stretches, each of which enters the triangle beyond the half-edge by which the one
-/// before it leaves. Parameters are rounded and could tell neither gaps nor the order of short
-/// ones; but along a boundary, they are those of its vertices.
-inline std::vector<std::vector<EdgeStretch>> chains(const HalfEdgeMesh& m,
-                                                    const std::vector<EdgeStretch>& stretches) {
-  const auto follows = [&](const EdgeStretch& a, const EdgeStretch& b) {
-    if (a.leave == EdgeStretch::kAlong) return b.enter == EdgeStretch::kAlong && a.t == b.s;
-    return a.leave >= 0 && b.enter >= 0 && m.twin[a.leave] == b.enter;
-  };
-  std::vector<std::vector<EdgeStretch>> result;
-  for (const EdgeStretch& first : stretches) {
-    if (std::any_of(stretches.begin(), stretches.end(),
-                    [&](const EdgeStretch& s) { return follows(s, first); }))
-      continue;
-    result.push_back({first});
-    while (result.back().size() < stretches.size()) {
-      const auto next = std::find_if(stretches.begin(), stretches.end(), [&](const EdgeStretch& s) {
-        return follows(result.back().back(), s);
-      });
-      if (next == stretches.end()) break;
-      result.back().push_back(*next);
-    }
+/// Where a point of a surface lies in the plane. What lies on an edge parallel to an axis lies on
+/// it after rounding, too.
+inline Vec2 planar_position(const HalfEdgeMesh& m, const Points2& x, const SurfacePoint& s) {
+  Vec2 p = Vec2::Zero(), lo = Vec2::Constant(kInfinity), hi = -lo;
+  for (int k = 0; k < 3; ++k) {
+    if (s.barycentric[k] == 0) continue;
+    const Vec2 corner = row2(x, m.corner(s.face, k));
+    p += s.barycentric[k] * corner;
+    lo = lo.cwiseMin(corner);
+    hi = hi.cwiseMax(corner);
   }
-  return result;
+  p = p.cwiseMax(lo).cwiseMin(hi);
+  return Vec2(flush_tiny(p.x()), flush_tiny(p.y()));
 }
 
-/// The image of the edge u → v of the first mesh of a side.
-inline std::vector<std::vector<SurfacePoint>> map_edge(const MapSide& side, int u, int v) {
-  int h = find_half_edge(side.from, u, v);
-  const bool is_reversed = h < 0;
-  if (is_reversed) h = find_half_edge(side.from, v, u);
-  std::vector<std::vector<SurfacePoint>> polylines;
-  if (h < 0 || side.groups.start.empty()) return polylines;
-  const Vec2 start = row2(side.x, side.from.tail[h]);
-  const Vec2 along = row2(side.x, side.from.tip(h)) - start;
-  const auto point = [&](int face, double t) -> SurfacePoint {
-    const Vec3 b = barycentric(side.to, side.y, face, start + t * along).cwiseMax(0.0);
-    return {face, b.sum() > 0 ? Vec3(b / b.sum()) : Vec3::Constant(1.0 / 3)};
-  };
-  for (std::vector<EdgeStretch>& chain : chains(side.to, edge_stretches(side, h))) {
-    if (is_reversed) {
-      std::reverse(chain.begin(), chain.end());
-      for (EdgeStretch& stretch : chain) std::swap(stretch.s, stretch.t);
+/// Maps paths along the edges of the first mesh of a side, and curves on it.
+class CurveMapper {
+ public:
+  explicit CurveMapper(const MapSide& side)
+      : side_(side),
+        first_label_(side.forward ? 0 : side.to.n_vertices),
+        free_label_(side.from.n_vertices + side.to.n_vertices),
+        from_(side.from, side.x, first_label_),
+        to_(side.to, side.y, side.forward ? side.from.n_vertices : 0) {}
+
+  std::vector<Polyline> map_path(const std::vector<int>& vertices) {
+    if (side_.groups.start.empty()) return {};
+    for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
+      const int u = vertices[i], v = vertices[i + 1];
+      const int h = (std::max)(find_half_edge(side_.from, u, v), find_half_edge(side_.from, v, u));
+      if (h >= 0)
+        add({{row2(side_.x, u), first_label_ + u}, {row2(side_.x, v), first_label_ + v}, {h / 3}});
+      else
+        interrupt();
     }
-    polylines.emplace_back();
-    for (const EdgeStretch& stretch : chain)
-      polylines.back().push_back(point(stretch.face, stretch.s));
-    polylines.back().push_back(point(chain.back().face, chain.back().t));
+    return finish();
   }
-  if (is_reversed) std::reverse(polylines.begin(), polylines.end());
-  return polylines;
-}
+
+  std::vector<Polyline> map_curve(const Polyline& points) {
+    if (side_.groups.start.empty()) return {};
+    for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+      const int odd = static_cast<int>(i % 2);  // a point has one label in both its segments
+      add_between(points[i], free_label_ + odd, points[i + 1], free_label_ + 1 - odd);
+    }
+    return finish();
+  }
+
+ private:
+  static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
+
+  /// A straight piece of a curve in the plane, and the faces of the first mesh it passes through.
+  struct Segment {
+    LabelledPoint p, q;
+    std::vector<int> faces;
+  };
+
+  bool is_valid(const SurfacePoint& s) const {
+    return s.face >= 0 && s.face < side_.from.n_faces && s.barycentric.allFinite();
+  }
+
+  void add_between(const SurfacePoint& s, int s_label, const SurfacePoint& t, int t_label) {
+    if (!is_valid(s) || !is_valid(t)) return interrupt();
+    const LabelledPoint p = {planar_position(side_.from, side_.x, s), s_label};
+    const LabelledPoint q = {planar_position(side_.from, side_.x, t), t_label};
+    if (p.p == q.p) return;
+    std::vector<int> faces = faces_around(side_.from, s), ends = faces_around(side_.from, t);
+    std::vector<int> common;
+    std::sort(faces.begin(), faces.end());
+    std::sort(ends.begin(), ends.end());
+    std::set_intersection(faces.begin(), faces.end(), ends.begin(), ends.end(),
+                          std::back_inserter(common));
+    if (!common.empty()) return add({p, q, common});
+    faces.insert(faces.end(), ends.begin(), ends.end());
+    add_across(p, q, faces);
+  }
+
+  /// A segment over the edges of the first mesh; the parts of it outside are left out.
+  void add_across(const LabelledPoint& p, const LabelledPoint& q, const std::vector<int>& ends) {
+    double end = 0;
+    for (const Chain& chain : from_.cut(p, q, ends)) {
+      Segment segment = {p, q, {}};
+      for (const Stretch& s : chain) segment.faces.push_back(s.face);
+      if (chain.front().s > end + kTouch) interrupt();
+      end = chain.back().t;
+      if (chain.front().s > 0) segment.p = {p.p + chain.front().s * (q.p - p.p), free_label_ + 2};
+      if (chain.back().t < 1) segment.q = {p.p + chain.back().t * (q.p - p.p), free_label_ + 3};
+      if (segment.p.p != segment.q.p) add(segment);
+    }
+    if (end < 1 - kTouch) interrupt();
+  }
+
+  void interrupt() { is_open_ = false; }
+
+  void add(const Segment& segment) {
+    std::vector<int> seeds;
+    for (int f : segment.faces)
+      for (int i = side_.groups.start[f]; i < side_.groups.start[f + 1]; ++i) {
+        const OverlayPolygon& polygon = side_.polygons[side_.groups.item[i]];
+        seeds.push_back(side_.forward ? polygon.tb : polygon.ta);
+      }
+    std::sort(seeds.begin(), seeds.end());
+    seeds.erase(std::unique(seeds.begin(), seeds.end()), seeds.end());
+    double end = 0;
+    for (const Chain& chain : to_.cut(segment.p, segment.q, seeds)) {
+      if (chain.front().s > end + kTouch) interrupt();
+      end = chain.back().t;
+      add_chain(segment, chain);
+    }
+    if (end < 1 - kTouch) interrupt();
+  }
+
+  void add_chain(const Segment& segment, const Chain& chain) {
+    const auto point = [&](int face, double t) -> SurfacePoint {
+      const Vec2 p = segment.p.p + t * (segment.q.p - segment.p.p);
+      const Vec3 b = barycentric(side_.to, side_.y, face, p).cwiseMax(0.0);
+      return {face, b.sum() > 0 ? Vec3(b / b.sum()) : Vec3::Constant(1.0 / 3)};
+    };
+    if (is_open_)
+      polylines_.back().pop_back();  // its last point is the first of this chain
+    else
+      polylines_.emplace_back();
+    for (const Stretch& s : chain) polylines_.back().push_back(point(s.face, s.s));
+    polylines_.back().push_back(point(chain.back().face, chain.back().t));
+    is_open_ = true;
+  }
+
+  std::vector<Polyline> finish() {
+    interrupt();
+    return std::move(polylines_);
+  }
+
+  MapSide side_;
+  int first_label_;  // of the vertices of the first mesh
+  int free_label_;   // the first of four that no vertex has
+  SegmentCutter from_, to_;
+  std::vector<Polyline> polylines_;
+  bool is_open_ = false;  // the last polyline goes on
+};
 
 /// Overlays d.f and d.g and groups the polygons by the faces of either mesh.
 inline void index_overlay(MapData& d) {
@@ -6713,6 +7018,13 @@ inline Vec3 surface_position(const Points3& vertices, const HalfEdgeMesh& m,
   return p;
 }
 
+inline Triangles triangles_of(const HalfEdgeMesh& m) {
+  Triangles triangles(m.n_faces, 3);
+  for (int f = 0; f < m.n_faces; ++f)
+    for (int k = 0; k < 3; ++k) triangles(f, k) = m.corner(f, k);
+  return triangles;
+}
+
 /// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
  public:
@@ -6725,12 +7037,22 @@ class MetaMeshBuilder {
         std::unique(order_.begin(), order_.end(),
                     [&](int i, int j) { return corners_[i].key == corners_[j].key; }) -
         order_.begin());
+    mesh.a = {data_.vertices_a, triangles_of(data_.a)};
+    mesh.b = {data_.vertices_b, triangles_of(data_.b)};
     mesh.on_a.resize(n, 3);
     mesh.on_b.resize(n, 3);
+    mesh.plane.resize(n, 2);
     for (int i = 0; i < n; ++i) {
       const Corner& c = corners_[order_[i]];
       mesh.on_a.row(i) = surface_position(data_.vertices_a, data_.a, c.on_a).transpose();
       mesh.on_b.row(i) = surface_position(data_.vertices_b, data_.b, c.on_b).transpose();
+      mesh.plane.row(i) = planar_position(data_.a, data_.f, c.on_a).transpose();
+    }
+    mesh.corner_a.resize(corners_.size(), 3);
+    mesh.corner_b.resize(corners_.size(), 3);
+    for (int i = 0; i < corners_.size(); ++i) {
+      mesh.corner_a.row(i) = corners_[i].on_a.barycentric.transpose();
+      mesh.corner_b.row(i) = corners_[i].on_b.barycentric.transpose();
     }
     int next = 0;
     for (const OverlayPolygon& p : data_.overlay.polygons) {
@@ -6809,6 +7131,44 @@ class MetaMeshBuilder {
   Array<int> id_;     // of every corner
 };
 
+// ---- distortion ----
+
+/// The largest singular value of J [Blinn 1996].
+inline double largest_stretch(const Eigen::Matrix2d& J) {
+  return 0.5 * (std::hypot(J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)) +
+                std::hypot(J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)));
+}
+
+/// Φ of one polygon, J = J_g⁻¹ J_f. The smaller singular value comes from the determinant, as the
+/// difference of two nearly equal numbers would not have a correct digit.
+inline PolygonDistortion polygon_distortion(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G,
+                                            double planar_area) {
+  const double det_f = F.determinant(), det_g = G.determinant();
+  PolygonDistortion d;
+  d.sigma_max = largest_stretch(G.inverse() * F);
+  d.sigma_min = det_f / det_g / d.sigma_max;
+  d.area_a = planar_area / det_f;
+  d.area_b = planar_area / det_g;
+  const double s = d.sigma_min * d.sigma_min, t = d.sigma_max * d.sigma_max;
+  const double stretch = d.sigma_min * d.sigma_max;  // of areas
+  d.density = ((s + t) * stretch + (1 / s + 1 / t)) / (stretch + 1);
+  return d;
+}
+
+inline std::vector<PolygonDistortion> polygon_distortions(const MapData& d, bool keep_scale) {
+  std::vector<PolygonDistortion> result;
+  if (d.overlay.polygons.empty()) return result;
+  const Surface a = build_surface({d.vertices_a, triangles_of(d.a)}, keep_scale);
+  const Surface b = build_surface({d.vertices_b, triangles_of(d.b)}, keep_scale);
+  for (const OverlayPolygon& p : d.overlay.polygons) {
+    const SixPoints x = six_points(d.a, d.f, d.b, d.g, p);
+    const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
+    result.push_back(
+        polygon_distortion(triangle_jacobian(a, d.f, p.ta), triangle_jacobian(b, d.g, p.tb), area));
+  }
+  return result;
+}
+
 }  // namespace detail
 
 inline Status SurfaceMap::status() const { return data_->status; }
@@ -6831,11 +7191,17 @@ inline std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
 inline std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
   return detail::backward_side(*data_).map_vertices();
 }
-inline std::vector<std::vector<SurfacePoint>> SurfaceMap::forward_edge(int u, int v) const {
-  return detail::map_edge(detail::forward_side(*data_), u, v);
+inline std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
+  return detail::CurveMapper(detail::forward_side(*data_)).map_path(vertices);
 }
-inline std::vector<std::vector<SurfacePoint>> SurfaceMap::backward_edge(int u, int v) const {
-  return detail::map_edge(detail::backward_side(*data_), u, v);
+inline std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
+  return detail::CurveMapper(detail::backward_side(*data_)).map_path(vertices);
+}
+inline std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
+  return detail::CurveMapper(detail::forward_side(*data_)).map_curve(points);
+}
+inline std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
+  return detail::CurveMapper(detail::backward_side(*data_)).map_curve(points);
 }
 inline Vec3 SurfaceMap::position_on_a(const SurfacePoint& p) const {
   return detail::surface_position(data_->vertices_a, data_->a, p);
@@ -6844,10 +7210,522 @@ inline Vec3 SurfaceMap::position_on_b(const SurfacePoint& p) const {
   return detail::surface_position(data_->vertices_b, data_->b, p);
 }
 inline MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
+inline std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
+  return detail::polygon_distortions(*data_, keep_scale);
+}
 
 }  // namespace ism
 
-// ==== [16] ENTRY POINTS ==========================================================================
+// ==== [16] APPLICATIONS (paper §1, §6.3) =========================================================
+//
+// Purpose:    attributes carried between the surfaces, shapes between them, totals of distortion.
+// Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
+//             exactly; what one mesh gives to the meta mesh it gets back.
+// Fails:      with a status where attributes do not fit a mesh.
+
+namespace ism {
+namespace detail {
+
+// ---- attributes ----
+
+/// What a meta mesh says of one of its two meshes.
+struct MetaSide {
+  const TriangleMesh& mesh;
+  const std::vector<int>& face;  // per polygon
+  const Points3& corner;         // per corner of the polygons
+};
+
+inline MetaSide meta_side(const MetaMesh& meta, Side side) {
+  if (side == Side::kA) return {meta.a, meta.face_a, meta.corner_a};
+  return {meta.b, meta.face_b, meta.corner_b};
+}
+
+inline Eigen::Index element_count(const TriangleMesh& mesh, Element element) {
+  if (element == Element::kVertex) return mesh.vertices.rows();
+  return (element == Element::kFace ? 1 : 3) * mesh.triangles.rows();
+}
+
+/// The row of the attribute at corner k of face f.
+inline Eigen::Index element_row(const TriangleMesh& mesh, Element element, int f, int k) {
+  if (element == Element::kVertex) return mesh.triangles(f, k);
+  return element == Element::kFace ? f : 3 * Eigen::Index{f} + k;
+}
+
+inline Attributes misfit(Eigen::Index given, Eigen::Index wanted, const char* per) {
+  Attributes result;
+  result.status = Status::kInvalidAttributes;
+  result.message = "the attributes have " + std::to_string(given) + " rows, but " +
+                   std::to_string(wanted) + " are needed, one per " + per;
+  return result;
+}
+
+inline const char* element_name(Element element) {
+  if (element == Element::kVertex) return "vertex";
+  return element == Element::kFace ? "face" : "corner of a face";
+}
+
+/// Sums of attributes and of their weights.
+struct WeightedRows {
+  Eigen::MatrixXd sum;
+  Eigen::VectorXd weight;
+  WeightedRows(Eigen::Index rows, Eigen::Index columns)
+      : sum(Eigen::MatrixXd::Zero(rows, columns)), weight(Eigen::VectorXd::Zero(rows)) {}
+
+  Attributes means() const {
+    Attributes result;
+    result.values = sum;
+    for (Eigen::Index i = 0; i < weight.size(); ++i) {
+      result.covered.push_back(weight[i] > 0);
+      if (weight[i] > 0) result.values.row(i) /= weight[i];
+    }
+    return result;
+  }
+};
+
+/// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
+inline void add_vertices(const MetaSide& side, Element element, int f, Eigen::Index first,
+                         Eigen::Index last, const Eigen::MatrixXd& corners, WeightedRows& rows) {
+  for (Eigen::Index c = first; c < last; ++c)
+    for (int k = 0; k < 3; ++k) {
+      if (side.corner(c, k) != 1) continue;
+      const Eigen::Index row = element_row(side.mesh, element, f, k);
+      rows.sum.row(row) += corners.row(c);
+      rows.weight[row] += 1;
+    }
+}
+
+/// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
+inline void add_integral(const MetaSide& side, int f, Eigen::Index first, Eigen::Index last,
+                         const Eigen::MatrixXd& corners, WeightedRows& rows) {
+  const auto point = [&](Eigen::Index c) { return Vec2(side.corner(c, 1), side.corner(c, 2)); };
+  for (Eigen::Index c = first + 1; c + 1 < last; ++c) {
+    const double area =
+        (std::max)(0.0, cross(point(c) - point(first), point(c + 1) - point(first)));
+    rows.sum.row(f) += area / 3 * (corners.row(first) + corners.row(c) + corners.row(c + 1));
+    rows.weight[f] += area;
+  }
+}
+
+// ---- morphing ----
+
+/// The rotation by the length of a vector about its direction.
+inline Eigen::Matrix3d rotation(const Vec3& v) {
+  const double angle = v.norm();
+  if (angle == 0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle, v / angle).toRotationMatrix();
+}
+
+/// The rotation closest to a matrix, by Newton's iteration [Higham 1986]; the identity if it has no
+/// positive determinant.
+inline Eigen::Matrix3d closest_rotation(const Eigen::Matrix3d& M) {
+  constexpr int kMostIterations = 100;
+  Eigen::Matrix3d R = M;
+  if (!(R.determinant() > 0)) return Eigen::Matrix3d::Identity();
+  for (int i = 0; i < kMostIterations; ++i) {
+    const Eigen::Matrix3d better = 0.5 * (R + R.inverse().transpose());
+    const bool is_done = (better - R).squaredNorm() < 1e-30;
+    R = better;
+    if (is_done) break;
+  }
+  return R;
+}
+
+/// The vector of a rotation that is closest to another vector: turning by an angle more or less of
+/// 2π is the same.
+inline Vec3 rotation_vector(const Eigen::Matrix3d& R, const Vec3& near) {
+  const Eigen::Quaterniond q(R);
+  const double sine = q.vec().norm(), angle = 2 * std::atan2(sine, std::abs(q.w()));
+  Vec3 axis = near.norm() > 0 ? Vec3(near / near.norm()) : Vec3::UnitX();  // where R turns nothing
+  if (sine > 1e-9) axis = (q.w() < 0 ? -1 / sine : 1 / sine) * q.vec();
+  const double whole = std::round((near.dot(axis) - angle) / (2 * kPi));
+  return (angle + 2 * kPi * whole) * axis;
+}
+
+/// An orthonormal frame of a triangle in space, the axes of its rest_frame() and the normal.
+inline Eigen::Matrix3d space_frame(const Surface& s, int f) {
+  const Vec3 a = s.vertices.row(s.mesh.corner(f, 0)), b = s.vertices.row(s.mesh.corner(f, 1));
+  const Vec3 c = s.vertices.row(s.mesh.corner(f, 2));
+  Eigen::Matrix3d frame;
+  frame.col(0) = (b - a).normalized();
+  frame.col(2) = (b - a).cross(c - a).normalized();
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  return frame;
+}
+
+/// An edge of a polygon: corners i, j of the meta mesh.
+struct MorphEdge {
+  int i, j, polygon;
+  double weight;
+};
+
+struct MorphData {
+  Status status = Status::kConverged;
+  Array<Vec3> a, b;  // the vertices, centred; those on B turned back by the whole turn
+  Vec3 center_a = Vec3::Zero(), center_b = Vec3::Zero();
+  Array<double> mass;              // of the vertices, sum 1
+  Vec3 whole_turn = Vec3::Zero();  // of B with respect to A
+  Array<Vec3> turn;                // of every polygon, on top of it
+  Array<MorphEdge> edges;
+  Array<int> anchors;  // one vertex of every part of the overlap, interpolated linearly
+  LdltSymbolic symbolic;
+  LdltFactor factor;  // of the weighted graph Laplacian
+};
+
+class MorphBuilder {
+ public:
+  MorphBuilder(const MapData& map, const MetaMesh& meta, const Options& options)
+      : map_(map), meta_(meta), executor_(options), data_(std::make_shared<MorphData>()) {}
+
+  std::shared_ptr<const MorphData> build() {
+    const std::vector<PolygonDistortion> polygons = polygon_distortions(map_, true);
+    collect_edges(polygons);
+    find_rotations(polygons);
+    align();
+    find_turns();
+    factorize();
+    return data_;
+  }
+
+ private:
+  /// Edges with weight area / length², as in ∫ ‖∇x‖², kept within bounds where polygons are thin.
+  void collect_edges(const std::vector<PolygonDistortion>& polygons) {
+    constexpr double kLeast = 1e-4;
+    data_->mass.assign(static_cast<int>(meta_.plane.rows()), 0);
+    double total = 0;
+    for (std::size_t p = 0; p < polygons.size(); ++p) {
+      const double area = 0.5 * (polygons[p].area_a + polygons[p].area_b);
+      const std::vector<int>& corner = meta_.polygons[p];
+      total += area;
+      for (std::size_t k = 0; k < corner.size(); ++k) {
+        const int i = corner[k], j = corner[(k + 1) % corner.size()];
+        const double square = 0.5 * ((row3(meta_.on_a, i) - row3(meta_.on_a, j)).squaredNorm() +
+                                     (row3(meta_.on_b, i) - row3(meta_.on_b, j)).squaredNorm());
+        const double weight = square > area ? area / square : 1;
+        data_->edges.push_back({i, j, static_cast<int>(p), (std::max)(weight, kLeast)});
+        data_->mass[i] += area / static_cast<double>(corner.size());
+      }
+    }
+    for (double& m : data_->mass) m /= total;
+  }
+
+  /// How Φ turns every polygon, and all of them on average. Polygons without area do not count:
+  /// their two triangles need not lie on each other elsewhere.
+  void find_rotations(const std::vector<PolygonDistortion>& polygons) {
+    const Surface a = build_surface(meta_.a, true), b = build_surface(meta_.b, true);
+    Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < map_.overlay.polygons.size(); ++i) {
+      const OverlayPolygon& p = map_.overlay.polygons[i];
+      const SixPoints x = six_points(map_.a, map_.f, map_.b, map_.g, p);
+      is_flat_.push_back(is_negligible(polygon_area(polygon_shape(p, x), x), x));
+      rotation_.push_back(polygon_rotation(a, b, p));
+      const PolygonDistortion& d = polygons[static_cast<std::size_t>(i)];
+      if (!is_flat_[i]) mean += (d.area_a + d.area_b) * rotation_[i];
+    }
+    whole_ = closest_rotation(mean);
+    data_->whole_turn = rotation_vector(whole_, Vec3::Zero());
+  }
+
+  Eigen::Matrix3d polygon_rotation(const Surface& a, const Surface& b,
+                                   const OverlayPolygon& p) const {
+    const Eigen::Matrix2d J =
+        triangle_jacobian(b, map_.g, p.tb).inverse() * triangle_jacobian(a, map_.f, p.ta);
+    const double angle = std::atan2(J(1, 0) - J(0, 1), J(0, 0) + J(1, 1));
+    return space_frame(b, p.tb) * rotation(angle * Vec3::UnitZ()) *
+           space_frame(a, p.ta).transpose();
+  }
+
+  void align() {
+    const int n = static_cast<int>(meta_.plane.rows());
+    for (int i = 0; i < n; ++i) {
+      data_->center_a += data_->mass[i] * row3(meta_.on_a, i);
+      data_->center_b += data_->mass[i] * row3(meta_.on_b, i);
+    }
+    for (int i = 0; i < n; ++i) {
+      data_->a.push_back(row3(meta_.on_a, i) - data_->center_a);
+      data_->b.push_back(whole_.transpose() * (row3(meta_.on_b, i) - data_->center_b));
+    }
+  }
+
+  /// From the polygon that turns least over its neighbours to all, so that turns differ little
+  /// where Φ does. Turns by a full one have no direction; beyond them, neighbours may differ.
+  void find_turns() {
+    const Array<std::vector<int>> neighbours = polygon_neighbours();
+    Array<std::pair<double, int>> starts;
+    for (int p = 0; p < neighbours.size(); ++p)
+      starts.push_back({is_flat_[p] ? kInfinity : turn(p, Vec3::Zero()).norm(), p});
+    std::sort(starts.begin(), starts.end());
+    data_->turn.resize(neighbours.size());
+    Array<char> is_known(neighbours.size(), 0);
+    for (const auto& [angle, start] : starts) {  // more than one if the overlap has more parts
+      if (is_known[start]) continue;
+      is_known[start] = 1;
+      data_->turn[start] = turn(start, Vec3::Zero());
+      data_->anchors.push_back(meta_.polygons[static_cast<std::size_t>(start)][0]);
+      std::vector<int> queue = {start};
+      for (std::size_t i = 0; i < queue.size(); ++i)
+        for (int p : neighbours[queue[i]]) {
+          if (is_known[p]) continue;
+          is_known[p] = 1;
+          data_->turn[p] = turn(p, data_->turn[queue[i]]);
+          queue.push_back(p);
+        }
+    }
+  }
+
+  /// The turn of polygon p on top of the whole one, near that of its neighbour.
+  Vec3 turn(int p, const Vec3& near) const {
+    return is_flat_[p] ? near : rotation_vector(whole_.transpose() * rotation_[p], near);
+  }
+
+  /// Polygons with a common edge.
+  Array<std::vector<int>> polygon_neighbours() const {
+    Array<std::array<int, 3>> sides;  // smaller corner, larger corner, polygon
+    for (const MorphEdge& e : data_->edges)
+      sides.push_back({(std::min)(e.i, e.j), (std::max)(e.i, e.j), e.polygon});
+    std::sort(sides.begin(), sides.end());
+    Array<std::vector<int>> neighbours(static_cast<int>(meta_.polygons.size()));
+    for (int i = 0; i + 1 < sides.size(); ++i) {
+      if (sides[i][0] != sides[i + 1][0] || sides[i][1] != sides[i + 1][1]) continue;
+      neighbours[sides[i][2]].push_back(sides[i + 1][2]);
+      neighbours[sides[i + 1][2]].push_back(sides[i][2]);
+    }
+    return neighbours;
+  }
+
+  /// Σ w (x_i - x_j)² + Σ x_anchor² as a matrix.
+  void factorize() {
+    Array<std::tuple<int, int, double>> entries;
+    for (int i : data_->anchors) entries.push_back({i, i, 1.0});
+    for (const MorphEdge& e : data_->edges) {
+      entries.push_back({e.i, e.i, e.weight});
+      entries.push_back({e.j, e.j, e.weight});
+      entries.push_back({(std::min)(e.i, e.j), (std::max)(e.i, e.j), -e.weight});
+    }
+    std::sort(entries.begin(), entries.end());
+    BlockPattern pattern;
+    BlockValues values;
+    for (const auto& [row, column, value] : entries) {
+      while (pattern.start.size() <= row) pattern.start.push_back(pattern.blocks());
+      if (pattern.start.back() == pattern.blocks() || pattern.column.back() != column) {
+        pattern.column.push_back(column);
+        values.push_back(Eigen::Matrix2d::Zero());
+      }
+      values.back().diagonal().array() += value;
+    }
+    pattern.start.push_back(pattern.blocks());
+    data_->symbolic = NestedDissection(pattern, meta_.plane, executor_).build();
+    ldlt_factorize(data_->symbolic, {&values, nullptr, 0}, executor_, data_->factor);
+    if (!data_->factor.ok) data_->status = Status::kNumericalFailure;
+  }
+
+  const MapData& map_;
+  const MetaMesh& meta_;
+  Executor executor_;
+  Array<Eigen::Matrix3d> rotation_;  // of every polygon
+  Array<char> is_flat_;              // has no area
+  Eigen::Matrix3d whole_ = Eigen::Matrix3d::Identity();
+  std::shared_ptr<MorphData> data_;
+};
+
+/// The right-hand side of the least squares problem for the shape at t.
+inline Array<Vec3> wanted_edges(const MorphData& d, double t) {
+  Array<Vec3> sum(d.a.size(), Vec3::Zero());
+  int polygon = -1;
+  Eigen::Matrix3d part, back;
+  for (const MorphEdge& e : d.edges) {
+    if (e.polygon != polygon) {
+      polygon = e.polygon;
+      part = rotation(t * d.turn[polygon]);
+      back = rotation((t - 1) * d.turn[polygon]);
+    }
+    const Vec3 on_a = d.a[e.i] - d.a[e.j], on_b = d.b[e.i] - d.b[e.j];
+    const Vec3 edge = e.weight * ((1 - t) * (part * on_a) + t * (back * on_b));
+    sum[e.i] += edge;
+    sum[e.j] -= edge;
+  }
+  for (int i : d.anchors) sum[i] += (1 - t) * d.a[i] + t * d.b[i];
+  return sum;
+}
+
+inline Points3 solve_morph(const MorphData& d, double t) {
+  const Array<Vec3> wanted = wanted_edges(d, t);
+  const int n = wanted.size();
+  Points3 x(n, 3);
+  Eigen::VectorXd right(2 * n);
+  for (int c = 0; c < 3; c += 2) {  // x and y, then z: the solver has 2×2 blocks
+    const int other = c == 0 ? 1 : 2;
+    for (int i = 0; i < n; ++i) right.segment<2>(2 * i) << wanted[i][c], wanted[i][other];
+    const Eigen::VectorXd solution = ldlt_solve(d.symbolic, d.factor, right);
+    for (int i = 0; i < n; ++i) {
+      x(i, c) = solution[2 * i];
+      x(i, other) = solution[2 * i + 1];
+    }
+  }
+  Vec3 center = Vec3::Zero();
+  for (int i = 0; i < n; ++i) center += d.mass[i] * row3(x, i);
+  const Eigen::Matrix3d R = rotation(t * d.whole_turn);
+  const Vec3 new_center = (1 - t) * d.center_a + t * d.center_b;
+  for (int i = 0; i < n; ++i) {
+    const Vec3 p = R * (row3(x, i) - center) + new_center;
+    x.row(i) = p.transpose();
+  }
+  return x;
+}
+
+}  // namespace detail
+
+inline std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
+                                                const TriangleMesh& mesh,
+                                                const std::vector<Midpoint>& added) {
+  const auto sorted = [](const Midpoint& e) {
+    return Midpoint{(std::min)(e[0], e[1]), (std::max)(e[0], e[1])};
+  };
+  std::map<Midpoint, int> middle_of;
+  int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
+  for (const Midpoint& edge : added) {
+    if (middle > (std::max)(edge[0], edge[1])) middle_of[sorted(edge)] = middle;
+    ++middle;
+  }
+  std::vector<std::vector<int>> paths;
+  for (const std::array<int, 2>& edge : edges) {
+    std::vector<int> path = {edge[0], edge[1]};
+    for (std::size_t i = 0; i + 1 < path.size();) {
+      const auto halved = middle_of.find(sorted({path[i], path[i + 1]}));
+      if (halved == middle_of.end())
+        ++i;
+      else
+        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, halved->second);
+    }
+    paths.push_back(std::move(path));
+  }
+  return paths;
+}
+
+inline Remesh remesh(const SurfaceMap& map, Side side) {
+  Remesh result;
+  const bool of_a = side == Side::kA;
+  const std::vector<MappedPoint> images = of_a ? map.forward_vertices() : map.backward_vertices();
+  const auto position = [&](const MappedPoint& image) {
+    return of_a ? map.position_on_b(image.point) : map.position_on_a(image.point);
+  };
+  const auto first = std::find_if(images.begin(), images.end(),
+                                  [](const MappedPoint& image) { return image.covered; });
+  result.mesh.vertices = Points3::Zero(static_cast<Eigen::Index>(images.size()), 3);
+  for (std::size_t v = 0; v < images.size(); ++v) {
+    result.covered.push_back(images[v].covered);
+    if (first != images.end())
+      result.mesh.vertices.row(static_cast<Eigen::Index>(v)) =
+          position(images[v].covered ? images[v] : *first).transpose();
+  }
+  const Triangles all = detail::triangles_of(of_a ? map.data_->a : map.data_->b);
+  result.mesh.triangles.resize(all.rows(), 3);
+  Eigen::Index n = 0;
+  for (Eigen::Index f = 0; f < all.rows(); ++f) {
+    const auto covered = [&](int k) { return result.covered[static_cast<std::size_t>(all(f, k))]; };
+    if (covered(0) && covered(1) && covered(2)) result.mesh.triangles.row(n++) = all.row(f);
+  }
+  result.mesh.triangles.conservativeResize(n, 3);
+  return result;
+}
+
+inline Attributes to_meta(const MetaMesh& meta, Side side, Element element,
+                          const Eigen::MatrixXd& values) {
+  const detail::MetaSide s = detail::meta_side(meta, side);
+  const Eigen::Index rows = detail::element_count(s.mesh, element);
+  if (values.rows() != rows)
+    return detail::misfit(values.rows(), rows, detail::element_name(element));
+  Attributes result;
+  result.values.resize(s.corner.rows(), values.cols());
+  result.covered.assign(static_cast<std::size_t>(s.corner.rows()), 1);
+  Eigen::Index c = 0;
+  for (std::size_t p = 0; p < meta.polygons.size(); ++p)
+    for (std::size_t k = 0; k < meta.polygons[p].size(); ++k, ++c) {
+      const auto row = [&](int i) {
+        return values.row(detail::element_row(s.mesh, element, s.face[p], i));
+      };
+      result.values.row(c) = row(0);
+      if (element != Element::kFace)
+        result.values.row(c) =
+            s.corner(c, 0) * row(0) + s.corner(c, 1) * row(1) + s.corner(c, 2) * row(2);
+    }
+  return result;
+}
+
+inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
+                            const Eigen::MatrixXd& corners) {
+  const detail::MetaSide s = detail::meta_side(meta, side);
+  if (corners.rows() != s.corner.rows())
+    return detail::misfit(corners.rows(), s.corner.rows(), "corner of the meta mesh");
+  detail::WeightedRows rows(detail::element_count(s.mesh, element), corners.cols());
+  Eigen::Index first = 0;
+  for (std::size_t p = 0; p < meta.polygons.size(); ++p) {
+    const Eigen::Index last = first + static_cast<Eigen::Index>(meta.polygons[p].size());
+    if (element == Element::kFace)
+      detail::add_integral(s, s.face[p], first, last, corners, rows);
+    else
+      detail::add_vertices(s, element, s.face[p], first, last, corners, rows);
+    first = last;
+  }
+  return rows.means();
+}
+
+inline Attributes transfer(const MetaMesh& meta, Side from, Element element,
+                           const Eigen::MatrixXd& values, Element target) {
+  const Attributes corners = to_meta(meta, from, element, values);
+  if (corners.status != Status::kConverged) return corners;
+  return from_meta(meta, from == Side::kA ? Side::kB : Side::kA, target, corners.values);
+}
+
+inline Points3 linear_morph(const MetaMesh& meta, double t) {
+  return (1 - t) * meta.on_a + t * meta.on_b;
+}
+
+inline Morph::Morph(const SurfaceMap& map, const Options& options) {
+  auto failed = std::make_shared<detail::MorphData>();
+  failed->status = map.status();
+  data_ = failed;
+  if (map.status() == Status::kConverged)
+    data_ = detail::MorphBuilder(*map.data_, map.meta_mesh(), options).build();
+}
+inline Status Morph::status() const { return data_->status; }
+inline Points3 Morph::at(double t) const {
+  if (data_->status != Status::kConverged) return Points3(0, 3);
+  return detail::solve_morph(*data_, t);
+}
+
+inline DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
+  DistortionSummary s;
+  detail::Array<std::pair<double, double>> densities;  // and areas
+  double energy = 0;
+  for (const PolygonDistortion& p : polygons) {
+    const double area = p.area_a + p.area_b;
+    if (!(area > 0)) continue;
+    s.sigma_min = densities.empty() ? p.sigma_min : (std::min)(s.sigma_min, p.sigma_min);
+    s.sigma_max = (std::max)(s.sigma_max, p.sigma_max);
+    s.area_a += p.area_a;
+    s.area_b += p.area_b;
+    energy += area * p.density;
+    densities.push_back({p.density, area});
+  }
+  if (densities.empty()) return s;
+  std::sort(densities.begin(), densities.end());
+  const double total = s.area_a + s.area_b;
+  const auto quantile = [&](double share) {
+    double below = 0;
+    for (const auto& [density, area] : densities)
+      if ((below += area) >= share * total) return density;
+    return densities.back().first;
+  };
+  s.mean = energy / total;
+  s.median = quantile(0.5);
+  s.p95 = quantile(0.95);
+  s.largest = densities.back().first;
+  return s;
+}
+
+}  // namespace ism
+
+// ==== [17] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -7215,6 +8093,8 @@ inline const char* to_string(Status s) {
       return "invalid positions";
     case Status::kInvalidPins:
       return "invalid pins";
+    case Status::kInvalidAttributes:
+      return "invalid attributes";
     case Status::kNoOverlap:
       return "no overlap";
     case Status::kNumericalFailure:

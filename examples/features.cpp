@@ -116,7 +116,7 @@ void map_polygons(const Pair& p) {
   const ism::SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
   double length = 0;
   for (const std::array<int, 2>& edge : p.edges_a)
-    for (const std::vector<ism::SurfacePoint>& polyline : map.forward_edge(edge[0], edge[1]))
+    for (const ism::Polyline& polyline : map.forward_path({edge[0], edge[1]}))
       for (std::size_t i = 1; i < polyline.size(); ++i)
         length += (map.position_on_b(polyline[i]) - map.position_on_b(polyline[i - 1])).norm();
   std::printf(", edges of %.4g in all\n", length);

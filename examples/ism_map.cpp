@@ -15,8 +15,6 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
-#include <map>
 #include <new>
 #include <string>
 #include <string_view>
@@ -581,57 +579,13 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
 
 // ==== [5] RESULTS ================================================================================
 
-/// A mesh carried to the other surface. Vertices without an image keep their ids; they are in no
-/// face and lie on the first image, so that they do not spoil a viewer's bounding box.
-std::string mapped_text(const char* comment, const ism::TriangleMesh& mesh,
-                        const std::vector<ism::MappedPoint>& images,
-                        const std::function<ism::Vec3(const ism::SurfacePoint&)>& position) {
-  const auto covered = [&](int v) { return images[static_cast<std::size_t>(v)].covered; };
-  ism::Vec3 filler = ism::Vec3::Zero();
-  for (std::size_t v = images.size(); v-- > 0;)
-    if (images[v].covered) filler = position(images[v].point);
-  ism::Points3 points(mesh.vertices.rows(), 3);
-  for (int v = 0; v < points.rows(); ++v) {
-    const ism::Vec3 p = covered(v) ? position(images[static_cast<std::size_t>(v)].point) : filler;
-    points.row(v) = p.transpose();
-  }
-  std::vector<std::vector<int>> faces;
-  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
-    const ism::Triangles::ConstRowXpr t = mesh.triangles.row(f);
-    if (covered(t[0]) && covered(t[1]) && covered(t[2])) faces.push_back({t[0], t[1], t[2]});
-  }
-  return mesh_io::obj_text(comment, points, faces);
-}
-
-using Polylines = std::vector<std::vector<ism::SurfacePoint>>;
-
-/// The image of an edge of the input: if it was halved, those of its halves, joined.
-Polylines edge_image(int u, int v, const std::map<ism::Midpoint, int>& middle_of,
-                     const ism::SurfaceMap& map) {
-  const auto halved = middle_of.find({std::min(u, v), std::max(u, v)});
-  if (halved == middle_of.end()) return map.forward_edge(u, v);
-  Polylines image = edge_image(u, halved->second, middle_of, map);
-  Polylines rest = edge_image(halved->second, v, middle_of, map);
-  auto next = rest.begin();
-  if (map.forward_vertex(halved->second).covered && !image.empty() && next != rest.end()) {
-    image.back().insert(image.back().end(), next->begin() + 1, next->end());  // without the middle
-    ++next;
-  }
-  image.insert(image.end(), next, rest.end());
-  return image;
-}
-
 /// The edges of A's polygons as polylines on B.
 std::string edges_text(const Input& input, const ism::Embedding& start,
                        const ism::SurfaceMap& map) {
-  std::map<ism::Midpoint, int> middle_of;
-  int middle = static_cast<int>(input.a.vertices.rows());
-  for (const ism::Midpoint& edge : start.added_a)
-    middle_of[{std::min(edge[0], edge[1]), std::max(edge[0], edge[1])}] = middle++;
   std::vector<ism::Vec3> points;
   std::vector<std::vector<int>> lines;
-  for (const std::array<int, 2>& edge : input.edges_a)
-    for (const auto& polyline : edge_image(edge[0], edge[1], middle_of, map)) {
+  for (const auto& path : ism::edge_paths(input.edges_a, start.a, start.added_a))
+    for (const ism::Polyline& polyline : map.forward_path(path)) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
         lines.back().push_back(static_cast<int>(points.size()));
@@ -646,8 +600,8 @@ std::string edges_text(const Input& input, const ism::Embedding& start,
 
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
                                             const ism::SurfaceMap& map) {
-  const auto on_a = [&](const ism::SurfacePoint& p) { return map.position_on_a(p); };
-  const auto on_b = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
+  const ism::TriangleMesh a_on_b = ism::remesh(map, ism::Side::kA).mesh;
+  const ism::TriangleMesh b_on_a = ism::remesh(map, ism::Side::kB).mesh;
   const ism::MetaMesh meta = map.meta_mesh();
   const ism::TriangleMesh &a = result.start.a, &b = result.start.b;
   return {
@@ -655,10 +609,10 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
                                   a.triangles, result.f)},
       {"B.obj", mesh_io::obj_text("mesh B; vt: planar position of the vertex", b.vertices,
                                   b.triangles, result.g)},
-      {"A_on_B.obj", mapped_text("mesh A mapped to B; vertices without an image are in no face", a,
-                                 map.forward_vertices(), on_b)},
-      {"B_on_A.obj", mapped_text("mesh B mapped to A; vertices without an image are in no face", b,
-                                 map.backward_vertices(), on_a)},
+      {"A_on_B.obj", mesh_io::obj_text("mesh A on B; vertices without an image are in no face",
+                                       a_on_b.vertices, a_on_b.triangles)},
+      {"B_on_A.obj", mesh_io::obj_text("mesh B on A; vertices without an image are in no face",
+                                       b_on_a.vertices, b_on_a.triangles)},
       {"A_edges_on_B.obj", edges_text(input, result.start, map)},
       {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
       {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},

@@ -225,7 +225,7 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   for (int v = 0; v < r.g.rows(); ++v) CHECK(map.backward_vertex(v).covered);
   const HalfEdgeMesh m = half_edges(r.start.a);
   for (int h = 0; h < m.tail.size(); ++h) {
-    const auto image = map.forward_edge(m.tail[h], m.tip(h));
+    const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);
     const Vec3 from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
     const Vec3 to = map.position_on_b(map.forward_vertex(m.tip(h)).point);

@@ -431,7 +431,7 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
   int whole = 0, crossings = 0;
   for (int h = 0; h < m.tail.size(); ++h) {
     const int u = m.tail[h], v = m.tip(h);
-    const auto polylines = map.forward_edge(u, v), reversed = map.forward_edge(v, u);
+    const auto polylines = map.forward_path({u, v}), reversed = map.forward_path({v, u});
     REQUIRE(polylines.size() == reversed.size());
     for (std::size_t i = 0; i < polylines.size(); ++i) {
       const auto& line = polylines[i];
@@ -471,12 +471,12 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
   }
   CHECK(whole > 100);
   CHECK(crossings > 100);
-  CHECK(map.forward_edge(0, 0).empty());
-  CHECK(map.forward_edge(-1, 0).empty());
-  CHECK(map.forward_edge(0, 100000).empty());
+  CHECK(map.forward_path({0, 0}).empty());
+  CHECK(map.forward_path({-1, 0}).empty());
+  CHECK(map.forward_path({0, 100000}).empty());
   const int boundary = m.boundary[0];
-  CHECK(map.forward_edge(m.tip(boundary), m.tail[boundary]).size() ==
-        map.forward_edge(m.tail[boundary], m.tip(boundary)).size());
+  CHECK(map.forward_path({m.tip(boundary), m.tail[boundary]}).size() ==
+        map.forward_path({m.tail[boundary], m.tip(boundary)}).size());
 }
 
 TEST_CASE("a covered edge has one polyline, however close the map is to the identity") {
@@ -496,7 +496,7 @@ TEST_CASE("a covered edge has one polyline, however close the map is to the iden
                     (b.plane.row(v).array() < 11.1).all();
       if (!is_inside) continue;
       ++tested;
-      split += map.forward_edge(m.tail[h], m.tip(h)).size() != 1;
+      split += map.forward_path({m.tail[h], m.tip(h)}).size() != 1;
     }
     CAPTURE(amount);
     CHECK(tested > 100);
@@ -511,7 +511,7 @@ TEST_CASE("an edge that leaves the overlap and comes back has two polylines") {
   a_up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1));
   const SurfaceMap map(a_up.mesh, b.mesh, a_up.plane, b.plane);
   REQUIRE(map.status() == Status::kConverged);
-  const auto polylines = map.forward_edge(1, 2);  // y = 1.5: across both teeth
+  const auto polylines = map.forward_path({1, 2});  // y = 1.5: across both teeth
   REQUIRE(polylines.size() == 2);
   CHECK((map.position_on_b(polylines[0].front()) - Vec3(2.8, 1.5, 0)).norm() < 1e-12);
   CHECK((map.position_on_b(polylines[0].back()) - Vec3(2, 1.5, 0)).norm() < 1e-12);

@@ -1,0 +1,487 @@
+// What the map is used for: curves, remeshing, attributes, morphing, distortion.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using ism::Attributes;
+using ism::Element;
+using ism::MappedPoint;
+using ism::MetaMesh;
+using ism::Morph;
+using ism::Points3;
+using ism::PolygonDistortion;
+using ism::Polyline;
+using ism::Side;
+using ism::Status;
+using ism::SurfaceMap;
+using ism::SurfacePoint;
+using ism::TriangleMesh;
+using ism::Vec2;
+using ism::Vec3;
+using shapes::Disk;
+using shapes::Rng;
+
+SurfaceMap map_of(const Disk& a, const Disk& b) {
+  const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+  REQUIRE(map.status() == Status::kConverged);
+  return map;
+}
+
+/// Two bent random disks that overlap in part.
+std::pair<Disk, Disk> random_pair(std::uint64_t seed) {
+  Rng rng(seed);
+  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 4, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.3);
+  b.plane = shapes::moved(b.plane, shapes::rotation(0.35), Vec2(0.83, -0.37));
+  return {a, b};
+}
+
+/// Two meshes of one square, which cover each other; bent.
+std::pair<Disk, Disk> square_pair(std::uint64_t seed) {
+  Rng rng(seed);
+  Disk a = shapes::perturbed_grid(8, 8, 0.2, rng), b = shapes::perturbed_grid(10, 10, 0.2, rng);
+  b.plane *= 0.8;
+  b.mesh.vertices *= 0.8;
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.4);
+  return {a, b};
+}
+
+Vec2 planar(const Disk& disk, const SurfacePoint& p) {
+  Vec2 x = Vec2::Zero();
+  for (int k = 0; k < 3; ++k)
+    x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
+  return x;
+}
+
+/// The point of a disk at x in the plane; face -1 if there is none.
+SurfacePoint locate(const Disk& disk, const Vec2& x) {
+  for (int f = 0; f < disk.mesh.triangles.rows(); ++f) {
+    Eigen::Matrix3d corners;
+    for (int k = 0; k < 3; ++k)
+      corners.col(k) << disk.plane.row(disk.mesh.triangles(f, k)).transpose(), 1;
+    const Vec3 weights = corners.inverse() * Vec3(x.x(), x.y(), 1);
+    if (weights.minCoeff() >= 0) return {f, weights};
+  }
+  return {};
+}
+
+/// How far x is from triangle f in the plane: minus its least barycentric coordinate there.
+double outside(const Disk& disk, int f, const Vec2& x) {
+  Eigen::Matrix3d corners;
+  for (int k = 0; k < 3; ++k)
+    corners.col(k) << disk.plane.row(disk.mesh.triangles(f, k)).transpose(), 1;
+  return -(corners.inverse() * Vec3(x.x(), x.y(), 1)).minCoeff();
+}
+
+double length(const Disk& disk, const Polyline& line) {
+  double sum = 0;
+  for (std::size_t i = 0; i + 1 < line.size(); ++i)
+    sum += (planar(disk, line[i + 1]) - planar(disk, line[i])).norm();
+  return sum;
+}
+
+/// Every segment of a polyline lies in the triangle of its first point.
+void check_continuous(const Disk& disk, const Polyline& line) {
+  REQUIRE(line.size() >= 2);
+  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
+    CHECK(line[i].barycentric.minCoeff() >= 0);
+    CHECK(outside(disk, line[i].face, planar(disk, line[i + 1])) < 1e-9);
+  }
+}
+
+std::vector<SurfacePoint> spiral(const Disk& disk, const Vec2& center, double radius, int n) {
+  std::vector<SurfacePoint> points;
+  for (int i = 0; i < n; ++i) {
+    const double phi = 0.37 * i, r = radius * i / n;
+    points.push_back(locate(disk, center + r * Vec2(std::cos(phi), std::sin(phi))));
+    REQUIRE(points.back().face >= 0);
+  }
+  return points;
+}
+
+Eigen::MatrixXd random_values(Eigen::Index rows, Rng& rng) {
+  Eigen::MatrixXd values(rows, 2);
+  for (Eigen::Index i = 0; i < rows; ++i) values.row(i) << rng.uniform(-1, 1), rng.uniform(-1, 1);
+  return values;
+}
+
+}  // namespace
+
+// ---- curves ----
+
+TEST_CASE("a curve inside the overlap is one continuous polyline through its points") {
+  for (std::uint64_t seed : {1u, 2u, 3u}) {
+    const auto [a, b] = square_pair(seed);
+    const SurfaceMap map = map_of(a, b);
+    const Polyline curve = spiral(a, {4, 4}, 3.9, 120);
+    const std::vector<Polyline> images = map.forward_curve(curve);
+    REQUIRE(images.size() == 1);
+    check_continuous(b, images[0]);
+    CHECK(images[0].size() > curve.size());
+    double wanted = 0;
+    for (std::size_t i = 0; i + 1 < curve.size(); ++i)
+      wanted += (planar(a, curve[i + 1]) - planar(a, curve[i])).norm();
+    CHECK(length(b, images[0]) == doctest::Approx(wanted).epsilon(1e-9));
+    std::size_t next = 0;  // the points of the curve come in order
+    for (const SurfacePoint& p : images[0])
+      if (next < curve.size() && (planar(b, p) - planar(a, curve[next])).norm() < 1e-9) ++next;
+    CHECK(next == curve.size());
+  }
+}
+
+TEST_CASE("a curve there and back is the same curve") {
+  const auto [a, b] = random_pair(4);
+  const SurfaceMap map = map_of(a, b);
+  const Polyline curve = spiral(a, {2.6, 2.2}, 1.5, 40);
+  const std::vector<Polyline> there = map.forward_curve(curve);
+  REQUIRE(there.size() == 1);
+  const std::vector<Polyline> back = map.backward_curve(there[0]);
+  REQUIRE(back.size() == 1);
+  check_continuous(a, back[0]);
+  CHECK(length(a, back[0]) == doctest::Approx(length(b, there[0])).epsilon(1e-9));
+  CHECK((planar(a, back[0].front()) - planar(a, curve.front())).norm() < 1e-9);
+  CHECK((planar(a, back[0].back()) - planar(a, curve.back())).norm() < 1e-9);
+}
+
+TEST_CASE("a curve is mapped where it is covered, and along common boundaries") {
+  const auto [a, b] = random_pair(5);
+  const SurfaceMap map = map_of(a, b);
+  const Polyline across = {locate(a, {0.1, 4.9}), locate(a, {4.9, 0.1})};
+  const std::vector<Polyline> parts = map.forward_curve(across);
+  REQUIRE(parts.size() == 1);
+  check_continuous(b, parts[0]);
+  CHECK(length(b, parts[0]) < 6.7);
+  CHECK(length(b, parts[0]) > 2);
+  const auto [c, d] = square_pair(6);
+  const SurfaceMap square = map_of(c, d);
+  Polyline border;
+  for (int i = 0; i <= 40; ++i) border.push_back(locate(c, {0.2 * i, 0}));
+  for (int i = 1; i <= 40; ++i) border.push_back(locate(c, {8, 0.2 * i}));
+  std::vector<Polyline> images = square.forward_curve(border);
+  REQUIRE(images.size() == 1);
+  check_continuous(d, images[0]);
+  CHECK(length(d, images[0]) == doctest::Approx(16));
+  border.push_back(locate(c, {4, 4}));  // from the corner inwards
+  images = square.forward_curve(border);
+  REQUIRE(images.size() == 1);
+  check_continuous(d, images[0]);
+  CHECK(length(d, images[0]) == doctest::Approx(16 + std::sqrt(32)));
+}
+
+TEST_CASE("a curve between identical meshes is one polyline, also along edges and over vertices") {
+  Rng rng(7);
+  const Disk disk = shapes::perturbed_grid(6, 6, 0.2, rng);
+  const SurfaceMap map = map_of(disk, disk);
+  const ism::detail::HalfEdgeMesh m = shapes::half_edges(disk.mesh);
+  const auto vertex = [&](int v) {
+    const int h = m.out[v];
+    return SurfacePoint{h / 3, Vec3::Unit(h % 3)};
+  };
+  for (int h = 0; h < m.tail.size(); ++h) {
+    const int u = m.tail[h], v = m.tip(h);
+    const std::vector<Polyline> images = map.forward_curve({vertex(u), vertex(v)});
+    CAPTURE(u);
+    CAPTURE(v);
+    REQUIRE(images.size() == 1);
+    CHECK(length(disk, images[0]) ==
+          doctest::Approx((disk.plane.row(u) - disk.plane.row(v)).norm()).epsilon(1e-9));
+  }
+  const std::vector<Polyline> diagonal = map.forward_curve({vertex(8), vertex(16), vertex(40)});
+  REQUIRE(diagonal.size() == 1);
+  check_continuous(disk, diagonal[0]);
+}
+
+TEST_CASE("a point that is none interrupts a curve") {
+  const auto [a, b] = square_pair(8);
+  const SurfaceMap map = map_of(a, b);
+  const SurfacePoint p = locate(a, {1, 1}), q = locate(a, {2, 1}), r = locate(a, {3, 1});
+  CHECK(map.forward_curve({p, q, SurfacePoint(), q, r}).size() == 2);
+  CHECK(map.forward_curve({p, {1 << 30, Vec3::Constant(1.0 / 3)}, r}).empty());
+  CHECK(map.forward_curve({p, {0, Vec3::Constant(std::nan(""))}, r}).empty());
+  CHECK(map.forward_curve({p}).empty());
+  CHECK(map.forward_curve({}).empty());
+  CHECK(map.forward_curve({p, p, q}).size() == 1);
+  CHECK(SurfaceMap({}, {}, {}, {}).forward_curve({p, q}).empty());
+}
+
+TEST_CASE("paths follow edges that were halved") {
+  const auto [a, b] = square_pair(9);
+  ism::detail::Surface halved = ism::detail::build_surface(a.mesh, true);
+  const int u = 30, v = 31, n = halved.mesh.n_vertices;
+  const std::vector<ism::Midpoint> added = {{u, v}, {u, n}};
+  ism::detail::split_edges(added, halved);
+  const TriangleMesh mesh = {halved.vertices, ism::detail::triangles_of(halved.mesh)};
+  const auto paths = ism::edge_paths({{u, v}, {v, u}, {v, v + 1}}, mesh, added);
+  CHECK(paths == std::vector<std::vector<int>>{{u, n + 1, n, v}, {v, n, n + 1, u}, {v, v + 1}});
+  ism::Points2 plane(n + 2, 2);
+  plane.topRows(n) = a.plane;
+  plane.row(n) = 0.5 * (a.plane.row(u) + a.plane.row(v));
+  plane.row(n + 1) = 0.5 * (plane.row(u) + plane.row(n));
+  const SurfaceMap map(mesh, b.mesh, plane, b.plane);
+  REQUIRE(map.status() == Status::kConverged);
+  const std::vector<Polyline> image = map.forward_path(paths[0]);
+  REQUIRE(image.size() == 1);
+  check_continuous(b, image[0]);
+  CHECK(length(b, image[0]) == doctest::Approx((a.plane.row(u) - a.plane.row(v)).norm()));
+  CHECK(map.forward_path({u, n, v}).size() == 1);  // u and n have no edge any more
+}
+
+// ---- remeshing ----
+
+TEST_CASE("a remesh has the connectivity of one mesh and the geometry of the other") {
+  const auto [a, b] = random_pair(10);
+  const SurfaceMap map = map_of(a, b);
+  const ism::Remesh mesh = ism::remesh(map, Side::kA);
+  const std::vector<MappedPoint> images = map.forward_vertices();
+  REQUIRE(mesh.mesh.vertices.rows() == a.mesh.vertices.rows());
+  int covered = 0;
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) {
+    const MappedPoint& image = images[static_cast<std::size_t>(v)];
+    REQUIRE(bool(mesh.covered[static_cast<std::size_t>(v)]) == image.covered);
+    if (!image.covered) continue;
+    ++covered;
+    CHECK(mesh.mesh.vertices.row(v) == map.position_on_b(image.point).transpose());
+  }
+  CHECK(covered > 10);
+  CHECK(covered < a.mesh.vertices.rows());
+  CHECK(mesh.mesh.triangles.rows() > 10);
+  for (int f = 0; f < mesh.mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      CHECK(mesh.covered[static_cast<std::size_t>(mesh.mesh.triangles(f, k))]);
+  const auto [c, d] = square_pair(11);
+  const ism::Remesh all = ism::remesh(map_of(c, d), Side::kB);
+  CHECK(all.mesh.triangles == d.mesh.triangles);
+}
+
+// ---- attributes ----
+
+TEST_CASE("attributes of either mesh come back from the meta mesh as they were") {
+  for (std::uint64_t seed : {12u, 13u}) {
+    const auto [a, b] = random_pair(seed);
+    const MetaMesh meta = map_of(a, b).meta_mesh();
+    Rng rng(seed);
+    for (Side side : {Side::kA, Side::kB})
+      for (Element element : {Element::kVertex, Element::kFace, Element::kCorner}) {
+        const TriangleMesh& mesh = side == Side::kA ? a.mesh : b.mesh;
+        const Eigen::Index rows = element == Element::kVertex ? mesh.vertices.rows()
+                                  : element == Element::kFace ? mesh.triangles.rows()
+                                                              : 3 * mesh.triangles.rows();
+        const Eigen::MatrixXd values = random_values(rows, rng);
+        const Attributes there = ism::to_meta(meta, side, element, values);
+        REQUIRE(there.status == Status::kConverged);
+        const Attributes back = ism::from_meta(meta, side, element, there.values);
+        REQUIRE(back.status == Status::kConverged);
+        int covered = 0;
+        for (Eigen::Index i = 0; i < rows; ++i) {
+          if (!back.covered[static_cast<std::size_t>(i)]) {
+            CHECK(back.values.row(i).isZero());
+            continue;
+          }
+          ++covered;
+          CHECK((back.values.row(i) - values.row(i)).norm() < 1e-9);
+        }
+        CHECK(covered > rows / 4);
+        CHECK(covered < rows);
+      }
+  }
+}
+
+TEST_CASE("positions as attributes arrive where the map says") {
+  const auto [a, b] = random_pair(14);
+  const SurfaceMap map = map_of(a, b);
+  const MetaMesh meta = map.meta_mesh();
+  const Attributes at_b =
+      ism::transfer(meta, Side::kA, Element::kVertex, a.mesh.vertices, Element::kVertex);
+  const std::vector<MappedPoint> images = map.backward_vertices();
+  for (int v = 0; v < b.mesh.vertices.rows(); ++v) {
+    const MappedPoint& image = images[static_cast<std::size_t>(v)];
+    REQUIRE(bool(at_b.covered[static_cast<std::size_t>(v)]) == image.covered);
+    if (!image.covered) continue;
+    CHECK((at_b.values.row(v) - map.position_on_a(image.point).transpose()).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear functions") {
+  auto [a, b] = square_pair(15);
+  a.mesh.vertices.col(2).setZero();
+  b.mesh.vertices.col(2).setZero();
+  const MetaMesh meta = map_of(a, b).meta_mesh();
+  const auto integral = [](const Disk& disk, const Eigen::MatrixXd& values) {
+    double sum = 0;
+    for (int f = 0; f < disk.mesh.triangles.rows(); ++f) {
+      const int i = disk.mesh.triangles(f, 0), j = disk.mesh.triangles(f, 1);
+      sum += 0.5 * shapes::turn(disk.plane, i, j, disk.mesh.triangles(f, 2)) * values(f, 0);
+    }
+    return sum;
+  };
+  Rng rng(16);
+  const Eigen::MatrixXd values = random_values(a.mesh.triangles.rows(), rng);
+  const Attributes faces = ism::transfer(meta, Side::kA, Element::kFace, values, Element::kFace);
+  CHECK(integral(b, faces.values) == doctest::Approx(integral(a, values)).epsilon(1e-9));
+  const Attributes corners =
+      ism::transfer(meta, Side::kB, Element::kVertex, b.mesh.vertices, Element::kCorner);
+  for (int f = 0; f < a.mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      CHECK((corners.values.row(3 * f + k) - a.mesh.vertices.row(a.mesh.triangles(f, k))).norm() <
+            1e-9);
+}
+
+TEST_CASE("attributes that do not fit a mesh are refused") {
+  const auto [a, b] = square_pair(17);
+  const MetaMesh meta = map_of(a, b).meta_mesh();
+  const Eigen::MatrixXd wrong = Eigen::MatrixXd::Zero(7, 1);
+  for (const Attributes& refused :
+       {ism::to_meta(meta, Side::kA, Element::kVertex, wrong),
+        ism::from_meta(meta, Side::kB, Element::kFace, wrong),
+        ism::transfer(meta, Side::kB, Element::kCorner, wrong, Element::kVertex)}) {
+    CHECK(refused.status == Status::kInvalidAttributes);
+    CHECK(refused.message.find("7 rows") != std::string::npos);
+    CHECK(refused.values.size() == 0);
+  }
+}
+
+// ---- distortion ----
+
+TEST_CASE("an isometry has singular values 1, a stretch its own") {
+  Rng rng(18);
+  Disk a = shapes::random_disk(5, 5, rng), b = a;
+  const Eigen::Matrix2d stretch = shapes::rotation(0.3) * Vec2(2, 0.5).asDiagonal();
+  for (const PolygonDistortion& p : map_of(a, b).distortion(true)) {
+    CHECK(p.sigma_min == doctest::Approx(1));
+    CHECK(p.sigma_max == doctest::Approx(1));
+    CHECK(p.density == doctest::Approx(2));
+  }
+  b.mesh.vertices.leftCols<2>() = shapes::moved(b.plane, stretch, Vec2(7, 8));
+  for (const PolygonDistortion& p : map_of(a, b).distortion(true)) {
+    CHECK(p.sigma_min == doctest::Approx(0.5));
+    CHECK(p.sigma_max == doctest::Approx(2));
+    CHECK(p.density == doctest::Approx(4.25));
+    CHECK(p.area_a == doctest::Approx(p.area_b));
+  }
+  b.mesh.vertices = 1000 * a.mesh.vertices;  // another unit
+  const ism::DistortionSummary sum = ism::summarize(map_of(a, b).distortion());
+  CHECK(sum.mean == doctest::Approx(2));
+  CHECK(sum.largest == doctest::Approx(2));
+  CHECK(sum.area_a == doctest::Approx(1));
+}
+
+TEST_CASE("distortions add up to what the optimisation says") {
+  const auto [a, b] = random_pair(19);
+  ism::Options options = shapes::from_planes(a, b);
+  options.keep_scale = false;
+  options.max_iterations = 5;
+  const ism::Result r = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(ism::is_usable(r.status));
+  const SurfaceMap map(a.mesh, b.mesh, r.f, r.g);
+  const std::vector<PolygonDistortion> polygons = map.distortion();
+  CHECK(polygons.size() == map.meta_mesh().polygons.size());
+  const ism::DistortionSummary sum = ism::summarize(polygons);
+  CHECK(sum.mean == doctest::Approx(r.final_state().mean_distortion).epsilon(1e-9));
+  CHECK(sum.area_a == doctest::Approx(r.final_state().coverage_a).epsilon(1e-9));
+  CHECK(sum.area_b == doctest::Approx(r.final_state().coverage_b).epsilon(1e-9));
+  CHECK(sum.sigma_min <= 1);
+  CHECK(sum.sigma_max >= 1);
+  CHECK(2 <= sum.median);
+  CHECK(sum.median <= sum.p95);
+  CHECK(sum.p95 <= sum.largest);
+  CHECK(ism::summarize({}).mean == 0);
+}
+
+// ---- morphing ----
+
+TEST_CASE("a morph begins as A and ends as B") {
+  for (std::uint64_t seed : {20u, 21u}) {
+    const auto [a, b] = random_pair(seed);
+    const SurfaceMap map = map_of(a, b);
+    const MetaMesh meta = map.meta_mesh();
+    const Morph morph(map);
+    REQUIRE(morph.status() == Status::kConverged);
+    CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
+    CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
+    CHECK(ism::linear_morph(meta, 0) == meta.on_a);
+    CHECK(ism::linear_morph(meta, 1) == meta.on_b);
+    CHECK((ism::linear_morph(meta, 0.25) - 0.75 * meta.on_a - 0.25 * meta.on_b).norm() < 1e-12);
+  }
+}
+
+TEST_CASE("a morph between positions of one rigid body is rigid") {
+  auto [a, b] = square_pair(22);
+  b = a;
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(2.5, Vec3(1, 2, -1).normalized()).toRotationMatrix();
+  b.mesh.vertices = (a.mesh.vertices * R.transpose()).rowwise() + Vec3(5, -3, 2).transpose();
+  const SurfaceMap map = map_of(a, b);
+  const Points3 start = map.meta_mesh().on_a, halfway = Morph(map).at(0.5);
+  for (int i = 0; i < start.rows(); ++i)
+    for (int j = 0; j < i; j += 7)
+      CHECK((halfway.row(i) - halfway.row(j)).norm() ==
+            doctest::Approx((start.row(i) - start.row(j)).norm()).epsilon(1e-9));
+}
+
+TEST_CASE("a sheet that rolls up more than once keeps its lengths on the way") {
+  Disk a = shapes::grid(40, 2), b = a;
+  for (int v = 0; v < b.plane.rows(); ++v) {
+    const double turns = 1.4, phi = 2 * shapes::kPi * turns * b.plane(v, 0) / 40;
+    const double radius = 40 / (2 * shapes::kPi * turns);
+    b.mesh.vertices.row(v) << radius * std::sin(phi), b.plane(v, 1), radius * (1 - std::cos(phi));
+  }
+  const SurfaceMap map = map_of(a, b);
+  const MetaMesh meta = map.meta_mesh();
+  const auto worst_stretch = [&](const Points3& x) {
+    double worst = 0;
+    for (const std::vector<int>& p : meta.polygons)
+      for (std::size_t k = 0; k < p.size(); ++k) {
+        const int i = p[k], j = p[(k + 1) % p.size()];
+        const double before = (meta.on_a.row(i) - meta.on_a.row(j)).norm();
+        if (before < 1e-6) continue;
+        worst = std::max(worst, std::abs((x.row(i) - x.row(j)).norm() / before - 1));
+      }
+    return worst;
+  };
+  CHECK(worst_stretch(Morph(map).at(0.5)) < 0.02);
+  CHECK(worst_stretch(ism::linear_morph(meta, 0.5)) > 0.3);
+}
+
+TEST_CASE("a morph from B to A shows the same shapes") {
+  const auto [a, b] = random_pair(23);
+  const Points3 there = Morph(map_of(a, b)).at(0.3), back = Morph(map_of(b, a)).at(0.7);
+  REQUIRE(there.rows() == back.rows());
+  const auto sum = [](const Points3& x) { return Vec3(x.colwise().sum().transpose()); };
+  CHECK((sum(there) - sum(back)).norm() < 1e-7);
+  CHECK(there.norm() == doctest::Approx(back.norm()).epsilon(1e-9));
+}
+
+TEST_CASE("a morph of an overlap in two parts has both of them") {
+  const Disk a = shapes::triangle({0.2, -1}, {2.8, 0.5}, {0.2, 0.5});
+  const Disk b = shapes::comb(2, 1);
+  Disk up = a;
+  up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1.4));
+  const SurfaceMap map = map_of(up, b);
+  const MetaMesh meta = map.meta_mesh();
+  const Morph morph(map);
+  REQUIRE(morph.status() == Status::kConverged);
+  CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
+  CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
+}
+
+TEST_CASE("a morph of no map has no shapes, and threads do not matter") {
+  const Morph none{SurfaceMap({}, {}, {}, {})};
+  CHECK(none.status() == Status::kInvalidMesh);
+  CHECK(none.at(0.5).rows() == 0);
+  const auto [a, b] = random_pair(24);
+  ism::Options one, three;
+  one.threads = 1;
+  three.threads = 3;
+  CHECK(Morph(map_of(a, b), one).at(0.4) == Morph(map_of(a, b), three).at(0.4));
+}

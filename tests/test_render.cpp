@@ -1,0 +1,180 @@
+// The renderer of the examples: what is near covers what is far, PNG files are what they should be.
+// Built without zlib, so that the stored form is the one that is read here.
+
+#include "render.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace {
+
+using ism::Vec2;
+using ism::Vec3;
+using render::Canvas;
+using render::Color;
+using render::Image;
+using render::Shape;
+
+/// One triangle over the lower left half of the square [-1, 1]² at height z.
+Shape half_square(double z, const Color& color) {
+  Shape shape;
+  shape.vertices.resize(3, 3);
+  shape.vertices << -1, -1, z, 1, -1, z, -1, 1, z;
+  shape.triangles.resize(1, 3);
+  shape.triangles << 0, 1, 2;
+  shape.color = color;
+  shape.is_shaded = false;
+  return shape;
+}
+
+render::View top_view() {
+  render::View view;
+  view.middle = {10, 10};
+  view.scale = 8;
+  return view;
+}
+
+bool is_color(const Color& c, const Color& wanted) { return (c - wanted).abs().maxCoeff() < 1e-5f; }
+
+std::uint32_t big_endian(const std::string& bytes, std::size_t at) {
+  std::uint32_t x = 0;
+  for (std::size_t i = at; i < at + 4; ++i) x = x << 8 | static_cast<unsigned char>(bytes[i]);
+  return x;
+}
+
+/// The chunks of a PNG file as type and data; checks lengths and sums.
+std::vector<std::string> chunks(const std::string& png) {
+  std::vector<std::string> result;
+  REQUIRE(png.substr(0, 8) == "\x89PNG\r\n\x1A\n");
+  for (std::size_t at = 8; at < png.size();) {
+    const std::size_t n = big_endian(png, at);
+    REQUIRE(at + 12 + n <= png.size());
+    result.push_back(png.substr(at + 4, 4 + n));
+    CHECK(big_endian(png, at + 8 + n) == render::crc32_of(result.back()));
+    at += 12 + n;
+  }
+  return result;
+}
+
+/// The bytes of a zlib stream of stored blocks.
+std::string stored(const std::string& zlib) {
+  std::string bytes;
+  std::size_t at = 2;
+  for (bool is_last = false; !is_last;) {
+    is_last = zlib[at] == 1;
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(zlib[at + i]); };
+    const std::size_t n = byte(1) + 256u * byte(2), complement = byte(3) + 256u * byte(4);
+    REQUIRE((n ^ complement) == 65535u);
+    bytes += zlib.substr(at + 5, n);
+    at += 5 + n;
+  }
+  CHECK(at + 4 == zlib.size());
+  return bytes;
+}
+
+}  // namespace
+
+TEST_CASE("what is near covers what is far, in any order") {
+  const Color red(1, 0, 0), blue(0, 0, 1), white(1, 1, 1);
+  for (bool red_first : {true, false}) {
+    Canvas canvas(20, 20);
+    const Shape near = half_square(0.5, red), far = half_square(-0.5, blue);
+    canvas.draw(top_view(), red_first ? near : far);
+    canvas.draw(top_view(), red_first ? far : near);
+    const Image image = canvas.image();
+    CHECK(is_color(image.at(6, 14), red));    // lower left
+    CHECK(is_color(image.at(15, 5), white));  // upper right
+    CHECK(is_color(image.at(0, 0), white));
+  }
+}
+
+TEST_CASE("corner colours and textures are interpolated") {
+  Shape shape = half_square(0, Color(0, 0, 0));
+  shape.corner_colors = Eigen::MatrixXd::Identity(3, 3);
+  Canvas canvas(20, 20);
+  canvas.draw(top_view(), shape);
+  const Color c = canvas.image().at(6, 13);  // near the middle of the triangle
+  CHECK(c.sum() == doctest::Approx(1).epsilon(1e-4));
+  CHECK(c.minCoeff() > 0.15f);
+  Image texture(2, 2, Color(0, 0, 0));
+  texture.at(0, 0) = Color(1, 0, 0);  // the top left
+  CHECK(is_color(render::sample(texture, 0.25, 0.75), Color(1, 0, 0)));
+  CHECK(is_color(render::sample(texture, 0.5, 0.75), Color(0.5f, 0, 0)));
+  CHECK(is_color(render::sample(texture, 1.25, -0.25), Color(1, 0, 0)));  // repeated
+}
+
+TEST_CASE("a view fits the points into its panel") {
+  ism::Points3 points(4, 3);
+  points << 0, 0, 0, 3, 1, 2, -5, 2, 7, 4, 4, -4;
+  for (double azimuth : {0.0, 40.0, 200.0}) {
+    const render::View view = render::look_at(points, azimuth, 25, {100, 50, 300, 200});
+    for (Eigen::Index i = 0; i < points.rows(); ++i) {
+      const Vec3 p = view.project(points.row(i).transpose());
+      CHECK(p.x() > 100);
+      CHECK(p.x() < 400);
+      CHECK(p.y() > 50);
+      CHECK(p.y() < 250);
+    }
+  }
+  const render::View front = render::look_at(points, 0, 0, {0, 0, 10, 10});
+  CHECK(front.project({0, 1, 0}).y() < front.project({0, 0, 0}).y());  // y is up
+  CHECK(front.project({0, 0, 1}).z() > front.project({0, 0, 0}).z());  // z comes to the viewer
+}
+
+TEST_CASE("lines and text are drawn, and clipped at the border") {
+  Canvas canvas(60, 20);
+  canvas.line({{-10, 10}, {70, 10}}, 3, {0, 0, 0});
+  CHECK(canvas.image().at(30, 10).maxCoeff() < 0.01f);
+  CHECK(canvas.image().at(30, 15).minCoeff() == 1);
+  for (char c = ' '; c <= '~'; ++c) {
+    Canvas letter(20, 20);
+    letter.text({4, 15}, 10, std::string(1, c));
+    float ink = 0;
+    for (const Color& pixel : letter.image().pixels) ink += 1 - pixel[0];
+    CAPTURE(c);
+    CHECK((ink > 1) == (c != ' '));
+  }
+  Canvas other(20, 20);
+  other.text({4, 15}, 10, "\xC3\xA9");  // no glyph: a question mark
+  other.text({500, 500}, 10, "outside");
+}
+
+TEST_CASE("a PNG file holds the pixels of the image") {
+  Image image(300, 120, Color(0.2f, 0.4f, 0.6f));
+  image.at(0, 0) = Color(1, 0, 0);
+  image.at(299, 119) = Color(2, -1, 0.5f);  // kept within [0, 1]
+  const std::vector<std::string> parts = chunks(render::png_text(image));
+  REQUIRE(parts.size() == 3);
+  CHECK(parts[0].substr(0, 4) == "IHDR");
+  CHECK(big_endian(parts[0], 4) == 300);
+  CHECK(big_endian(parts[0], 8) == 120);
+  CHECK(parts[2] == "IEND");
+  const std::string rows = stored(parts[1].substr(4));
+  REQUIRE(rows.size() == 120 * (1 + 3 * 300));
+  for (int y = 0; y < 120; ++y) {
+    const std::size_t begin = static_cast<std::size_t>(y) * 901;
+    REQUIRE(rows[begin] == 1);
+    int value[3] = {0, 0, 0};
+    for (int x = 0; x < 300; ++x)
+      for (int c = 0; c < 3; ++c) {
+        const auto at = begin + 1 + static_cast<std::size_t>(3 * x + c);
+        value[c] = (value[c] + static_cast<unsigned char>(rows[at])) & 255;
+        const float wanted = std::min(std::max(image.at(x, y)[c], 0.f), 1.f);
+        if (value[c] != std::lround(255 * wanted)) FAIL("pixel ", x, " ", y);
+      }
+  }
+}
+
+TEST_CASE("polygons are fanned out into triangles that know where they come from") {
+  const render::Fans fans = render::fan_out({{5, 6, 7, 8}, {1, 2, 3}});
+  ism::Triangles triangles(3, 3);
+  triangles << 5, 6, 7, 5, 7, 8, 1, 2, 3;
+  CHECK(fans.triangles == triangles);
+  CHECK(fans.polygon == std::vector<int>{0, 0, 1});
+  Eigen::MatrixXi corner(3, 3);
+  corner << 0, 1, 2, 0, 2, 3, 4, 5, 6;
+  CHECK(fans.corner == corner);
+}
