@@ -110,16 +110,41 @@ void choose_measure(const Pair& p) {
 }
 
 /// Templates (§6.3): the edges of A's polygons as polylines on B.
-void map_polygons(const Pair& p) {
-  const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, some_iterations());
-  print("a template", r);
-  const ism::SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+void map_polygons(const Pair& p, const ism::SurfaceMap& map) {
   double length = 0;
   for (const std::array<int, 2>& edge : p.edges_a)
     for (const ism::Polyline& polyline : map.forward_path({edge[0], edge[1]}))
       for (std::size_t i = 1; i < polyline.size(); ++i)
         length += (map.position_on_b(polyline[i]) - map.position_on_b(polyline[i - 1])).norm();
-  std::printf(", edges of %.4g in all\n", length);
+  std::printf("%-16s edges of %.4g in all\n", "a template", length);
+}
+
+/// Attributes of A, here the positions of its vertices, at the vertices of B; and through the meta
+/// mesh, where nothing is lost, back to A.
+void carry_attributes(const Pair& p, const ism::SurfaceMap& map) {
+  const ism::MetaMesh meta = map.meta_mesh();
+  const ism::Attributes on_b = ism::transfer(meta, ism::Side::kA, ism::Element::kVertex,
+                                             p.a.vertices, ism::Element::kVertex);
+  const ism::Attributes corners =
+      ism::to_meta(meta, ism::Side::kA, ism::Element::kVertex, p.a.vertices);
+  const ism::Attributes back =
+      ism::from_meta(meta, ism::Side::kA, ism::Element::kVertex, corners.values);
+  double error = 0;
+  for (Eigen::Index v = 0; v < back.values.rows(); ++v)
+    if (back.covered[static_cast<std::size_t>(v)])
+      error = std::max(error, (back.values.row(v) - p.a.vertices.row(v)).norm());
+  std::printf("%-16s %ld of %ld vertices of B have some, back on A they differ by %.0e\n",
+              "attributes",
+              static_cast<long>(std::count(on_b.covered.begin(), on_b.covered.end(), 1)),
+              static_cast<long>(p.b.vertices.rows()), error);
+}
+
+/// A shape between A and B, and how much the map stretches.
+void morph(const ism::SurfaceMap& map) {
+  const ism::Points3 halfway = ism::Morph(map).at(0.5);
+  const ism::DistortionSummary d = ism::summarize(map.distortion());
+  std::printf("%-16s %ld vertices, lengths change by factors of %.2f to %.2f\n", "morph",
+              static_cast<long>(halfway.rows()), d.sigma_min, d.sigma_max);
 }
 
 }  // namespace
@@ -138,6 +163,12 @@ int main(int argc, char** argv) {
   hold_boundaries(p);
   fix_vertices(p);
   choose_measure(p);
-  map_polygons(p);
+  const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, some_iterations());
+  print("a map", r);
+  std::printf("\n");
+  const ism::SurfaceMap map(p.a, p.b, r.f, r.g);
+  map_polygons(p, map);
+  carry_attributes(p, map);
+  morph(map);
   return 0;
 }

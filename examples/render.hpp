@@ -84,8 +84,16 @@ struct Shape {
   Eigen::MatrixXd corner_uv;      // 3#F×2, v upwards; or no rows
   const Image* texture = nullptr;
   Color color = {0.82f, 0.83f, 0.86f};
-  bool is_shaded = true;  // by a light from the viewer's upper left
+  bool is_shaded = true;           // by a light from the viewer's upper left
+  Eigen::MatrixXd corner_normals;  // 3#F×3, any length; or no rows: means over the triangles around
 };
+
+inline Shape shape_of(const ism::TriangleMesh& mesh) {
+  Shape shape;
+  shape.vertices = mesh.vertices;
+  shape.triangles = mesh.triangles;
+  return shape;
+}
 
 /// From blue over white to red, t in [0, 1].
 inline Color diverging(double t);
@@ -99,7 +107,8 @@ class Canvas {
  public:
   Canvas(int width, int height, const Color& background = {1, 1, 1});
 
-  void draw(const View& view, const Shape& shape);
+  /// `lift` brings it that many pixels nearer: of two coinciding surfaces, the one that is seen.
+  void draw(const View& view, const Shape& shape, double lift = 0);
   /// Lines on or near a surface; they are drawn over what is less than `lift` pixels in front.
   void draw_line(const View& view, const std::vector<ism::Vec3>& points, double width,
                  const Color& color, double lift = 2);
@@ -281,7 +290,7 @@ void Canvas::triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint
       const ism::Vec2 q(x, y);
       const double u = cross(p[1] - q, p[2] - q) / area, v = cross(p[2] - q, p[0] - q) / area;
       const ism::Vec3 weights(u, v, 1 - u - v);
-      if (weights.minCoeff() < 0) continue;
+      if (weights.minCoeff() < -1e-9) continue;  // rounding must not leave gaps at common edges
       const double depth = u * corner[0].z() + v * corner[1].z() + (1 - u - v) * corner[2].z();
       set(x, y, static_cast<float>(depth), paint(weights));
     }
@@ -299,7 +308,7 @@ inline ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Tria
   return normals;
 }
 
-inline void Canvas::draw(const View& view, const Shape& shape) {
+inline void Canvas::draw(const View& view, const Shape& shape, double lift) {
   const ism::Points3 normals = smooth_normals(shape.vertices, shape.triangles);
   const ism::Vec3 light = ism::Vec3(-0.35, 0.45, 0.85).normalized();
   for (Eigen::Index f = 0; f < shape.triangles.rows(); ++f) {
@@ -309,8 +318,10 @@ inline void Canvas::draw(const View& view, const Shape& shape) {
     for (std::size_t k = 0; k < 3; ++k) {
       const Eigen::Index c = 3 * f + static_cast<Eigen::Index>(k);
       const int v = shape.triangles(f, static_cast<Eigen::Index>(k));
-      corner[k] = view.project(shape.vertices.row(v).transpose());
-      normal[k] = view.axes * normals.row(v).transpose();
+      corner[k] = view.project(shape.vertices.row(v).transpose()) + ism::Vec3(0, 0, lift);
+      normal[k] = view.axes * (shape.corner_normals.rows() > 0
+                                   ? ism::Vec3(shape.corner_normals.row(c).transpose())
+                                   : ism::Vec3(normals.row(v).transpose()));
       color[k] = shape.color;
       if (shape.corner_colors.rows() > 0)
         color[k] = shape.corner_colors.row(c).transpose().array().cast<float>();
@@ -445,7 +456,7 @@ inline const char* glyph(char c) {
       // small letters
       "1g3g4f4c 4e1e0d1c3c4d", "0i0c3c4d4f3g0g", "4g1g0f0d1c4c", "4i4c1c0d0f1g4g",
       "0e4e4f3g1g0f0d1c4c", "1c1h2i3i 0g3g", "4g1g0f0d1c4c 4g4b3a0a", "0i0c 0f1g3g4f4c",
-      "2c2g 2h2i", "2g2b1a0a 2h2i", "0c0i 3g0e4c", "2i2d3c", "0c0g 0f1g2f2c 2f3g4f4c",
+      "2c2f 2h2h", "2f2b1a0a 2h2h", "0c0i 3g0e4c", "2i2d3c", "0c0g 0f1g2f2c 2f3g4f4c",
       "0c0g 0f1g3g4f4c", "1c0d0f1g3g4f4d3c1c", "0a0g3g4f4d3c0c", "4a4g1g0f0d1c4c", "0c0g 0f1g3g",
       "4g1g0f1e3e4d3c0c", "1i1d2c3c 0g3g", "0g0d1c3c4d 4g4c", "0g2c4g", "0g1c2f3c4g", "0c4g 0g4c",
       "0g2c 4g2c1a0a", "0g4g0c4c",

@@ -47,8 +47,8 @@ int main(int argc, char** argv) {
   render::Canvas canvas(1200, 760);
   const render::View on_a = figure::front_view(meta.a, {10, 60, 580, 640});
   const render::View on_b = figure::front_view(meta.b, {610, 60, 580, 640});
-  canvas.draw(on_a, {meta.a.vertices, meta.a.triangles, {}, {}});
-  canvas.draw(on_b, {meta.b.vertices, meta.b.triangles, {}, {}});
+  canvas.draw(on_a, render::shape_of(meta.a));
+  canvas.draw(on_b, render::shape_of(meta.b));
   draw_edges(on_a, meta.a, kBlue, canvas);
   draw_edges(on_b, meta.b, kRed, canvas);
   draw_images(

@@ -12,9 +12,12 @@
 #include "mesh_io.hpp"
 #include "render.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <set>
 #include <string>
 #include <utility>
@@ -132,6 +135,141 @@ inline render::View front_view(const ism::TriangleMesh& mesh, const render::Rect
   axes.row(1) = up.transpose();
   axes.row(2) = front.transpose();
   return render::look_along(mesh.vertices, axes, panel);
+}
+
+/// One surface of the meta mesh with a colour for every polygon, shaded as the mesh it refines.
+inline render::Shape colored_polygons(const ism::MetaMesh& meta, ism::Side side,
+                                      const std::vector<render::Color>& colors) {
+  const render::Fans fans = render::fan_out(meta.polygons);
+  render::Shape shape;
+  shape.vertices = side == ism::Side::kA ? meta.on_a : meta.on_b;
+  shape.triangles = fans.triangles;
+  const ism::TriangleMesh& mesh = side == ism::Side::kA ? meta.a : meta.b;
+  const ism::Attributes normals =
+      ism::to_meta(meta, side, ism::Element::kVertex,
+                   render::smooth_normals(mesh.vertices, mesh.triangles).rowwise().normalized());
+  shape.corner_colors.resize(3 * fans.triangles.rows(), 3);
+  shape.corner_normals.resize(3 * fans.triangles.rows(), 3);
+  for (Eigen::Index f = 0; f < fans.triangles.rows(); ++f)
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      const auto polygon = static_cast<std::size_t>(fans.polygon[static_cast<std::size_t>(f)]);
+      shape.corner_colors.row(3 * f + k) = colors[polygon].cast<double>().transpose();
+      shape.corner_normals.row(3 * f + k) = normals.values.row(fans.corner(f, k));
+    }
+  return shape;
+}
+
+const render::Color kLandmark(0.10f, 0.45f, 0.85f);
+
+constexpr double kWorst = 8;  // the distortion at which the colours of heat() end
+
+/// The colour of a distortion: from 2, an isometry, to kWorst and above, on a logarithmic scale.
+inline render::Color heat_of(double density) {
+  return render::heat(std::log(density / 2) / std::log(kWorst / 2));
+}
+
+inline void draw_heat_legend(const render::Rect& rect, render::Canvas& canvas) {
+  canvas.legend(rect, render::heat, "2", "8+", "distortion, 2: isometry");
+}
+
+/// Both surfaces of a map, side by side, coloured by its distortion; what is not covered is grey.
+inline void draw_distortion(const ism::SurfaceMap& map, const render::Rect& left,
+                            const render::Rect& right, render::Canvas& canvas) {
+  const ism::MetaMesh meta = map.meta_mesh();
+  std::vector<render::Color> colors;
+  for (const ism::PolygonDistortion& p : map.distortion()) colors.push_back(heat_of(p.density));
+  for (ism::Side side : {ism::Side::kA, ism::Side::kB}) {
+    const bool is_a = side == ism::Side::kA;
+    const ism::TriangleMesh& mesh = is_a ? meta.a : meta.b;
+    const render::View view = front_view(mesh, is_a ? left : right);
+    render::Shape whole = render::shape_of(mesh);
+    whole.color = {0.6f, 0.6f, 0.62f};
+    canvas.draw(view, whole);
+    canvas.draw(view, colored_polygons(meta, side, colors), 1);
+  }
+}
+
+/// "2.180 on average, half of it below 2.070, 95% below 2.31".
+inline std::string distortion_words(const ism::SurfaceMap& map) {
+  const ism::DistortionSummary d = ism::summarize(map.distortion());
+  char words[160];
+  std::snprintf(words, sizeof words, "%.3f on average, half of it below %.3f, 95%% below %.2f",
+                d.mean, d.median, d.p95);
+  return words;
+}
+
+/// One curve of a plot: the values at x = 0, 1, 2, ...
+struct Curve {
+  std::string name;
+  render::Color color;
+  std::vector<double> values;
+};
+
+/// A label for a tick: as many digits as it takes.
+inline std::string tick_label(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", x);
+  return text;
+}
+
+/// Ticks 1, 2, 5, 10, ... times a power of ten, about `count` of them between lo and hi.
+inline std::vector<double> ticks(double lo, double hi, int count) {
+  const double rough = (hi - lo) / count, power = std::pow(10, std::floor(std::log10(rough)));
+  double step = 10 * power;
+  for (double factor : {5.0, 2.0, 1.0})
+    if (factor * power >= rough) step = factor * power;
+  std::vector<double> result;
+  for (double x = step * std::ceil(lo / step); x <= hi + 1e-9 * step; x += step)
+    result.push_back(std::abs(x) < 1e-9 * step ? 0 : x);
+  return result;
+}
+
+/// Draws curves over iterations, with both axes; their names stand above the rectangle.
+inline void plot(const render::Rect& rect, const std::vector<Curve>& curves,
+                 render::Canvas& canvas) {
+  constexpr double kText = 9, kLeft = 60, kBelow = 30;
+  const render::Color grey(0.85f, 0.85f, 0.85f), black(0.2f, 0.2f, 0.2f);
+  double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+  std::size_t n = 2;
+  for (const Curve& c : curves) {
+    n = std::max(n, c.values.size());
+    for (double y : c.values) {
+      lo = std::min(lo, y);
+      hi = std::max(hi, y);
+    }
+  }
+  const double margin = std::max(0.05 * (hi - lo), 1e-9 * (1 + std::abs(hi)));
+  lo -= margin;
+  hi += margin;
+  const double width = rect.width - kLeft, height = rect.height - kBelow;
+  const auto at = [&](double x, double y) {
+    return ism::Vec2(rect.x + kLeft + width * x / static_cast<double>(n - 1),
+                     rect.y + height * (hi - y) / (hi - lo));
+  };
+  const double last = static_cast<double>(n - 1);
+  for (double y : ticks(lo, hi, 6)) {
+    canvas.line({at(0, y), at(last, y)}, 1, grey);
+    const std::string label = tick_label(y);
+    canvas.text(at(0, y) + ism::Vec2(-6 - render::text_width(kText, label), 0.5 * kText), kText,
+                label);
+  }
+  for (double x : ticks(0, last, 8)) {
+    const ism::Vec2 foot = at(x, lo);
+    canvas.line({foot, foot + ism::Vec2(0, 5)}, 1, black);
+    const std::string label = tick_label(x);
+    canvas.text(foot + ism::Vec2(-0.5 * render::text_width(kText, label), 20), kText, label);
+  }
+  canvas.line({at(0, hi), at(0, lo), at(last, lo)}, 1, black);
+  double left = rect.x + kLeft;
+  for (const Curve& c : curves) {
+    std::vector<ism::Vec2> points;
+    for (std::size_t i = 0; i < c.values.size(); ++i)
+      points.push_back(at(static_cast<double>(i), c.values[i]));
+    canvas.line(points, 2, c.color);
+    canvas.line({{left, rect.y - 14}, {left + 24, rect.y - 14}}, 3, c.color);
+    canvas.text({left + 34, rect.y - 10}, kText, c.name);
+    left += 64 + render::text_width(kText, c.name);
+  }
 }
 
 }  // namespace figure
