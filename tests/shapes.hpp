@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace shapes {
@@ -271,6 +272,28 @@ inline Eigen::Matrix2d rotation(double angle) {
   Eigen::Matrix2d R;
   R << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
   return R;
+}
+
+/// Two bent random disks, the second one turned and shifted; they overlap partially, in a disk.
+inline std::pair<Disk, Disk> overlapping_pair(std::uint64_t seed) {
+  Rng rng(seed);
+  Disk a = random_disk(5, 5, rng), b = random_disk(6, 4, rng);
+  bend(a, 0.5);
+  bend(b, -0.3);
+  b.plane = moved(b.plane, rotation(0.35), Vec2(0.83, -0.37));
+  return {a, b};
+}
+
+inline ism::SurfaceMap map_of(const Disk& a, const Disk& b) {
+  return ism::SurfaceMap(a.mesh, b.mesh, a.plane, b.plane);
+}
+
+/// Where a point of a disk lies in its plane.
+inline Vec2 planar(const Disk& disk, const ism::SurfacePoint& p) {
+  Vec2 x = Vec2::Zero();
+  for (int k = 0; k < 3; ++k)
+    x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
+  return x;
 }
 
 /// One of each, all valid and all embedded injectively.

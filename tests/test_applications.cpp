@@ -29,22 +29,14 @@ using ism::TriangleMesh;
 using ism::Vec2;
 using ism::Vec3;
 using shapes::Disk;
+using shapes::overlapping_pair;
+using shapes::planar;
 using shapes::Rng;
 
-SurfaceMap map_of(const Disk& a, const Disk& b) {
-  const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+SurfaceMap good_map(const Disk& a, const Disk& b) {
+  const SurfaceMap map = shapes::map_of(a, b);
   REQUIRE(map.status() == Status::kConverged);
   return map;
-}
-
-/// Two bent random disks that overlap in part.
-std::pair<Disk, Disk> random_pair(std::uint64_t seed) {
-  Rng rng(seed);
-  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 4, rng);
-  shapes::bend(a, 0.5);
-  shapes::bend(b, -0.3);
-  b.plane = shapes::moved(b.plane, shapes::rotation(0.35), Vec2(0.83, -0.37));
-  return {a, b};
 }
 
 /// Two meshes of one square, which cover each other; bent.
@@ -56,13 +48,6 @@ std::pair<Disk, Disk> square_pair(std::uint64_t seed) {
   shapes::bend(a, 0.5);
   shapes::bend(b, -0.4);
   return {a, b};
-}
-
-Vec2 planar(const Disk& disk, const SurfacePoint& p) {
-  Vec2 x = Vec2::Zero();
-  for (int k = 0; k < 3; ++k)
-    x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
-  return x;
 }
 
 /// The point of a disk at x in the plane; face -1 if there is none.
@@ -117,6 +102,15 @@ Eigen::MatrixXd random_values(Eigen::Index rows, Rng& rng) {
   return values;
 }
 
+/// A morph is A at 0 and B at 1.
+void check_ends(const SurfaceMap& map) {
+  const MetaMesh meta = map.meta_mesh();
+  const Morph morph(map);
+  REQUIRE(morph.status() == Status::kConverged);
+  CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
+  CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
+}
+
 }  // namespace
 
 // ---- curves ----
@@ -124,7 +118,7 @@ Eigen::MatrixXd random_values(Eigen::Index rows, Rng& rng) {
 TEST_CASE("a curve inside the overlap is one continuous polyline through its points") {
   for (std::uint64_t seed : {1u, 2u, 3u}) {
     const auto [a, b] = square_pair(seed);
-    const SurfaceMap map = map_of(a, b);
+    const SurfaceMap map = good_map(a, b);
     const Polyline curve = spiral(a, {4, 4}, 3.9, 120);
     const std::vector<Polyline> images = map.forward_curve(curve);
     REQUIRE(images.size() == 1);
@@ -142,8 +136,8 @@ TEST_CASE("a curve inside the overlap is one continuous polyline through its poi
 }
 
 TEST_CASE("a curve there and back is the same curve") {
-  const auto [a, b] = random_pair(4);
-  const SurfaceMap map = map_of(a, b);
+  const auto [a, b] = overlapping_pair(4);
+  const SurfaceMap map = good_map(a, b);
   const Polyline curve = spiral(a, {2.6, 2.2}, 1.5, 40);
   const std::vector<Polyline> there = map.forward_curve(curve);
   REQUIRE(there.size() == 1);
@@ -156,8 +150,8 @@ TEST_CASE("a curve there and back is the same curve") {
 }
 
 TEST_CASE("a curve is mapped where it is covered, and along common boundaries") {
-  const auto [a, b] = random_pair(5);
-  const SurfaceMap map = map_of(a, b);
+  const auto [a, b] = overlapping_pair(5);
+  const SurfaceMap map = good_map(a, b);
   const Polyline across = {locate(a, {0.1, 4.9}), locate(a, {4.9, 0.1})};
   const std::vector<Polyline> parts = map.forward_curve(across);
   REQUIRE(parts.size() == 1);
@@ -165,7 +159,7 @@ TEST_CASE("a curve is mapped where it is covered, and along common boundaries") 
   CHECK(length(b, parts[0]) < 6.7);
   CHECK(length(b, parts[0]) > 2);
   const auto [c, d] = square_pair(6);
-  const SurfaceMap square = map_of(c, d);
+  const SurfaceMap square = good_map(c, d);
   Polyline border;
   for (int i = 0; i <= 40; ++i) border.push_back(locate(c, {0.2 * i, 0}));
   for (int i = 1; i <= 40; ++i) border.push_back(locate(c, {8, 0.2 * i}));
@@ -183,7 +177,7 @@ TEST_CASE("a curve is mapped where it is covered, and along common boundaries") 
 TEST_CASE("a curve between identical meshes is one polyline, also along edges and over vertices") {
   Rng rng(7);
   const Disk disk = shapes::perturbed_grid(6, 6, 0.2, rng);
-  const SurfaceMap map = map_of(disk, disk);
+  const SurfaceMap map = good_map(disk, disk);
   const ism::detail::HalfEdgeMesh m = shapes::half_edges(disk.mesh);
   const auto vertex = [&](int v) {
     const int h = m.out[v];
@@ -205,7 +199,7 @@ TEST_CASE("a curve between identical meshes is one polyline, also along edges an
 
 TEST_CASE("a point that is none interrupts a curve") {
   const auto [a, b] = square_pair(8);
-  const SurfaceMap map = map_of(a, b);
+  const SurfaceMap map = good_map(a, b);
   const SurfacePoint p = locate(a, {1, 1}), q = locate(a, {2, 1}), r = locate(a, {3, 1});
   CHECK(map.forward_curve({p, q, SurfacePoint(), q, r}).size() == 2);
   CHECK(map.forward_curve({p, {1 << 30, Vec3::Constant(1.0 / 3)}, r}).empty());
@@ -241,8 +235,8 @@ TEST_CASE("paths follow edges that were halved") {
 // ---- remeshing ----
 
 TEST_CASE("a remesh has the connectivity of one mesh and the geometry of the other") {
-  const auto [a, b] = random_pair(10);
-  const SurfaceMap map = map_of(a, b);
+  const auto [a, b] = overlapping_pair(10);
+  const SurfaceMap map = good_map(a, b);
   const ism::Remesh mesh = ism::remesh(map, Side::kA);
   const std::vector<MappedPoint> images = map.forward_vertices();
   REQUIRE(mesh.mesh.vertices.rows() == a.mesh.vertices.rows());
@@ -261,7 +255,7 @@ TEST_CASE("a remesh has the connectivity of one mesh and the geometry of the oth
     for (int k = 0; k < 3; ++k)
       CHECK(mesh.covered[static_cast<std::size_t>(mesh.mesh.triangles(f, k))]);
   const auto [c, d] = square_pair(11);
-  const ism::Remesh all = ism::remesh(map_of(c, d), Side::kB);
+  const ism::Remesh all = ism::remesh(good_map(c, d), Side::kB);
   CHECK(all.mesh.triangles == d.mesh.triangles);
 }
 
@@ -269,8 +263,8 @@ TEST_CASE("a remesh has the connectivity of one mesh and the geometry of the oth
 
 TEST_CASE("attributes of either mesh come back from the meta mesh as they were") {
   for (std::uint64_t seed : {12u, 13u}) {
-    const auto [a, b] = random_pair(seed);
-    const MetaMesh meta = map_of(a, b).meta_mesh();
+    const auto [a, b] = overlapping_pair(seed);
+    const MetaMesh meta = good_map(a, b).meta_mesh();
     Rng rng(seed);
     for (Side side : {Side::kA, Side::kB})
       for (Element element : {Element::kVertex, Element::kFace, Element::kCorner}) {
@@ -299,8 +293,8 @@ TEST_CASE("attributes of either mesh come back from the meta mesh as they were")
 }
 
 TEST_CASE("positions as attributes arrive where the map says") {
-  const auto [a, b] = random_pair(14);
-  const SurfaceMap map = map_of(a, b);
+  const auto [a, b] = overlapping_pair(14);
+  const SurfaceMap map = good_map(a, b);
   const MetaMesh meta = map.meta_mesh();
   const Attributes at_b =
       ism::transfer(meta, Side::kA, Element::kVertex, a.mesh.vertices, Element::kVertex);
@@ -317,7 +311,7 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
   auto [a, b] = square_pair(15);
   a.mesh.vertices.col(2).setZero();
   b.mesh.vertices.col(2).setZero();
-  const MetaMesh meta = map_of(a, b).meta_mesh();
+  const MetaMesh meta = good_map(a, b).meta_mesh();
   const auto integral = [](const Disk& disk, const Eigen::MatrixXd& values) {
     double sum = 0;
     for (int f = 0; f < disk.mesh.triangles.rows(); ++f) {
@@ -340,7 +334,7 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
 
 TEST_CASE("attributes that do not fit a mesh are refused") {
   const auto [a, b] = square_pair(17);
-  const MetaMesh meta = map_of(a, b).meta_mesh();
+  const MetaMesh meta = good_map(a, b).meta_mesh();
   const Eigen::MatrixXd wrong = Eigen::MatrixXd::Zero(7, 1);
   for (const Attributes& refused :
        {ism::to_meta(meta, Side::kA, Element::kVertex, wrong),
@@ -358,27 +352,27 @@ TEST_CASE("an isometry has singular values 1, a stretch its own") {
   Rng rng(18);
   Disk a = shapes::random_disk(5, 5, rng), b = a;
   const Eigen::Matrix2d stretch = shapes::rotation(0.3) * Vec2(2, 0.5).asDiagonal();
-  for (const PolygonDistortion& p : map_of(a, b).distortion(true)) {
+  for (const PolygonDistortion& p : good_map(a, b).distortion(true)) {
     CHECK(p.sigma_min == doctest::Approx(1));
     CHECK(p.sigma_max == doctest::Approx(1));
     CHECK(p.density == doctest::Approx(2));
   }
   b.mesh.vertices.leftCols<2>() = shapes::moved(b.plane, stretch, Vec2(7, 8));
-  for (const PolygonDistortion& p : map_of(a, b).distortion(true)) {
+  for (const PolygonDistortion& p : good_map(a, b).distortion(true)) {
     CHECK(p.sigma_min == doctest::Approx(0.5));
     CHECK(p.sigma_max == doctest::Approx(2));
     CHECK(p.density == doctest::Approx(4.25));
     CHECK(p.area_a == doctest::Approx(p.area_b));
   }
   b.mesh.vertices = 1000 * a.mesh.vertices;  // another unit
-  const ism::DistortionSummary sum = ism::summarize(map_of(a, b).distortion());
+  const ism::DistortionSummary sum = ism::summarize(good_map(a, b).distortion());
   CHECK(sum.mean == doctest::Approx(2));
   CHECK(sum.largest == doctest::Approx(2));
   CHECK(sum.area_a == doctest::Approx(1));
 }
 
 TEST_CASE("distortions add up to what the optimisation says") {
-  const auto [a, b] = random_pair(19);
+  const auto [a, b] = overlapping_pair(19);
   ism::Options options = shapes::from_planes(a, b);
   options.keep_scale = false;
   options.max_iterations = 5;
@@ -403,13 +397,10 @@ TEST_CASE("distortions add up to what the optimisation says") {
 
 TEST_CASE("a morph begins as A and ends as B") {
   for (std::uint64_t seed : {20u, 21u}) {
-    const auto [a, b] = random_pair(seed);
-    const SurfaceMap map = map_of(a, b);
+    const auto [a, b] = overlapping_pair(seed);
+    const SurfaceMap map = good_map(a, b);
+    check_ends(map);
     const MetaMesh meta = map.meta_mesh();
-    const Morph morph(map);
-    REQUIRE(morph.status() == Status::kConverged);
-    CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
-    CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
     CHECK(ism::linear_morph(meta, 0) == meta.on_a);
     CHECK(ism::linear_morph(meta, 1) == meta.on_b);
     CHECK((ism::linear_morph(meta, 0.25) - 0.75 * meta.on_a - 0.25 * meta.on_b).norm() < 1e-12);
@@ -421,7 +412,7 @@ TEST_CASE("a morph between positions of one rigid body is rigid") {
   b = a;
   const Eigen::Matrix3d R = Eigen::AngleAxisd(2.5, Vec3(1, 2, -1).normalized()).toRotationMatrix();
   b.mesh.vertices = (a.mesh.vertices * R.transpose()).rowwise() + Vec3(5, -3, 2).transpose();
-  const SurfaceMap map = map_of(a, b);
+  const SurfaceMap map = good_map(a, b);
   const Points3 start = map.meta_mesh().on_a, halfway = Morph(map).at(0.5);
   for (int i = 0; i < start.rows(); ++i)
     for (int j = 0; j < i; j += 7)
@@ -436,7 +427,7 @@ TEST_CASE("a sheet that rolls up more than once keeps its lengths on the way") {
     const double radius = 40 / (2 * shapes::kPi * turns);
     b.mesh.vertices.row(v) << radius * std::sin(phi), b.plane(v, 1), radius * (1 - std::cos(phi));
   }
-  const SurfaceMap map = map_of(a, b);
+  const SurfaceMap map = good_map(a, b);
   const MetaMesh meta = map.meta_mesh();
   const auto worst_stretch = [&](const Points3& x) {
     double worst = 0;
@@ -454,8 +445,8 @@ TEST_CASE("a sheet that rolls up more than once keeps its lengths on the way") {
 }
 
 TEST_CASE("a morph from B to A shows the same shapes") {
-  const auto [a, b] = random_pair(23);
-  const Points3 there = Morph(map_of(a, b)).at(0.3), back = Morph(map_of(b, a)).at(0.7);
+  const auto [a, b] = overlapping_pair(23);
+  const Points3 there = Morph(good_map(a, b)).at(0.3), back = Morph(good_map(b, a)).at(0.7);
   REQUIRE(there.rows() == back.rows());
   const auto sum = [](const Points3& x) { return Vec3(x.colwise().sum().transpose()); };
   CHECK((sum(there) - sum(back)).norm() < 1e-7);
@@ -467,21 +458,16 @@ TEST_CASE("a morph of an overlap in two parts has both of them") {
   const Disk b = shapes::comb(2, 1);
   Disk up = a;
   up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1.4));
-  const SurfaceMap map = map_of(up, b);
-  const MetaMesh meta = map.meta_mesh();
-  const Morph morph(map);
-  REQUIRE(morph.status() == Status::kConverged);
-  CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
-  CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
+  check_ends(good_map(up, b));
 }
 
 TEST_CASE("a morph of no map has no shapes, and threads do not matter") {
   const Morph none{SurfaceMap({}, {}, {}, {})};
   CHECK(none.status() == Status::kInvalidMesh);
   CHECK(none.at(0.5).rows() == 0);
-  const auto [a, b] = random_pair(24);
+  const auto [a, b] = overlapping_pair(24);
   ism::Options one, three;
   one.threads = 1;
   three.threads = 3;
-  CHECK(Morph(map_of(a, b), one).at(0.4) == Morph(map_of(a, b), three).at(0.4));
+  CHECK(Morph(good_map(a, b), one).at(0.4) == Morph(good_map(a, b), three).at(0.4));
 }

@@ -25,21 +25,10 @@ using ism::TriangleMesh;
 using ism::Vec2;
 using ism::Vec3;
 using shapes::Disk;
+using shapes::map_of;
+using shapes::overlapping_pair;
+using shapes::planar;
 using shapes::Rng;
-
-SurfaceMap map_of(const Disk& a, const Disk& b) {
-  return SurfaceMap(a.mesh, b.mesh, a.plane, b.plane);
-}
-
-/// Two bent random disks, the second one turned and shifted; they overlap partially, in a disk.
-std::pair<Disk, Disk> random_pair(std::uint64_t seed) {
-  Rng rng(seed);
-  Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 4, rng);
-  shapes::bend(a, 0.5);
-  shapes::bend(b, -0.3);
-  b.plane = shapes::moved(b.plane, shapes::rotation(0.35), Vec2(0.83, -0.37));
-  return {a, b};
-}
 
 int n_faces(const Disk& disk) { return static_cast<int>(disk.mesh.triangles.rows()); }
 int n_vertices(const Disk& disk) { return static_cast<int>(disk.plane.rows()); }
@@ -48,13 +37,6 @@ SurfacePoint random_point(const Disk& disk, Rng& rng) {
   Vec3 weights(rng.uniform(0.01, 1), rng.uniform(0.01, 1), rng.uniform(0.01, 1));
   weights /= weights.sum();
   return {rng.below(n_faces(disk)), weights};
-}
-
-Vec2 planar(const Disk& disk, const SurfacePoint& p) {
-  Vec2 x = Vec2::Zero();
-  for (int k = 0; k < 3; ++k)
-    x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
-  return x;
 }
 
 /// The least barycentric coordinate of x in any face of a disk: how deep inside the best one.
@@ -187,7 +169,7 @@ void check_unusable(const SurfaceMap& map, Status status, const std::string& wha
 
 TEST_CASE("mapping forward and backward returns the point, and outside there is no image") {
   for (std::uint64_t seed : {41u, 42u, 43u}) {
-    const auto [a, b] = random_pair(seed);
+    const auto [a, b] = overlapping_pair(seed);
     const SurfaceMap map = map_of(a, b);
     REQUIRE(map.status() == Status::kConverged);
     Rng rng(seed);
@@ -216,7 +198,7 @@ TEST_CASE("mapping forward and backward returns the point, and outside there is 
 }
 
 TEST_CASE("mapping backward and forward returns the point") {
-  const auto [a, b] = random_pair(44);
+  const auto [a, b] = overlapping_pair(44);
   const SurfaceMap map = map_of(a, b);
   Rng rng(44);
   int inside = 0;
@@ -236,7 +218,7 @@ TEST_CASE("mapping backward and forward returns the point") {
 }
 
 TEST_CASE("vertices are mapped where they lie in the plane") {
-  const auto [a, b] = random_pair(45);
+  const auto [a, b] = overlapping_pair(45);
   const SurfaceMap map = map_of(a, b);
   const std::vector<MappedPoint> forward = map.forward_vertices();
   const std::vector<MappedPoint> backward = map.backward_vertices();
@@ -298,7 +280,7 @@ TEST_CASE("positions are interpolated in the units of the mesh given") {
 }
 
 TEST_CASE("copies of a map outlive it") {
-  const auto [a, b] = random_pair(47);
+  const auto [a, b] = overlapping_pair(47);
   std::vector<SurfaceMap> copies;
   MappedPoint expected;
   {
@@ -316,7 +298,7 @@ TEST_CASE("copies of a map outlive it") {
 TEST_CASE("the meta mesh of a pair is a disk with the covered areas on both surfaces") {
   for (std::uint64_t seed : {48u, 49u, 50u, 51u}) {
     CAPTURE(seed);
-    const auto [a, b] = random_pair(seed);
+    const auto [a, b] = overlapping_pair(seed);
     check_meta_mesh(a, b, 1);
     check_meta_mesh(b, a, 1);
   }
@@ -341,7 +323,7 @@ TEST_CASE("an overlap of several parts has as many disks in its meta mesh") {
 }
 
 TEST_CASE("corners of meta mesh polygons lie in their triangles of both surfaces") {
-  const auto [a, b] = random_pair(52);
+  const auto [a, b] = overlapping_pair(52);
   const MetaMesh mesh = map_of(a, b).meta_mesh();
   for (std::size_t i = 0; i < mesh.polygons.size(); ++i)
     for (int v : mesh.polygons[i]) {
@@ -351,7 +333,7 @@ TEST_CASE("corners of meta mesh polygons lie in their triangles of both surfaces
 }
 
 TEST_CASE("covered vertices of both meshes are vertices of the meta mesh") {
-  const auto [a, b] = random_pair(53);
+  const auto [a, b] = overlapping_pair(53);
   const SurfaceMap map = map_of(a, b);
   const MetaMesh mesh = map.meta_mesh();
   const auto find = [&](const Vec3& on_a, const Vec3& on_b) {
