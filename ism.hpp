@@ -315,8 +315,9 @@ struct Options {
   double solve_tolerance = 1e-3;
   int max_iterations = 400;  // ≥ 0
   /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
-  /// of E + κ (area A + area B) per iteration. The window bridges the pauses before E falls again;
-  /// while ω_L comes down and is above 1e-3, nothing stops.
+  /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall.
+  /// The window bridges the pauses before E falls again; while ω_L comes down and is above 1e-3,
+  /// nothing stops.
   double tolerance = 1e-4;  // ≥ 0
   int window = 20;          // ≥ 1
   bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
@@ -562,6 +563,12 @@ inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
 /// coordinates lie on either side of it, so keep to_meta()'s for these. Linear cost, thread-safe.
 inline Attributes transfer(const MetaMesh& meta, Side from, Element element,
                            const Eigen::MatrixXd& values, Element target);
+
+/// Attributes of a mesh at the elements of the same mesh with vertices added in the middle of edges
+/// (Embedding::a and added_a, or b and added_b). Cost O(n log n), thread-safe.
+inline Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
+                         const std::vector<Midpoint>& added, Element element,
+                         const Eigen::MatrixXd& values);
 
 /// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
 inline Points3 linear_morph(const MetaMesh& meta, double t);
@@ -4649,11 +4656,11 @@ class Optimizer {
            static_cast<int>(result.log.size()) < options_.max_iterations) {
       if (!iterate(result))
         result.status = stationary_  ? Status::kConverged
-                        : factor_.ok ? Status::kStalled
+                        : factor_.ok ? without_step(result)
                                      : Status::kNumericalFailure;
       else if (!report(result))
         result.status = Status::kCancelled;
-      else if (converged(result))
+      else if (has_settled(result, options_.window))
         result.status = Status::kConverged;
     }
     result.f = x_.f;
@@ -4894,16 +4901,22 @@ class Optimizer {
     return options_.progress(progress);
   }
 
-  /// Options::tolerance: the mean relative decrease per iteration over the window.
-  bool converged(const Result& result) const {
-    const int n = static_cast<int>(result.log.size()), w = options_.window;
-    if (n < w) return false;
-    const IterationLog& now = result.log.back();
+  /// Options::tolerance: so little did E fall over the last iterations that with them the mean over
+  /// the window is below the bound. One that finds no step is the last of its window.
+  bool has_settled(const Result& result, int iterations) const {
+    const int n = static_cast<int>(result.log.size());
+    if (n < iterations) return false;
+    const IterationLog& now = result.final_state();
     const IterationLog& before =
-        n == w ? result.initial : result.log[static_cast<std::size_t>(n - 1 - w)];
+        n == iterations ? result.initial : result.log[static_cast<std::size_t>(n - 1 - iterations)];
     if (now.omega < before.omega && now.omega > kReleased) return false;
     const double scale = now.energy + weights_.kappa * pair_.total_area();
-    return before.energy - now.energy < w * options_.tolerance * scale;
+    return before.energy - now.energy < options_.window * options_.tolerance * scale;
+  }
+
+  /// How a run ends that finds no step: where E hardly fell before either, it has arrived.
+  Status without_step(const Result& result) const {
+    return has_settled(result, options_.window - 1) ? Status::kConverged : Status::kStalled;
   }
 
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
@@ -7251,12 +7264,16 @@ inline Eigen::Index element_row(const TriangleMesh& mesh, Element element, int f
   return element == Element::kFace ? f : 3 * Eigen::Index{f} + k;
 }
 
-inline Attributes misfit(Eigen::Index given, Eigen::Index wanted, const char* per) {
+inline Attributes invalid_attributes(std::string message) {
   Attributes result;
   result.status = Status::kInvalidAttributes;
-  result.message = "the attributes have " + std::to_string(given) + " rows, but " +
-                   std::to_string(wanted) + " are needed, one per " + per;
+  result.message = std::move(message);
   return result;
+}
+
+inline Attributes misfit(Eigen::Index given, Eigen::Index wanted, const char* per) {
+  return invalid_attributes("the attributes have " + std::to_string(given) + " rows, but " +
+                            std::to_string(wanted) + " are needed, one per " + per);
 }
 
 inline const char* element_name(Element element) {
@@ -7648,6 +7665,88 @@ inline Attributes to_meta(const MetaMesh& meta, Side side, Element element,
         result.values.row(c) =
             s.corner(c, 0) * row(0) + s.corner(c, 1) * row(1) + s.corner(c, 2) * row(2);
     }
+  return result;
+}
+
+namespace detail {
+
+/// A vertex of a refined mesh as a mean of vertices of the mesh it refines.
+using Ancestors = std::map<int, double>;
+
+inline std::vector<Ancestors> ancestors_of(Eigen::Index n_given,
+                                           const std::vector<Midpoint>& added) {
+  std::vector<Ancestors> result;
+  for (int v = 0; v < n_given; ++v) result.push_back({{v, 1.0}});
+  for (const Midpoint& edge : added) {
+    Ancestors middle;
+    for (int end : edge)
+      if (end >= 0 && end < static_cast<int>(result.size()))
+        for (const auto& [v, weight] : result[static_cast<std::size_t>(end)])
+          middle[v] += 0.5 * weight;
+    result.push_back(std::move(middle));
+  }
+  return result;
+}
+
+/// The triangle of a mesh in which one of its refinement lies, or -1.
+inline int parent_face(const std::map<std::array<int, 3>, int>& face_of,
+                       const std::vector<Ancestors>& ancestors, const Triangles& triangles,
+                       Eigen::Index f) {
+  std::set<int> corners;
+  for (int k = 0; k < 3; ++k)
+    for (const auto& [v, weight] : ancestors[static_cast<std::size_t>(triangles(f, k))])
+      corners.insert(v);
+  std::array<int, 3> key{};
+  if (corners.size() != 3) return -1;
+  std::copy(corners.begin(), corners.end(), key.begin());
+  const auto found = face_of.find(key);
+  return found == face_of.end() ? -1 : found->second;
+}
+
+inline std::map<std::array<int, 3>, int> faces_by_corners(const Triangles& triangles) {
+  std::map<std::array<int, 3>, int> face_of;
+  for (int f = 0; f < triangles.rows(); ++f) {
+    std::array<int, 3> key = {triangles(f, 0), triangles(f, 1), triangles(f, 2)};
+    std::sort(key.begin(), key.end());
+    face_of[key] = f;
+  }
+  return face_of;
+}
+
+/// Where a vertex is among the corners of a triangle.
+inline int corner_of(const Triangles& triangles, int f, int v) {
+  return triangles(f, 0) == v ? 0 : triangles(f, 1) == v ? 1 : 2;
+}
+
+}  // namespace detail
+
+inline Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
+                         const std::vector<Midpoint>& added, Element element,
+                         const Eigen::MatrixXd& values) {
+  const Eigen::Index rows = detail::element_count(mesh, element);
+  if (values.rows() != rows)
+    return detail::misfit(values.rows(), rows, detail::element_name(element));
+  const std::vector<detail::Ancestors> ancestors =
+      detail::ancestors_of(mesh.vertices.rows(), added);
+  if (static_cast<Eigen::Index>(ancestors.size()) != refined.vertices.rows())
+    return detail::invalid_attributes("the refined mesh has vertices that were not added");
+  const std::map<std::array<int, 3>, int> face_of = detail::faces_by_corners(mesh.triangles);
+  Attributes result;
+  result.values.setZero(detail::element_count(refined, element), values.cols());
+  result.covered.assign(static_cast<std::size_t>(result.values.rows()), 1);
+  for (Eigen::Index f = 0; f < refined.triangles.rows(); ++f) {
+    const int parent = detail::parent_face(face_of, ancestors, refined.triangles, f);
+    if (parent < 0)
+      return detail::invalid_attributes("triangle " + std::to_string(f) +
+                                        " of the refined mesh lies in none of the mesh");
+    for (int k = 0; k < 3; ++k) {
+      auto row = result.values.row(detail::element_row(refined, element, static_cast<int>(f), k));
+      row.setZero();
+      for (const auto& [v, weight] : ancestors[static_cast<std::size_t>(refined.triangles(f, k))])
+        row += weight * values.row(detail::element_row(
+                            mesh, element, parent, detail::corner_of(mesh.triangles, parent, v)));
+    }
+  }
   return result;
 }
 

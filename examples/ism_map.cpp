@@ -6,7 +6,9 @@
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 change nothing.
 
 #include "ism.hpp"
+#include "map_picture.hpp"
 #include "mesh_io.hpp"
+#include "render.hpp"
 
 #include <algorithm>
 #include <array>
@@ -15,6 +17,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <new>
 #include <string>
 #include <string_view>
@@ -53,6 +56,12 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
   --set NAME=VALUE   any numeric option that report.json lists; can be repeated
+  --picture          draw both surfaces with a texture and with the distortion
+  --heat             write the distortion as colours and as values (quality) of PLY files
+  --texture IMAGE    a PNG or PPM image: the texture of A with A's vt, or if it has none with its
+                     places in the plane, is carried to B
+  --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
+  --morph N          N shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
   --help             print this
 
@@ -65,15 +74,34 @@ Files in OUT:
                          polylines on B
   meta_A.obj meta_B.obj  the common refinement on either surface, with the same faces
   report.json            status, options, energies and seconds of every iteration
+and if they are asked for
+  picture.png            --picture
+  heat_A.ply heat_B.ply  --heat: the common refinement; white is an isometry, dark red 8 and more;
+                         quality is the symmetric Dirichlet energy per area, 2 for an isometry
+  A_textured.obj B_textured.obj textured.mtl texture.png
+                         --texture: A, and the common refinement on B, with the texture of A
+  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; faces that are not
+                         covered have none, faces across a seam have some of either side
+  morph_000.obj morph_000.png ...
+                         --morph: the common refinement; morph_000 lies on A, the last one on B
 )";
 
 // ==== [1] ARGUMENTS ==============================================================================
 
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, pattern, values...);
+  return buffer;
+}
+
 struct Arguments {
-  std::string a, b, out, landmarks, pins, initial;
+  std::string a, b, out, landmarks, pins, initial, texture;
   std::string preset = "default", measure = "sd";
   ism::Options options;
   bool has_kappa = false, pin_landmarks = false, start_only = false, quiet = false, help = false;
+  bool picture = false, heat = false, transfer_uv = false;
+  int morph = 0;  // frames
 };
 
 std::string read_number(const std::string& flag, const std::string& text, double& value) {
@@ -186,6 +214,9 @@ bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--pin-landmarks") return args.pin_landmarks = true;
   if (flag == "--exact-landmarks") return args.options.exact_landmarks = true;
   if (flag == "--keep-scale") return args.options.keep_scale = true;
+  if (flag == "--picture") return args.picture = true;
+  if (flag == "--heat") return args.heat = true;
+  if (flag == "--transfer-uv") return args.transfer_uv = true;
   if (flag == "--quiet") return args.quiet = true;
   if (flag == "--help" || flag == "-h") return args.help = true;
   return false;
@@ -194,9 +225,16 @@ bool read_switch(const std::string& flag, Arguments& args) {
 bool takes_value(const std::string& flag) {
   for (const char* known :
        {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
-        "--boundary", "--iterations", "--tolerance", "--threads", "--set"})
+        "--boundary", "--iterations", "--tolerance", "--threads", "--set", "--texture", "--morph"})
     if (flag == known) return true;
   return false;
+}
+
+std::string read_frames(const std::string& text, int& frames) {
+  constexpr int kMost = 1000;
+  const std::string error = read_number("--morph", text, frames);
+  if (!error.empty() || (frames >= 2 && frames <= kMost)) return error;
+  return "--morph needs 2 to " + std::to_string(kMost) + " shapes, not " + text;
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
@@ -211,10 +249,12 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--set") return read_setting(text, args.options);
   if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
   if (flag == "--variant") return read_choice(flag, text, kVariants, args.options.variant);
+  if (flag == "--morph") return read_frames(text, args.morph);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
    : flag == "--landmarks" ? args.landmarks
    : flag == "--pins"      ? args.pins
+   : flag == "--texture"   ? args.texture
                            : args.initial) = text;
   return text.empty() ? flag + " needs a name" : "";
 }
@@ -251,17 +291,16 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
 struct Input {
   ism::TriangleMesh a, b;
   std::vector<std::array<int, 2>> edges_a;  // of the polygons of A
+  ism::Points2 uv_a, uv_b;                  // per corner of the triangles, or no rows
   std::vector<ism::Landmark> landmarks;
+  render::Image texture;
 };
 
 /// Every function of this part returns an error sentence, or an empty string.
-std::string read_disk(const std::string& path, ism::TriangleMesh& mesh,
-                      std::vector<std::array<int, 2>>& edges) {
-  mesh_io::ReadResult file = mesh_io::read_mesh(path);
+std::string read_disk(const std::string& path, mesh_io::ReadResult& file) {
+  file = mesh_io::read_mesh(path);
   if (!file.ok) return file.error;
-  mesh = std::move(file.mesh);
-  edges = std::move(file.edges);
-  const std::vector<ism::Problem> problems = ism::validate(mesh);
+  const std::vector<ism::Problem> problems = ism::validate(file.mesh);
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
   if (problems.size() > 1) error += " (problem 1 of " + std::to_string(problems.size()) + ")";
@@ -306,15 +345,58 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
   return {};
 }
 
+std::string read_meshes(const Arguments& args, Input& input) {
+  mesh_io::ReadResult a, b;
+  std::string error = read_disk(args.a, a);
+  if (error.empty()) error = read_disk(args.b, b);
+  if (!error.empty()) return error;
+  if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
+    return "--transfer-uv: neither A nor B has a vt at every corner of its faces";
+  input = {std::move(a.mesh),
+           std::move(b.mesh),
+           std::move(a.edges),
+           std::move(a.corner_uv),
+           std::move(b.corner_uv),
+           {},
+           {}};
+  return {};
+}
+
+std::string read_texture(const std::string& path, render::Image& texture) {
+  std::string bytes;
+  const std::string error = mesh_io::read_bytes(path, bytes);
+  if (!error.empty()) return error;
+  render::ImageResult file = render::read_image(bytes);
+  texture = std::move(file.image);
+  return file.error.empty() ? "" : path + ": " + file.error;
+}
+
+std::string frame_name(int i) { return format("morph_%03d", i); }
+
+/// The files a run with these arguments writes.
+std::vector<std::string> output_names(const Arguments& args) {
+  std::vector<std::string> names = {
+      "A.obj",      "B.obj",      "A_on_B.obj", "B_on_A.obj", "A_edges_on_B.obj",
+      "meta_A.obj", "meta_B.obj", "report.json"};
+  const auto add = [&](bool is_wanted, const std::vector<std::string>& more) {
+    if (is_wanted) names.insert(names.end(), more.begin(), more.end());
+  };
+  add(args.picture, {"picture.png"});
+  add(args.heat, {"heat_A.ply", "heat_B.ply"});
+  add(!args.texture.empty(), {"A_textured.obj", "B_textured.obj", "textured.mtl", "texture.png"});
+  add(args.transfer_uv, {"B_uv.obj", "A_uv.obj"});
+  for (int i = 0; i < args.morph; ++i) add(true, {frame_name(i) + ".obj", frame_name(i) + ".png"});
+  return names;
+}
+
 /// Finds out whether the results could be written, without making anything yet.
 std::string check_output(const Arguments& args) {
   namespace fs = std::filesystem;
   std::error_code ec;
-  for (const char* name : {"A.obj", "B.obj", "A_on_B.obj", "B_on_A.obj", "A_edges_on_B.obj",
-                           "meta_A.obj", "meta_B.obj", "report.json"}) {
+  for (const std::string& name : output_names(args)) {
     const fs::path target = fs::path(args.out) / name;
     if (fs::is_directory(target, ec)) return "-o " + args.out + ": its " + name + " is a folder";
-    for (const std::string& input : {args.a, args.b})
+    for (const std::string& input : {args.a, args.b, args.texture})
       if (fs::equivalent(target, input, ec))
         return "-o " + args.out + " would overwrite the input " + input;
   }
@@ -329,9 +411,8 @@ std::string check_output(const Arguments& args) {
 }
 
 std::string read_input(Arguments& args, Input& input) {
-  std::vector<std::array<int, 2>> edges_b;
-  std::string error = read_disk(args.a, input.a, input.edges_a);
-  if (error.empty()) error = read_disk(args.b, input.b, edges_b);
+  std::string error = read_meshes(args, input);
+  if (error.empty() && !args.texture.empty()) error = read_texture(args.texture, input.texture);
   if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
   if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
@@ -359,13 +440,6 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, pattern, values...);
-  return buffer;
 }
 
 /// One line on stderr: rewritten in place on a terminal, else a new one for each iteration.
@@ -599,10 +673,9 @@ std::string edges_text(const Input& input, const ism::Embedding& start,
 }
 
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
-                                            const ism::SurfaceMap& map) {
+                                            const ism::SurfaceMap& map, const ism::MetaMesh& meta) {
   const ism::TriangleMesh a_on_b = ism::remesh(map, ism::Side::kA).mesh;
   const ism::TriangleMesh b_on_a = ism::remesh(map, ism::Side::kB).mesh;
-  const ism::MetaMesh meta = map.meta_mesh();
   const ism::TriangleMesh &a = result.start.a, &b = result.start.b;
   return {
       {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", a.vertices,
@@ -617,6 +690,139 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
       {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
       {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},
   };
+}
+
+// ---- pictures, colours, textures, frames ----
+
+std::string picture_png(const Input& input, const picture::Scene& scene) {
+  constexpr double kWidth = 300, kHeight = 560, kTop = 60;
+  render::Canvas canvas(1280, 720);
+  picture::Texture texture = picture::front_texture(scene);
+  double left = 10;
+  for (const bool is_heat : {false, true}) {
+    for (const ism::Side side : {ism::Side::kA, ism::Side::kB}) {
+      const render::Rect panel = {left, kTop, kWidth, kHeight};
+      if (is_heat)
+        picture::draw_heat(scene, side, panel, canvas);
+      else
+        picture::draw_texture(scene, side, texture, panel, canvas);
+      picture::draw_landmarks(scene, side, panel, input.landmarks, canvas);
+      left += kWidth + 10;
+    }
+    left += 20;
+  }
+  const ism::DistortionSummary d = ism::summarize(scene.map.distortion());
+  canvas.text({20, 36}, 14, "A, and its texture on B");
+  canvas.text({660, 36}, 14, "distortion of the map");
+  canvas.text({20, 690}, 10,
+              format("distortion %.3f on average, 95%% of it below %.2f", d.mean, d.p95));
+  picture::draw_heat_legend({800, 665, 320, 16}, canvas);
+  return render::png_text(canvas.image());
+}
+
+std::string heat_ply(const picture::Scene& scene, ism::Side side) {
+  const ism::MetaMesh& meta = scene.meta;
+  const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion();
+  Eigen::MatrixXd colors(meta.corner_a.rows(), 3);
+  Eigen::VectorXd densities(meta.corner_a.rows());
+  Eigen::Index corner = 0;
+  for (std::size_t p = 0; p < polygons.size(); ++p)
+    for (std::size_t k = 0; k < meta.polygons[p].size(); ++k, ++corner) {
+      densities[corner] = polygons[p].density;
+      colors.row(corner) =
+          picture::heat_of(polygons[p].density).cast<double>().matrix().transpose();
+    }
+  return mesh_io::ply_text("distortion", side == ism::Side::kA ? meta.on_a : meta.on_b,
+                           meta.polygons, colors, densities);
+}
+
+/// The texture coordinates of A as it was embedded, per corner; where it has none, its places in
+/// the plane, in a unit square.
+Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result) {
+  const ism::Embedding& start = result.start;
+  if (input.uv_a.rows() > 0)
+    return ism::refine(input.a, start.a, start.added_a, ism::Element::kCorner, input.uv_a).values;
+  const Eigen::RowVector2d lo = result.f.colwise().minCoeff();
+  const double size = (result.f.colwise().maxCoeff() - lo).maxCoeff();
+  Eigen::MatrixXd uv(3 * start.a.triangles.rows(), 2);
+  for (Eigen::Index c = 0; c < uv.rows(); ++c)
+    uv.row(c) = (result.f.row(start.a.triangles(c / 3, c % 3)) - lo) / size;
+  return uv;
+}
+
+void add_textured(const Input& input, const ism::Result& result, const ism::MetaMesh& meta,
+                  std::vector<mesh_io::TextFile>& files) {
+  const Eigen::MatrixXd uv = texture_coordinates(input, result);
+  const ism::Attributes on_b = ism::to_meta(meta, ism::Side::kA, ism::Element::kCorner, uv);
+  const ism::TriangleMesh& a = result.start.a;
+  files.push_back(
+      {"A_textured.obj", mesh_io::obj_text("mesh A with its texture", a.vertices,
+                                           mesh_io::polygons_of(a.triangles), uv, "textured.mtl")});
+  files.push_back(
+      {"B_textured.obj", mesh_io::obj_text("common refinement on B with the texture of A",
+                                           meta.on_b, meta.polygons, on_b.values, "textured.mtl")});
+  files.push_back({"textured.mtl", mesh_io::mtl_text("texture.png")});
+  files.push_back({"texture.png", render::png_text(input.texture)});
+}
+
+/// The mesh on the other side with texture coordinates from this one.
+std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const Eigen::MatrixXd& uv) {
+  const bool from_a = from == ism::Side::kA;
+  ism::Attributes carried =
+      ism::transfer(meta, from, ism::Element::kCorner, uv, ism::Element::kCorner);
+  for (std::size_t c = 0; c < carried.covered.size(); ++c)
+    if (!carried.covered[c])
+      carried.values.row(static_cast<Eigen::Index>(c))
+          .setConstant(std::numeric_limits<double>::quiet_NaN());
+  const ism::TriangleMesh& mesh = from_a ? meta.b : meta.a;
+  return mesh_io::obj_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
+                           mesh.vertices, mesh_io::polygons_of(mesh.triangles), carried.values, "");
+}
+
+void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
+            std::vector<mesh_io::TextFile>& files) {
+  constexpr ism::Element kCorner = ism::Element::kCorner;
+  if (input.uv_a.rows() > 0) {
+    const ism::Attributes uv = ism::refine(input.a, start.a, start.added_a, kCorner, input.uv_a);
+    files.push_back({"B_uv.obj", uv_text(meta, ism::Side::kA, uv.values)});
+  }
+  if (input.uv_b.rows() > 0) {
+    const ism::Attributes uv = ism::refine(input.b, start.b, start.added_b, kCorner, input.uv_b);
+    files.push_back({"A_uv.obj", uv_text(meta, ism::Side::kB, uv.values)});
+  }
+}
+
+/// Meshes and pictures of the shapes between A and B, all seen alike. Returns what is wrong.
+std::string add_morph(const Arguments& args, const picture::Scene& scene,
+                      std::vector<mesh_io::TextFile>& files) {
+  const ism::Morph morph(scene.map, args.options);
+  if (!ism::is_usable(morph.status())) return "the shapes of --morph could not be computed";
+  const Eigen::Index n = scene.meta.on_a.rows();
+  ism::Points3 all(n * args.morph, 3);
+  for (int i = 0; i < args.morph; ++i) all.middleRows(i * n, n) = morph.at(i / (args.morph - 1.0));
+  const render::View view = render::look_along(all, scene.axes.a, {10, 10, 620, 620});
+  for (int i = 0; i < args.morph; ++i) {
+    render::Shape shape;
+    shape.vertices = all.middleRows(i * n, n);
+    shape.triangles = scene.fans.triangles;
+    render::Canvas canvas(640, 640);
+    canvas.draw(view, shape);
+    files.push_back({frame_name(i) + ".obj",
+                     mesh_io::obj_text("between A and B", shape.vertices, scene.meta.polygons)});
+    files.push_back({frame_name(i) + ".png", render::png_text(canvas.image())});
+  }
+  return {};
+}
+
+/// What the options ask for beyond the files of every run. Returns what is wrong.
+std::string add_wanted_files(const Arguments& args, const Input& input, const ism::Result& result,
+                             const picture::Scene& scene, std::vector<mesh_io::TextFile>& files) {
+  if (args.picture) files.push_back({"picture.png", picture_png(input, scene)});
+  if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
+  if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
+  if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
+  if (args.transfer_uv) add_uv(input, result.start, scene.meta, files);
+  return args.morph > 0 ? add_morph(args, scene, files) : "";
 }
 
 std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile> files) {
@@ -669,7 +875,16 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
               s.search, s.reading + s.output);
   std::printf("results in   %s: A.obj B.obj (vt: the plane), A_on_B.obj B_on_A.obj, ",
               args.out.c_str());
-  std::printf("A_edges_on_B.obj, meta_A.obj meta_B.obj, report.json\n");
+  std::printf("A_edges_on_B.obj, meta_A.obj meta_B.obj, report.json");
+  if (args.picture) std::printf(", picture.png");
+  if (args.heat) std::printf(", heat_A.ply heat_B.ply");
+  if (!args.texture.empty()) std::printf(", A_textured.obj B_textured.obj");
+  if (input.uv_a.rows() > 0 && args.transfer_uv) std::printf(", B_uv.obj");
+  if (input.uv_b.rows() > 0 && args.transfer_uv) std::printf(", A_uv.obj");
+  if (args.morph > 0)
+    std::printf(", %s.obj to %s.obj and .png", frame_name(0).c_str(),
+                frame_name(args.morph - 1).c_str());
+  std::printf("\n");
 }
 
 // ==== [6] MAIN ===================================================================================
@@ -725,7 +940,10 @@ int run(Arguments& args) {
   const ism::SurfaceMap map(result.start.a, result.start.b, result.f, result.g);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
-  std::vector<mesh_io::TextFile> files = result_files(input, result, map);
+  const picture::Scene scene = picture::scene_of(map);
+  std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);
+  error = add_wanted_files(args, input, result, scene, files);
+  if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
   files.push_back({"report.json", json_report(args, input, result, landmarks, seconds)});
   error = write_files(args.out, std::move(files));

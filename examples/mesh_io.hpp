@@ -1,4 +1,5 @@
-// mesh_io.hpp: reads OBJ, OFF and PLY files, writes OBJ files. Part of the examples of ism.hpp.
+// mesh_io.hpp: reads OBJ, OFF and PLY files, writes OBJ and PLY files. Part of the examples of
+// ism.hpp.
 //
 //   mesh_io::ReadResult a = mesh_io::read_mesh("A.obj");
 //   if (!a.ok) std::cerr << a.error << '\n';  // "A.obj, line 12: ..."
@@ -36,6 +37,8 @@ struct ReadResult {
   ism::TriangleMesh mesh;
   std::vector<std::array<int, 2>> edges;  // of the polygons before they were cut, each once
   ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
+  ism::Points2 corner_uv;  // 3#F×2, the vt of corner k of triangle f in row 3 f + k; no rows if
+                           // some corner has none
 };
 
 /// Reads a mesh; the extension tells the format (.obj, .off, .ply; any case).
@@ -60,6 +63,9 @@ struct PairsResult {
 /// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment.
 inline PairsResult read_pairs(const std::string& path);
 
+/// Reads a file as a whole. Returns an empty string, or one sentence that says why it failed.
+inline std::string read_bytes(const std::string& path, std::string& bytes);
+
 struct TextFile {
   std::string path, text;
 };
@@ -75,6 +81,24 @@ inline std::string obj_text(const std::string& comment, const ism::Points3& vert
                             const ism::Triangles& triangles, const ism::Points2& planar = {});
 inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
                             const std::vector<std::vector<int>>& items, char kind = 'f');
+
+/// The same with texture coordinates for the corners of the polygons, one polygon after the other
+/// (rows that are not finite are left out), and the material `surface` of a file written beside it.
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons,
+                            const Eigen::MatrixXd& corner_uv, const std::string& material_file);
+/// A material file with the one material `surface`, which shows an image.
+inline std::string mtl_text(const std::string& image_file);
+
+/// A binary PLY file of polygons whose corners have colours in [0, 1] and a value of their own, one
+/// polygon after the other; x y z red green blue quality per vertex, no vertex is shared.
+inline std::string ply_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons,
+                            const Eigen::MatrixXd& corner_colors,
+                            const Eigen::VectorXd& corner_values);
+
+/// The polygons of a triangle mesh.
+inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles);
 
 /// Reads a whole text as one number or one integer; false if it is anything else.
 inline bool parse_number(std::string_view text, double& value);
@@ -647,11 +671,15 @@ class EarCutter {
   double tolerance_;
 };
 
-/// Appends the triangles of one polygon. Returns what is wrong, or an empty string.
-inline std::string add_triangles(const Soup& soup, const std::vector<int>& ids,
-                                 std::vector<std::array<int, 3>>& out) {
+/// Three corners of a polygon, as places in Soup::corner.
+using CornerTriple = std::array<std::size_t, 3>;
+
+/// Appends the triangles of the polygon whose corners start at `begin`. Returns what is wrong, or
+/// an empty string.
+inline std::string add_triangles(const Soup& soup, std::size_t begin, const std::vector<int>& ids,
+                                 std::vector<CornerTriple>& out) {
   if (ids.size() == 3) {  // degenerate ones are left to ism::validate()
-    out.push_back({ids[0], ids[1], ids[2]});
+    out.push_back({begin, begin + 1, begin + 2});
     return {};
   }
   if (ids.size() > static_cast<std::size_t>(kMaxCorners))
@@ -662,12 +690,12 @@ inline std::string add_triangles(const Soup& soup, const std::vector<int>& ids,
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
     return "the face has one vertex twice";
   std::vector<ism::Vec2> flat;
-  std::vector<std::array<std::size_t, 3>> cut;
+  std::vector<CornerTriple> cut;
   // Rounding puts corners meant to be on a line beside it, so thin ears are avoided if possible.
   if (!flatten(soup, ids, flat) ||
       !(EarCutter(flat, 1e-10).cut(cut) || EarCutter(flat, 0).cut(cut)))
     return "the face has no area or crosses itself";
-  for (const std::array<std::size_t, 3>& t : cut) out.push_back({ids[t[0]], ids[t[1]], ids[t[2]]});
+  for (const CornerTriple& t : cut) out.push_back({begin + t[0], begin + t[1], begin + t[2]});
   return {};
 }
 
@@ -688,8 +716,7 @@ inline std::vector<std::array<int, 2>> soup_edges(const Soup& soup) {
   return edges;
 }
 
-inline std::string soup_triangles(const Soup& soup, ism::Triangles& triangles) {
-  std::vector<std::array<int, 3>> list;
+inline std::string soup_triangles(const Soup& soup, std::vector<CornerTriple>& list) {
   std::vector<int> ids;
   std::size_t begin = 0;
   const long long n = static_cast<long long>(soup.points.size());
@@ -705,15 +732,27 @@ inline std::string soup_triangles(const Soup& soup, ism::Triangles& triangles) {
                       std::to_string(n) + ")");
       ids.push_back(static_cast<int>(id));
     }
-    const std::string error = add_triangles(soup, ids, list);
+    const std::string error = add_triangles(soup, begin, ids, list);
     if (!error.empty()) return at(soup.place_name, place, error);
     begin = soup.face_end[face];
   }
-  triangles.resize(static_cast<Eigen::Index>(list.size()), 3);
-  for (std::size_t i = 0; i < list.size(); ++i)
-    for (int k = 0; k < 3; ++k)
-      triangles(static_cast<Eigen::Index>(i), k) = list[i][static_cast<std::size_t>(k)];
   return {};
+}
+
+/// The vt of every corner of the triangles; no rows if some have none.
+inline ism::Points2 soup_corner_uv(const Soup& soup, const std::vector<CornerTriple>& triangles) {
+  if (soup.corner_planar.empty()) return {};
+  ism::Points2 uv(3 * static_cast<Eigen::Index>(triangles.size()), 2);
+  Eigen::Index row = 0;
+  for (const CornerTriple& t : triangles)
+    for (const std::size_t corner : t) {
+      const long long id = soup.corner_planar[corner];
+      if (id < 0 || id >= static_cast<long long>(soup.planar.size())) return {};
+      const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(id)];
+      if (!std::isfinite(p[0]) || !std::isfinite(p[1])) return {};
+      uv.row(row++) << p[0], p[1];
+    }
+  return uv;
 }
 
 /// The vt of every vertex; no rows unless each vertex has exactly one.
@@ -746,8 +785,15 @@ inline std::string soup_to_mesh(const Soup& soup, ReadResult& result) {
   for (std::size_t i = 0; i < soup.points.size(); ++i)
     result.mesh.vertices.row(static_cast<Eigen::Index>(i)) << soup.points[i][0], soup.points[i][1],
         soup.points[i][2];
-  const std::string error = soup_triangles(soup, result.mesh.triangles);
+  std::vector<CornerTriple> triangles;
+  const std::string error = soup_triangles(soup, triangles);
   if (!error.empty()) return error;
+  result.mesh.triangles.resize(static_cast<Eigen::Index>(triangles.size()), 3);
+  for (std::size_t i = 0; i < triangles.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      result.mesh.triangles(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) =
+          static_cast<int>(soup.corner[triangles[i][k]]);
+  result.corner_uv = soup_corner_uv(soup, triangles);
   result.edges = soup_edges(soup);
   result.planar = soup_planar(soup);
   return {};
@@ -833,6 +879,11 @@ inline ReadResult read_mesh(const std::string& path) {
   return result;
 }
 
+inline std::string read_bytes(const std::string& path, std::string& bytes) {
+  const std::string error = detail::load(path, bytes);
+  return error.empty() ? "" : path + error;
+}
+
 inline PairsResult read_pairs(const std::string& path) {
   PairsResult result;
   std::string text, error = detail::load(path, text);
@@ -900,6 +951,86 @@ inline std::string obj_text(const std::string& comment, const ism::Points3& vert
     text += '\n';
   }
   return text;
+}
+
+inline std::string obj_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons,
+                            const Eigen::MatrixXd& corner_uv, const std::string& material_file) {
+  std::string text = "# " + comment + '\n';
+  if (!material_file.empty()) text += "mtllib " + material_file + "\nusemtl surface\n";
+  detail::append_points(text, "v", vertices);
+  std::string faces;
+  Eigen::Index row = 0;
+  int vt = 0;
+  for (const std::vector<int>& polygon : polygons) {
+    const Eigen::Index n = static_cast<Eigen::Index>(polygon.size());
+    const bool has_uv = corner_uv.middleRows(row, n).allFinite();
+    if (has_uv) detail::append_points(text, "vt", corner_uv.middleRows(row, n));
+    faces += 'f';
+    for (const int id : polygon) {
+      detail::append_corner(faces, id, false);
+      if (has_uv) faces += '/' + std::to_string(++vt);
+    }
+    faces += '\n';
+    row += n;
+  }
+  return text + faces;
+}
+
+inline std::string mtl_text(const std::string& image_file) {
+  return "newmtl surface\nKd 1 1 1\nmap_Kd " + image_file + '\n';
+}
+
+namespace detail {
+
+/// The lowest bytes of a number, the lowest first.
+inline void append_bytes(std::string& text, std::uint32_t x, int count) {
+  for (int i = 0; i < count; ++i) text += static_cast<char>(x >> 8 * i & 255u);
+}
+
+inline void append_float(std::string& text, double x) {
+  const float rounded = static_cast<float>(x);
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &rounded, sizeof bits);
+  append_bytes(text, bits, 4);
+}
+
+}  // namespace detail
+
+inline std::string ply_text(const std::string& comment, const ism::Points3& vertices,
+                            const std::vector<std::vector<int>>& polygons,
+                            const Eigen::MatrixXd& corner_colors,
+                            const Eigen::VectorXd& corner_values) {
+  std::string text = "ply\nformat binary_little_endian 1.0\ncomment " + comment +
+                     "\nelement vertex " + std::to_string(corner_values.size());
+  for (const char* name :
+       {"float x", "float y", "float z", "uchar red", "uchar green", "uchar blue", "float quality"})
+    text += "\nproperty " + std::string(name);
+  text += "\nelement face " + std::to_string(polygons.size()) +
+          "\nproperty list uchar int vertex_indices\nend_header\n";
+  Eigen::Index row = 0;
+  for (const std::vector<int>& polygon : polygons)
+    for (const int id : polygon) {
+      for (int k = 0; k < 3; ++k) detail::append_float(text, vertices(id, k));
+      for (int k = 0; k < 3; ++k) {
+        const double level = (std::min)((std::max)(corner_colors(row, k), 0.0), 1.0);
+        detail::append_bytes(text, static_cast<std::uint32_t>(std::lround(255 * level)), 1);
+      }
+      detail::append_float(text, corner_values[row++]);
+    }
+  std::uint32_t corner = 0;
+  for (const std::vector<int>& polygon : polygons) {
+    detail::append_bytes(text, static_cast<std::uint32_t>(polygon.size()), 1);
+    for (std::size_t k = 0; k < polygon.size(); ++k) detail::append_bytes(text, corner++, 4);
+  }
+  return text;
+}
+
+inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles) {
+  std::vector<std::vector<int>> polygons;
+  for (Eigen::Index f = 0; f < triangles.rows(); ++f)
+    polygons.push_back({triangles(f, 0), triangles(f, 1), triangles(f, 2)});
+  return polygons;
 }
 
 }  // namespace mesh_io

@@ -146,11 +146,26 @@ inline double text_width(double size, const std::string& words) {
 /// The bytes of a PNG file.
 inline std::string png_text(const Image& image);
 
+struct ImageResult {
+  std::string error;  // empty if there is an image
+  Image image;
+};
+/// Reads the bytes of a PNG file (grey, colours or a palette, 8 or 16 bits, not interlaced; opacity
+/// is ignored; needs zlib) or of a binary PPM file (P6, 8 bits).
+inline ImageResult read_image(const std::string& bytes);
+
 /// Polygons as triangles, fanned out, and for every triangle the polygon it comes from.
 struct Fans {
   ism::Triangles triangles;
   std::vector<int> polygon;
   Eigen::MatrixXi corner;  // #F×3, rows of what is given per corner of the polygons
+  /// What is given per corner of the polygons, per corner of the triangles, as Shape wants it.
+  Eigen::MatrixXd at_corners(const Eigen::MatrixXd& values) const {
+    Eigen::MatrixXd result(corner.size(), values.cols());
+    for (Eigen::Index c = 0; c < result.rows(); ++c)
+      result.row(c) = values.row(corner(c / 3, c % 3));
+    return result;
+  }
 };
 inline Fans fan_out(const std::vector<std::vector<int>>& polygons);
 
@@ -560,6 +575,158 @@ inline std::string png_text(const Image& image) {
   append_chunk("IDAT" + deflated(rows), png);
   append_chunk("IEND", png);
   return png;
+}
+
+// ==== [5] READING IMAGES =========================================================================
+
+constexpr std::uint32_t kMostPixels = 1u << 25;
+
+inline bool is_size(std::uint32_t width, std::uint32_t height) {
+  return width > 0 && height > 0 && width <= kMostPixels / height;
+}
+
+inline ImageResult unreadable(const std::string& error) { return {error, {}}; }
+
+inline std::uint32_t byte_at(const std::string& bytes, std::size_t i) {
+  return static_cast<unsigned char>(bytes[i]);
+}
+
+inline std::uint32_t big_endian_at(const std::string& bytes, std::size_t i) {
+  return byte_at(bytes, i) << 24 | byte_at(bytes, i + 1) << 16 | byte_at(bytes, i + 2) << 8 |
+         byte_at(bytes, i + 3);
+}
+
+inline Color color_at(const std::string& bytes, std::size_t red, std::size_t green,
+                      std::size_t blue) {
+  const auto level = [&](std::size_t i) { return static_cast<float>(byte_at(bytes, i)) / 255; };
+  return {level(red), level(green), level(blue)};
+}
+
+#ifdef RENDER_ZLIB
+/// What a zlib stream unpacks to, if that is `size` bytes; else an empty string.
+inline std::string inflated(const std::string& bytes, std::size_t size) {
+  std::string result(size, '\0');
+  uLongf n = static_cast<uLongf>(size);
+  const int status =
+      uncompress(reinterpret_cast<Bytef*>(&result[0]), &n,
+                 reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uLong>(bytes.size()));
+  return status == Z_OK && n == size ? result : "";
+}
+
+/// What the parts of a PNG file say.
+struct PngParts {
+  std::uint32_t width = 0, height = 0, depth = 0, type = 0, interlace = 0;
+  std::string palette, data;
+  std::size_t channels() const { return type == 2 ? 3 : type == 4 ? 2 : type == 6 ? 4 : 1; }
+};
+
+inline PngParts png_parts(const std::string& bytes) {
+  PngParts parts;
+  for (std::size_t at = 8; bytes.size() - at >= 12;) {
+    const std::size_t n = big_endian_at(bytes, at);
+    if (n > bytes.size() - at - 12) break;
+    const std::string type = bytes.substr(at + 4, 4), data = bytes.substr(at + 8, n);
+    if (type == "IHDR" && n == 13) {
+      parts.width = big_endian_at(data, 0);
+      parts.height = big_endian_at(data, 4);
+      parts.depth = byte_at(data, 8);
+      parts.type = byte_at(data, 9);
+      parts.interlace = byte_at(data, 12);
+    }
+    if (type == "PLTE") parts.palette = data;
+    if (type == "IDAT") parts.data += data;
+    at += n + 12;
+  }
+  return parts;
+}
+
+/// Undoes the filters of the rows [PNG specification, 9], each of which starts with its kind.
+inline bool unfilter(std::string& rows, std::size_t stride, std::size_t step) {
+  for (std::size_t first = 0; first < rows.size(); first += stride + 1) {
+    const std::uint32_t kind = byte_at(rows, first);
+    if (kind > 4) return false;
+    for (std::size_t i = 1; i <= stride; ++i) {
+      const int left = i > step ? static_cast<int>(byte_at(rows, first + i - step)) : 0;
+      const int up = first > 0 ? static_cast<int>(byte_at(rows, first + i - stride - 1)) : 0;
+      const int corner = first > 0 && i > step
+                             ? static_cast<int>(byte_at(rows, first + i - stride - 1 - step))
+                             : 0;
+      const int to_left = std::abs(up - corner), to_up = std::abs(left - corner);
+      const int to_corner = std::abs(left + up - 2 * corner);
+      const int paeth = to_left <= to_up && to_left <= to_corner ? left
+                        : to_up <= to_corner                     ? up
+                                                                 : corner;
+      const int predicted[] = {0, left, up, (left + up) / 2, paeth};
+      rows[first + i] =
+          static_cast<char>((static_cast<int>(byte_at(rows, first + i)) + predicted[kind]) & 255);
+    }
+  }
+  return true;
+}
+
+inline ImageResult read_png(const std::string& bytes) {
+  const PngParts png = png_parts(bytes);
+  if (!is_size(png.width, png.height))
+    return unreadable("the PNG file has no size, or is too large");
+  if ((png.depth != 8 && png.depth != 16) || png.interlace != 0)
+    return unreadable("only PNG files of 8 or 16 bits that are not interlaced can be read");
+  const std::size_t sample = png.depth / 8, step = sample * png.channels();
+  const std::size_t stride = step * png.width;
+  std::string rows = inflated(png.data, (stride + 1) * png.height);
+  if (rows.empty() || !unfilter(rows, stride, step)) return unreadable("the PNG file is damaged");
+  Image image(static_cast<int>(png.width), static_cast<int>(png.height), {0, 0, 0});
+  for (std::size_t y = 0, pixel = 0; y < png.height; ++y)
+    for (std::size_t x = 0; x < png.width; ++x, ++pixel) {
+      const std::size_t at = y * (stride + 1) + 1 + x * step;
+      const bool is_grey = png.channels() < 3;
+      if (png.type == 3) {
+        const std::size_t entry = 3 * byte_at(rows, at);
+        if (entry + 3 > png.palette.size()) return unreadable("the PNG file is damaged");
+        image.pixels[pixel] = color_at(png.palette, entry, entry + 1, entry + 2);
+      } else {
+        image.pixels[pixel] =
+            color_at(rows, at, is_grey ? at : at + sample, is_grey ? at : at + 2 * sample);
+      }
+    }
+  return {"", image};
+}
+#else
+inline ImageResult read_png(const std::string&) {
+  return unreadable("this program was built without zlib and cannot read PNG files");
+}
+#endif
+
+/// The next number of the header of a PPM file, or 0; '#' starts a comment.
+inline std::uint32_t ppm_number(const std::string& bytes, std::size_t& at) {
+  constexpr std::uint32_t kMost = 1u << 24;
+  bool in_comment = false;
+  for (; at < bytes.size() && (in_comment || bytes[at] < '0' || bytes[at] > '9'); ++at)
+    in_comment = in_comment ? bytes[at] != '\n' : bytes[at] == '#';
+  std::uint32_t x = 0;
+  for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9' && x < kMost; ++at)
+    x = 10 * x + byte_at(bytes, at) - '0';
+  return x;
+}
+
+inline ImageResult read_ppm(const std::string& bytes) {
+  std::size_t at = 2;
+  const std::uint32_t width = ppm_number(bytes, at), height = ppm_number(bytes, at);
+  const std::uint32_t most = ppm_number(bytes, at);
+  ++at;  // one white space
+  if (!is_size(width, height)) return unreadable("the PPM file has no size, or is too large");
+  if (most != 255) return unreadable("only PPM files of 8 bits can be read");
+  if (bytes.size() < at || bytes.size() - at < 3 * std::size_t{width} * height)
+    return unreadable("the PPM file ends early");
+  Image image(static_cast<int>(width), static_cast<int>(height), {0, 0, 0});
+  for (std::size_t i = 0; i < image.pixels.size(); ++i, at += 3)
+    image.pixels[i] = color_at(bytes, at, at + 1, at + 2);
+  return {"", image};
+}
+
+inline ImageResult read_image(const std::string& bytes) {
+  if (bytes.compare(0, 8, "\x89PNG\r\n\x1A\n") == 0) return read_png(bytes);
+  if (bytes.compare(0, 2, "P6") == 0) return read_ppm(bytes);
+  return unreadable("only PNG and binary PPM images can be read");
 }
 
 }  // namespace render

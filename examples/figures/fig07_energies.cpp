@@ -1,13 +1,11 @@
 // Fig. 7 of the paper: while the energy of the map falls, those of the two parametrizations grow,
 // as bent parametrizations compose to a map that is less so.
-//
-//   fig07_energies [PAIR [PICTURE]] [--iterations N]
 
 #include "figure.hpp"
 
 int main(int argc, char** argv) {
-  const figure::Arguments args = figure::read_arguments(argc, argv, "hand", "fig07_energies.png");
-  const figure::Pair pair = figure::read_pair(args.pair);
+  const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
+  const figure::Pair pair = figure::read_pair(args.pairs[0]);
   const ism::Result r = figure::optimize(pair, args.options);
   std::vector<ism::IterationLog> log = {r.initial};
   log.insert(log.end(), r.log.begin(), r.log.end());
@@ -20,9 +18,9 @@ int main(int argc, char** argv) {
   render::Canvas canvas(900, 560);
   canvas.text({20, 30}, 13, "Energies over iterations");
   figure::plot({20, 80, 850, 440},
-               {{"E_Phi, of the map", {0.75f, 0.16f, 0.12f}, map},
-                {"E_f, of A in the plane", {0.12f, 0.30f, 0.62f}, f},
-                {"E_g, of B in the plane", {0.20f, 0.55f, 0.25f}, g}},
+               {{"E_Phi, of the map", figure::kRed, map},
+                {"E_f, of A in the plane", figure::kBlue, f},
+                {"E_g, of B in the plane", figure::kGreen, g}},
                canvas);
   canvas.text({400, 548}, 9, "iteration");
   figure::save(args.picture, canvas);

@@ -1,0 +1,55 @@
+// Fig. 6 of the paper: two maps of a single quad A to a fine surface B. In the plane the edges of A
+// are straight; on B they bend as g(B) is deformed. Nothing is optimised here.
+
+#include "figure.hpp"
+
+#include <cmath>
+
+namespace {
+
+/// Turned about the origin, the more the nearer: the edges around it are bent.
+ism::Points2 swirled(const ism::Points2& points) {
+  constexpr double kTurn = 1.1;
+  ism::Points2 result = points;
+  for (Eigen::Index i = 0; i < points.rows(); ++i) {
+    const double angle = kTurn * std::exp(-2.5 * points.row(i).squaredNorm());
+    result.row(i) = (Eigen::Rotation2Dd(angle) * points.row(i).transpose()).transpose();
+  }
+  return result;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const figure::Arguments args = figure::read_arguments(argc, argv, {});
+  const ism::TriangleMesh fine = figure::hill(24);
+  ism::TriangleMesh quad = figure::square_grid(1);
+  quad.vertices *= 0.55;
+  const std::vector<std::array<int, 2>> sides = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
+  const auto edges = figure::edges_of(fine);
+  const Eigen::Matrix3d tilted = Eigen::AngleAxisd(-0.7, ism::Vec3::UnitX()).toRotationMatrix();
+  const ism::Points2 f = quad.vertices.leftCols<2>(), g = fine.vertices.leftCols<2>();
+  const render::Color light(0.72f, 0.72f, 0.74f);
+  const ism::Vec2 lo(-1.02, -1.02), hi(1.02, 1.02);
+  render::Canvas canvas(1240, 420);
+  double left = 10;
+  for (const ism::Points2& plane : {g, swirled(g)}) {
+    const ism::SurfaceMap map(quad, fine, f, plane);
+    if (!ism::is_usable(map.status())) figure::fail(map.message());
+    const picture::Scene scene = picture::scene_of(map, {Eigen::Matrix3d::Identity(), tilted});
+    const render::Rect in_plane = {left, 50, 300, 320}, on_surface = {left + 310, 50, 290, 320};
+    figure::draw_plane(plane, edges, lo, hi, in_plane, 0.7, light, canvas);
+    figure::draw_plane(f, sides, lo, hi, in_plane, 3, figure::kBlue, canvas);
+    const render::View view = scene.view(ism::Side::kB, on_surface);
+    picture::draw_plain(scene, ism::Side::kB, on_surface, canvas);
+    figure::draw_lines(view, figure::straight(fine, edges), 0.7, figure::kGrey, canvas);
+    figure::draw_lines(view, figure::carried(scene, ism::Side::kA, sides), 3, figure::kBlue,
+                       canvas);
+    left += 620;
+  }
+  const char* const captions[] = {"(a) the plane", "(b) B", "(c) the plane, g deformed", "(d) B"};
+  for (int i = 0; i < 4; ++i) canvas.text({20.0 + 310 * i, 30}, 11, captions[i]);
+  canvas.text({20, 405}, 10, "grey: edges of B; blue: the sides of the quad A");
+  figure::save(args.picture, canvas);
+  return 0;
+}

@@ -1,0 +1,265 @@
+// figure.cpp: see figure.hpp.
+
+#include "figure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include <unistd.h>  // isatty
+
+namespace figure {
+
+// ==== [1] INPUT AND OUTPUT =======================================================================
+
+void fail(const std::string& message) {
+  std::fprintf(stderr, "%s\n", message.c_str());
+  std::exit(1);
+}
+
+Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs) {
+  const std::string program = std::filesystem::path(argv[0]).stem().string();
+  Arguments args;
+  args.picture = program + ".png";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    long long n = 0;
+    if (word[0] != '-') {
+      args.pairs.push_back(word);
+    } else if (word == "-o" && i + 1 < argc) {
+      args.picture = argv[++i];
+    } else if (word == "--iterations" && i + 1 < argc && mesh_io::parse_integer(argv[i + 1], n) &&
+               n >= 0 && n <= 100000) {
+      args.options.max_iterations = static_cast<int>(n);
+      ++i;
+    } else {
+      fail("usage: " + program + " [PAIR ...] [-o PICTURE] [--iterations N]");
+    }
+  }
+  if (args.pairs.empty())
+    for (const std::string& pair : pairs)
+      args.pairs.push_back(std::string(ISM_SOURCE_DIR) + "/data/" + pair);
+  if (args.pairs.size() < pairs.size())
+    fail(program + " needs " + std::to_string(pairs.size()) + " pairs");
+  return args;
+}
+
+Pair read_pair(const std::string& folder) {
+  const mesh_io::ReadResult a = mesh_io::read_mesh(folder + "/A.obj");
+  const mesh_io::ReadResult b = mesh_io::read_mesh(folder + "/B.obj");
+  const mesh_io::PairsResult pairs = mesh_io::read_pairs(folder + "/landmarks.txt");
+  if (!a.ok || !b.ok || !pairs.ok) fail(!a.ok ? a.error : !b.ok ? b.error : pairs.error);
+  Pair pair = {std::filesystem::path(folder).filename().string(), a.mesh, b.mesh, a.edges, {}};
+  for (const mesh_io::IdPair& p : pairs.pairs)
+    pair.landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
+  return pair;
+}
+
+ism::Result optimize(const Pair& pair, const ism::Options& given) {
+  ism::Options options = given;
+  const bool is_watched = isatty(STDERR_FILENO) != 0;
+  options.progress = [is_watched](const ism::Progress& progress) {
+    if (is_watched && progress.iteration != nullptr)
+      std::fprintf(stderr, "iteration %3d, distortion %.4f\r", progress.iteration->iteration,
+                   progress.iteration->mean_distortion);
+    return true;
+  };
+  const ism::Result result = ism::compute_map(pair.a, pair.b, pair.landmarks, options);
+  if (!ism::is_usable(result.status)) fail(pair.name + ": " + result.message);
+  if (options.max_iterations == 0) return result;
+  std::printf("%s: %s, distortion %.4f\n", pair.name.c_str(), status_words(result).c_str(),
+              result.final_state().mean_distortion);
+  return result;
+}
+
+ism::Embedding embed(const Pair& pair, const ism::Options& options) {
+  const ism::Embedding embedding = ism::initial_embedding(pair.a, pair.b, pair.landmarks, options);
+  if (!ism::is_usable(embedding.status)) fail(pair.name + ": " + embedding.message);
+  return embedding;
+}
+
+ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
+                           const ism::Points2& f, const ism::Points2& g) {
+  const ism::SurfaceMap map(a, b, f, g);
+  if (!ism::is_usable(map.status())) fail(map.message());
+  return ism::remesh(map, ism::Side::kA).mesh;
+}
+
+ism::SurfaceMap map_of(const ism::Result& result) {
+  return {result.start.a, result.start.b, result.f, result.g};
+}
+
+ism::SurfaceMap inverse_of(const ism::Result& result) {
+  return {result.start.b, result.start.a, result.g, result.f};
+}
+
+ism::SurfaceMap start_of(const ism::Result& result) {
+  return {result.start.a, result.start.b, result.start.f, result.start.g};
+}
+
+std::string distortion_words(const ism::SurfaceMap& map) {
+  const ism::DistortionSummary d = ism::summarize(map.distortion());
+  return format("%.3f on average, half of it below %.3f, 95%% below %.2f", d.mean, d.median, d.p95);
+}
+
+std::string status_words(const ism::Result& result) {
+  return format("%s after %zu iterations", ism::to_string(result.status), result.log.size());
+}
+
+void save(const std::string& path, const render::Canvas& canvas) {
+  const std::string error = mesh_io::write_files({{path, render::png_text(canvas.image())}});
+  if (!error.empty()) fail(error);
+  std::printf("%s\n", path.c_str());
+}
+
+// ==== [2] MESHES AND THEIR EDGES =================================================================
+
+std::vector<std::array<int, 2>> edges_of(const ism::TriangleMesh& mesh) {
+  std::set<std::array<int, 2>> edges;
+  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const int u = mesh.triangles(f, k), v = mesh.triangles(f, (k + 1) % 3);
+      edges.insert({std::min(u, v), std::max(u, v)});
+    }
+  return {edges.begin(), edges.end()};
+}
+
+Lines straight(const ism::TriangleMesh& mesh, const std::vector<std::array<int, 2>>& edges) {
+  Lines lines;
+  for (const std::array<int, 2>& e : edges)
+    lines.push_back({mesh.vertices.row(e[0]).transpose(), mesh.vertices.row(e[1]).transpose()});
+  return lines;
+}
+
+Lines carried(const picture::Scene& scene, ism::Side from,
+              const std::vector<std::array<int, 2>>& edges,
+              const std::vector<ism::Midpoint>& added) {
+  const bool from_a = from == ism::Side::kA;
+  const ism::SurfaceMap& map = scene.map;
+  Lines lines;
+  for (const std::vector<int>& path : ism::edge_paths(edges, scene.mesh(from), added))
+    for (const ism::Polyline& line : from_a ? map.forward_path(path) : map.backward_path(path)) {
+      lines.emplace_back();
+      for (const ism::SurfacePoint& p : line)
+        lines.back().push_back(from_a ? map.position_on_b(p) : map.position_on_a(p));
+    }
+  return lines;
+}
+
+void draw_lines(const render::View& view, const Lines& lines, double width,
+                const render::Color& color, render::Canvas& canvas) {
+  for (const std::vector<ism::Vec3>& line : lines) canvas.draw_line(view, line, width, color, 2.5);
+}
+
+// ==== [3] THE PLANE ==============================================================================
+
+void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
+                const ism::Vec2& lo, const ism::Vec2& hi, const render::Rect& panel, double width,
+                const render::Color& color, render::Canvas& canvas) {
+  const double scale = std::min(panel.width / (hi.x() - lo.x()), panel.height / (hi.y() - lo.y()));
+  const ism::Vec2 middle(panel.x + 0.5 * panel.width, panel.y + 0.5 * panel.height);
+  const auto at = [&](int v) -> ism::Vec2 {
+    const ism::Vec2 p = scale * (points.row(v).transpose() - 0.5 * (lo + hi));
+    return {middle.x() + p.x(), middle.y() - p.y()};
+  };
+  for (const std::array<int, 2>& e : edges) canvas.line({at(e[0]), at(e[1])}, width, color);
+}
+
+// ==== [4] A QUAD OVER A HILL =====================================================================
+
+ism::TriangleMesh square_grid(int n) {
+  ism::TriangleMesh mesh;
+  mesh.vertices.resize((n + 1) * (n + 1), 3);
+  mesh.triangles.resize(2 * n * n, 3);
+  for (int j = 0, v = 0; j <= n; ++j)
+    for (int i = 0; i <= n; ++i, ++v) mesh.vertices.row(v) << 2.0 * i / n - 1, 2.0 * j / n - 1, 0;
+  for (int j = 0, f = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i, f += 2) {
+      const int v = j * (n + 1) + i;
+      mesh.triangles.row(f) << v, v + 1, v + n + 2;
+      mesh.triangles.row(f + 1) << v, v + n + 2, v + n + 1;
+    }
+  return mesh;
+}
+
+ism::TriangleMesh hill(int n) {
+  ism::TriangleMesh mesh = square_grid(n);
+  for (int v = 0; v < mesh.vertices.rows(); ++v)
+    mesh.vertices(v, 2) = 0.3 * std::exp(-2 * mesh.vertices.row(v).head<2>().squaredNorm());
+  return mesh;
+}
+
+// ==== [5] PLOTS ==================================================================================
+
+/// A label for a tick: as many digits as it takes.
+std::string tick_label(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", x);
+  return text;
+}
+
+/// Ticks 1, 2, 5, 10, ... times a power of ten, about `count` of them between lo and hi.
+std::vector<double> ticks(double lo, double hi, int count) {
+  const double rough = (hi - lo) / count, power = std::pow(10, std::floor(std::log10(rough)));
+  double step = 10 * power;
+  for (double factor : {5.0, 2.0, 1.0})
+    if (factor * power >= rough) step = factor * power;
+  std::vector<double> result;
+  for (double x = step * std::ceil(lo / step); x <= hi + 1e-9 * step; x += step)
+    result.push_back(std::abs(x) < 1e-9 * step ? 0 : x);
+  return result;
+}
+
+/// Draws curves over iterations, with both axes; their names stand above the rectangle.
+void plot(const render::Rect& rect, const std::vector<Curve>& curves, render::Canvas& canvas) {
+  constexpr double kText = 9, kLeft = 60, kBelow = 30;
+  const render::Color grey(0.85f, 0.85f, 0.85f), black(0.2f, 0.2f, 0.2f);
+  double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+  std::size_t n = 2;
+  for (const Curve& c : curves) {
+    n = std::max(n, c.values.size());
+    for (double y : c.values) {
+      lo = std::min(lo, y);
+      hi = std::max(hi, y);
+    }
+  }
+  const double margin = std::max(0.05 * (hi - lo), 1e-9 * (1 + std::abs(hi)));
+  lo -= margin;
+  hi += margin;
+  const double width = rect.width - kLeft, height = rect.height - kBelow;
+  const auto at = [&](double x, double y) {
+    return ism::Vec2(rect.x + kLeft + width * x / static_cast<double>(n - 1),
+                     rect.y + height * (hi - y) / (hi - lo));
+  };
+  const double last = static_cast<double>(n - 1);
+  for (double y : ticks(lo, hi, 6)) {
+    canvas.line({at(0, y), at(last, y)}, 1, grey);
+    const std::string label = tick_label(y);
+    canvas.text(at(0, y) + ism::Vec2(-6 - render::text_width(kText, label), 0.5 * kText), kText,
+                label);
+  }
+  for (double x : ticks(0, last, 8)) {
+    const ism::Vec2 foot = at(x, lo);
+    canvas.line({foot, foot + ism::Vec2(0, 5)}, 1, black);
+    const std::string label = tick_label(x);
+    canvas.text(foot + ism::Vec2(-0.5 * render::text_width(kText, label), 20), kText, label);
+  }
+  canvas.line({at(0, hi), at(0, lo), at(last, lo)}, 1, black);
+  double left = rect.x + kLeft;
+  for (const Curve& c : curves) {
+    std::vector<ism::Vec2> points;
+    for (std::size_t i = 0; i < c.values.size(); ++i)
+      points.push_back(at(static_cast<double>(i), c.values[i]));
+    canvas.line(points, 2, c.color);
+    canvas.line({{left, rect.y - 14}, {left + 24, rect.y - 14}}, 3, c.color);
+    canvas.text({left + 34, rect.y - 10}, kText, c.name);
+    left += 64 + render::text_width(kText, c.name);
+  }
+}
+
+}  // namespace figure

@@ -1,0 +1,154 @@
+// map_picture.cpp: see map_picture.hpp.
+
+#include "map_picture.hpp"
+
+#include <array>
+#include <cmath>
+
+namespace picture {
+
+std::set<int> boundary_vertices(const ism::TriangleMesh& mesh) {
+  std::set<std::array<int, 2>> directed;
+  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      directed.insert({mesh.triangles(f, k), mesh.triangles(f, (k + 1) % 3)});
+  std::set<int> vertices;
+  for (const auto& [u, v] : directed)
+    if (directed.count({v, u}) == 0) vertices.insert(u);
+  return vertices;
+}
+
+Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
+  constexpr double kClear = 0.15;  // of the extent
+  const ism::Points3 normals = render::smooth_normals(mesh.vertices, mesh.triangles);
+  const ism::Vec3 center = mesh.vertices.colwise().mean().transpose();
+  const ism::Points3 from_center = mesh.vertices.rowwise() - center.transpose();
+  const Eigen::Matrix3d spread = from_center.transpose() * from_center;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(spread);
+  ism::Vec3 front = principal.eigenvectors().col(0);
+  if (front.dot(normals.colwise().sum().transpose()) < 0) front = -front;
+  ism::Vec3 rim = ism::Vec3::Zero();
+  const std::set<int> boundary = boundary_vertices(mesh);
+  for (int v : boundary)
+    rim += from_center.row(v).transpose() / static_cast<double>(boundary.size());
+  ism::Vec3 up = -rim + rim.dot(front) * front;
+  if (up.norm() < kClear * from_center.rowwise().norm().maxCoeff()) {
+    up = ism::Vec3::UnitY() - front.y() * front;
+    if (up.norm() < kClear) up = principal.eigenvectors().col(2);
+  }
+  up.normalize();
+  Eigen::Matrix3d axes;
+  axes << up.cross(front).transpose(), up.transpose(), front.transpose();
+  return axes;
+}
+
+/// The best rotation from one set of points to another [Kabsch 1976].
+Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& to) {
+  const Eigen::Matrix3d moments =
+      (to.rowwise() - to.colwise().mean()).transpose() * (from.rowwise() - from.colwise().mean());
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moments, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d U = svd.matrixU();
+  if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) *= -1;
+  return U * svd.matrixV().transpose();
+}
+
+Scene scene_of(const ism::SurfaceMap& map, const Axes& axes) {
+  Scene scene = {map, map.meta_mesh(), {}, axes};
+  scene.fans = render::fan_out(scene.meta.polygons);
+  return scene;
+}
+
+Scene scene_of(const ism::SurfaceMap& map) {
+  Scene scene = scene_of(map, {});
+  scene.axes.a = front_axes(scene.meta.a);
+  scene.axes.b = scene.axes.a * rotation_between(scene.meta.on_b, scene.meta.on_a);
+  return scene;
+}
+
+/// The covered part of the surface on one side, shaded as the mesh.
+render::Shape covered_part(const Scene& scene, ism::Side side) {
+  render::Shape shape;
+  shape.vertices = side == ism::Side::kA ? scene.meta.on_a : scene.meta.on_b;
+  shape.triangles = scene.fans.triangles;
+  const ism::TriangleMesh& mesh = scene.mesh(side);
+  const Eigen::MatrixXd normals =
+      render::smooth_normals(mesh.vertices, mesh.triangles).rowwise().normalized();
+  shape.corner_normals =
+      scene.fans.at_corners(ism::to_meta(scene.meta, side, ism::Element::kVertex, normals).values);
+  return shape;
+}
+
+/// The surface on one side in grey, and over that its covered part.
+void draw_covered(const Scene& scene, ism::Side side, const render::Rect& panel,
+                  const render::Shape& covered, render::Canvas& canvas) {
+  render::Shape whole = render::shape_of(scene.mesh(side));
+  whole.color = {0.6f, 0.6f, 0.62f};
+  const render::View view = scene.view(side, panel);
+  canvas.draw(view, whole);
+  canvas.draw(view, covered, 1);
+}
+
+void draw_plain(const Scene& scene, ism::Side side, const render::Rect& panel,
+                render::Canvas& canvas) {
+  canvas.draw(scene.view(side, panel), render::shape_of(scene.mesh(side)));
+}
+
+constexpr double kWorst = 8;  // the distortion at which the colours of heat() end
+
+/// The colour of a distortion: from 2, an isometry, to kWorst and above, on a logarithmic scale.
+render::Color heat_of(double density) {
+  return render::heat(std::log(density / 2) / std::log(kWorst / 2));
+}
+
+void draw_heat(const Scene& scene, ism::Side side, const render::Rect& panel,
+               render::Canvas& canvas) {
+  render::Shape shape = covered_part(scene, side);
+  const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion();
+  shape.corner_colors.resize(3 * shape.triangles.rows(), 3);
+  for (Eigen::Index c = 0; c < shape.corner_colors.rows(); ++c) {
+    const int polygon = scene.fans.polygon[static_cast<std::size_t>(c / 3)];
+    const render::Color color = heat_of(polygons[static_cast<std::size_t>(polygon)].density);
+    shape.corner_colors.row(c) = color.cast<double>().matrix().transpose();
+  }
+  draw_covered(scene, side, panel, shape, canvas);
+}
+
+void draw_heat_legend(const render::Rect& rect, render::Canvas& canvas) {
+  canvas.legend(rect, render::heat, "2", "8+", "distortion, 2: isometry");
+}
+
+Texture front_texture(const Scene& scene) {
+  const ism::Points3& vertices = scene.meta.a.vertices;
+  const render::View view = scene.view(ism::Side::kA, {0, 0, 1, 1});
+  Eigen::MatrixXd uv(vertices.rows(), 2);
+  for (Eigen::Index v = 0; v < uv.rows(); ++v) {
+    const ism::Vec3 p = view.project(vertices.row(v).transpose());
+    uv.row(v) << p.x(), 1 - p.y();
+  }
+  return {render::checker_texture(24, 768),
+          ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex, uv).values};
+}
+
+void draw_texture(const Scene& scene, ism::Side side, const Texture& texture,
+                  const render::Rect& panel, render::Canvas& canvas) {
+  render::Shape shape = covered_part(scene, side);
+  shape.texture = &texture.image;
+  shape.corner_uv = scene.fans.at_corners(texture.uv);
+  draw_covered(scene, side, panel, shape, canvas);
+}
+
+void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,
+                  render::Canvas& canvas) {
+  draw_texture(scene, side, front_texture(scene), panel, canvas);
+}
+
+void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
+                    const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas) {
+  const ism::Points3& vertices = scene.mesh(side).vertices;
+  const render::View view = scene.view(side, panel);
+  for (const ism::Landmark& l : landmarks)
+    canvas.draw_ball(view, vertices.row(side == ism::Side::kA ? l.a : l.b).transpose(), 5,
+                     {0.10f, 0.45f, 0.85f}, 12);
+}
+
+}  // namespace picture
