@@ -27,3 +27,4 @@ install g++ command -v c++
 install make command -v make
 install cmake command -v cmake
 install libeigen3-dev has_header Eigen/Core eigen3
+install zlib1g-dev has_header zlib.h

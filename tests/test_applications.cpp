@@ -210,13 +210,18 @@ TEST_CASE("a point that is none interrupts a curve") {
   CHECK(SurfaceMap({}, {}, {}, {}).forward_curve({p, q}).empty());
 }
 
+/// The mesh with vertices added in the middle of edges.
+TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Midpoint>& added) {
+  ism::detail::Surface halved = ism::detail::build_surface(mesh, true);
+  ism::detail::split_edges(added, halved);
+  return {halved.vertices, ism::detail::triangles_of(halved.mesh)};
+}
+
 TEST_CASE("paths follow edges that were halved") {
   const auto [a, b] = square_pair(9);
-  ism::detail::Surface halved = ism::detail::build_surface(a.mesh, true);
-  const int u = 30, v = 31, n = halved.mesh.n_vertices;
+  const int u = 30, v = 31, n = static_cast<int>(a.mesh.vertices.rows());
   const std::vector<ism::Midpoint> added = {{u, v}, {u, n}};
-  ism::detail::split_edges(added, halved);
-  const TriangleMesh mesh = {halved.vertices, ism::detail::triangles_of(halved.mesh)};
+  const TriangleMesh mesh = with_midpoints(a.mesh, added);
   const auto paths = ism::edge_paths({{u, v}, {v, u}, {v, v + 1}}, mesh, added);
   CHECK(paths == std::vector<std::vector<int>>{{u, n + 1, n, v}, {v, n, n + 1, u}, {v, v + 1}});
   ism::Points2 plane(n + 2, 2);
@@ -330,6 +335,50 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
     for (int k = 0; k < 3; ++k)
       CHECK((corners.values.row(3 * f + k) - a.mesh.vertices.row(a.mesh.triangles(f, k))).norm() <
             1e-9);
+}
+
+TEST_CASE("attributes follow vertices that were added") {
+  const TriangleMesh mesh = square_pair(18).first.mesh;
+  const int n = static_cast<int>(mesh.vertices.rows());
+  const std::vector<ism::Midpoint> added = {{30, 31}, {30, n}, {n, n + 1}, {0, 1}};
+  const TriangleMesh fine = with_midpoints(mesh, added);
+  REQUIRE(fine.triangles.rows() > mesh.triangles.rows());
+  const Attributes at_vertices = ism::refine(mesh, fine, added, Element::kVertex, mesh.vertices);
+  REQUIRE(at_vertices.status == Status::kConverged);
+  CHECK((at_vertices.values - fine.vertices).cwiseAbs().maxCoeff() < 1e-15);
+  const auto corners = [](const TriangleMesh& m) {  // with a seam at every edge
+    Eigen::MatrixXd values(3 * m.triangles.rows(), 3);
+    for (Eigen::Index c = 0; c < values.rows(); ++c)
+      values.row(c) = m.vertices.row(m.triangles(c / 3, c % 3));
+    return values;
+  };
+  const auto normal = [](const TriangleMesh& m, Eigen::Index f) -> Vec3 {
+    const Vec3 p = m.vertices.row(m.triangles(f, 0)), q = m.vertices.row(m.triangles(f, 1));
+    const Vec3 r = m.vertices.row(m.triangles(f, 2));
+    return (q - p).cross(r - p).normalized();
+  };
+  Eigen::MatrixXd normals(mesh.triangles.rows(), 3), given = corners(mesh);
+  for (Eigen::Index f = 0; f < normals.rows(); ++f) {
+    normals.row(f) = normal(mesh, f).transpose();
+    given.middleRows(3 * f, 3).rowwise() += 10 * normals.row(f);
+  }
+  const Attributes at_faces = ism::refine(mesh, fine, added, Element::kFace, normals);
+  const Attributes at_corners = ism::refine(mesh, fine, added, Element::kCorner, given);
+  Eigen::MatrixXd wanted = corners(fine);
+  for (Eigen::Index f = 0; f < fine.triangles.rows(); ++f) {
+    CHECK((at_faces.values.row(f).transpose() - normal(fine, f)).norm() < 1e-12);
+    wanted.middleRows(3 * f, 3).rowwise() += 10 * normal(fine, f).transpose();
+  }
+  CHECK((at_corners.values - wanted).cwiseAbs().maxCoeff() < 1e-12);
+  for (const Attributes& refused :
+       {ism::refine(mesh, fine, {}, Element::kVertex, mesh.vertices),
+        ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex,
+                    mesh.vertices),
+        ism::refine(mesh, fine, added, Element::kFace, mesh.vertices)}) {
+    CHECK(refused.status == Status::kInvalidAttributes);
+    CHECK(!refused.message.empty());
+    CHECK(refused.values.size() == 0);
+  }
 }
 
 TEST_CASE("attributes that do not fit a mesh are refused") {

@@ -125,6 +125,15 @@ refused "-o taken: its meta_A.obj is a folder" a.obj b.obj -o taken
 cp start/B.obj B.obj
 refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
 invalid "coverage_weight must be at least 0" a.obj b.obj --kappa -1
+refused "--morph needs 2 to 1000 shapes, not 1" a.obj b.obj -o out --morph 1
+refused "--morph needs a whole number from 0, not 'x'" a.obj b.obj -o out --morph x
+refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
+  a.obj b.obj -o out --transfer-uv
+refused "none.png: there is no such file" a.obj b.obj -o out --texture none.png
+refused "a.obj: only PNG and binary PPM images can be read" a.obj b.obj -o out --texture a.obj
+mkdir -p taken/morph_001.png
+rmdir taken/meta_A.obj
+refused "-o taken: its morph_001.png is a folder" a.obj b.obj -o taken --morph 3
 refused "--boundary must be free, fixed or slide, not 'open'" a.obj b.obj -o out --boundary open
 
 "$ism_map" --help | grep -q -- --landmarks || fail "--help does not help"
@@ -148,6 +157,85 @@ if command -v python3 >/dev/null; then
   python3 -c 'import json; r = json.load(open("out/one/report.json"));
 assert r["status"] and r["iterations"][0]["iteration"] == 0
 assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.json"
+fi
+
+# Textures, colours, pictures, frames. A has texture coordinates, B has none.
+awk 'BEGIN { printf "P6\n32 32\n255\n"
+  for (y = 0; y < 32; ++y) for (x = 0; x < 32; ++x) printf "%c%c%c", 64 + x, 64 + y, 100 }' >t.ppm
+awk '/^v / { print; print "vt", $2, $3; next } /^f / {
+  print "f", $2 "/" $2, $3 "/" $3, $4 "/" $4, $5 "/" $5; next } 1' a.obj >a_uv.obj
+"$ism_map" a_uv.obj b.obj -o out/all --landmarks marks.txt --iterations 3 --picture --heat \
+  --texture t.ppm --transfer-uv --morph 3 >stdout.txt 2>stderr.txt ||
+  fail "--picture and the like: $(cat stderr.txt)"
+for name in picture.png morph_000.png morph_002.png texture.png; do
+  [ "$(head -c 4 "out/all/$name" | tail -c 3)" = PNG ] || fail "$name is no PNG file"
+done
+for name in A_textured B_textured; do
+  [ "$(grep '^mtllib\|^usemtl' "out/all/$name.obj")" = "$(printf 'mtllib textured.mtl\nusemtl surface')" ] ||
+    fail "$name.obj needs its material"
+  [ "$(grep -c '^f.*/' "out/all/$name.obj")" = "$(grep -c '^f' "out/all/$name.obj")" ] ||
+    fail "$name.obj: a face without vt"
+done
+grep -q "^map_Kd texture.png" out/all/textured.mtl || fail "textured.mtl needs the image"
+for name in heat_A heat_B; do
+  [ "$(head -n 1 "out/all/$name.ply")" = ply ] || fail "$name.ply is no PLY file"
+done
+[ ! -e out/all/A_uv.obj ] || fail "B has no vt that A could get"
+[ "$(grep -c '^v ' out/all/B_uv.obj)" = 121 ] || fail "B_uv.obj must keep the vertices of B"
+[ "$(grep -c '^f.*/' out/all/B_uv.obj)" -gt 150 ] || fail "B_uv.obj: hardly any face has a vt"
+[ "$(grep -c '^f' out/all/morph_001.obj)" = "$(grep -c '^f' out/all/meta_A.obj)" ] ||
+  fail "the faces of a morph are not those of the meta mesh"
+
+# The image that was written is read back as it is; so are other forms of PNG files.
+if ! "$ism_map" a.obj b.obj -o out/png --texture out/all/texture.png --iterations 0 --quiet \
+  2>stderr.txt; then
+  grep -q "without zlib" stderr.txt || fail "--texture texture.png: $(cat stderr.txt)"
+else
+  cmp out/all/texture.png out/png/texture.png || fail "--texture changed the image"
+  if command -v python3 >/dev/null; then
+    for form in filters deep palette alpha; do
+      python3 - "$form" t.ppm >t.png <<'PY' || fail "the picture t.png"
+import struct, sys, zlib
+form, pixels = sys.argv[1], open(sys.argv[2], "rb").read()[13:]
+size, paeth = 32, lambda a, b, c: min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
+colors = [pixels[3 * i:3 * i + 3] for i in range(size * size)]
+palette, depth, kind, step = b"", 8, 2, 3
+rows = [b"".join(colors[y * size:(y + 1) * size]) for y in range(size)]
+if form == "deep":
+    depth, step = 16, 6
+    rows = [b"".join(bytes([c, 7]) for c in row) for row in rows]
+elif form == "alpha":
+    kind, step = 6, 4
+    rows = [b"".join(colors[y * size + x] + b"\x11" for x in range(size)) for y in range(size)]
+elif form == "palette":  # 256 entries: the first eight rows, again and again, are another picture
+    kind, step, palette = 3, 1, b"".join(colors[:256])
+    rows = [bytes((y * size + x) % 256 for x in range(size)) for y in range(size)]
+data, before = b"", bytes(len(rows[0]))
+for y, row in enumerate(rows):
+    f = y % 5
+    left = lambda i: row[i - step] if i >= step else 0
+    corner = lambda i: before[i - step] if i >= step else 0
+    guess = [lambda i: 0, left, lambda i: before[i], lambda i: (left(i) + before[i]) // 2,
+             lambda i: paeth(left(i), before[i], corner(i))][f]
+    data += bytes([f]) + bytes((row[i] - guess(i)) % 256 for i in range(len(row)))
+    before = row
+def chunk(name, body):
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", size, size, depth, kind, 0, 0, 0))
+png += chunk(b"PLTE", palette) if palette else b""
+sys.stdout.buffer.write(png + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b""))
+PY
+      "$ism_map" a.obj b.obj -o out/png --texture t.png --iterations 0 --quiet ||
+        fail "--texture: $form"
+      if [ "$form" != palette ]; then
+        cmp out/all/texture.png out/png/texture.png || fail "--texture: $form changed the image"
+      fi
+    done
+  fi
+  head -c 90 out/all/texture.png >cut.png
+  refused_late="cut.png: the PNG file is damaged"
+  "$ism_map" a.obj b.obj -o out/cut --texture cut.png 2>stderr.txt && fail "a damaged image"
+  [ "$(cat stderr.txt)" = "ism_map: $refused_late" ] || fail "cut.png: $(cat stderr.txt)"
 fi
 
 # The start given back, without an iteration: the same positions, bit by bit. A second time over

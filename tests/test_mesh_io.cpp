@@ -167,6 +167,28 @@ TEST_CASE("OBJ: one vt per vertex is read, whatever its order; seams are not") {
   CHECK(r.planar.rows() == 0);
 }
 
+TEST_CASE("OBJ: every corner has its own vt, also of cut polygons") {
+  const std::string vt = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+  mesh_io::ReadResult r = read_text("m.obj", kSquare + vt + "f 1/2 2/3 3/4 4/1\n");
+  REQUIRE(r.ok);
+  REQUIRE(r.corner_uv.rows() == 6);
+  for (Eigen::Index c = 0; c < 6; ++c) {  // vertex v has vt v + 1
+    const int id = (r.mesh.triangles(c / 3, c % 3) + 1) % 4;
+    CHECK(r.corner_uv(c, 0) == (id == 1 || id == 2));
+    CHECK(r.corner_uv(c, 1) == (id == 2 || id == 3));
+  }
+  r = read_text("m.obj", kSquare + vt + "f 1/1 2/2 3/3\nf 1/4 3/4 4/4\n");  // a seam
+  REQUIRE(r.corner_uv.rows() == 6);
+  CHECK(r.corner_uv.row(0) == Eigen::RowVector2d(0, 0));
+  CHECK(r.corner_uv.row(3) == Eigen::RowVector2d(0, 1));
+  for (const char* faces :
+       {"f 1/1 2/2 3/3\nf 1 3 4\n", "f 1/1 2/2 3/9\nf 1/1 3/3 4/4\n", "f 1 2 3\nf 1 3 4\n"}) {
+    r = read_text("m.obj", kSquare + vt + faces);
+    CHECK(r.ok);
+    CHECK(r.corner_uv.rows() == 0);
+  }
+}
+
 TEST_CASE("OFF: header variants, comments, colours and missing headers") {
   const std::string body =
       "# c\n 4 2 0\n0 0 0 255 0 0\n\n1 0 0\n1 1 0 # d\n0 1 0\n"
@@ -443,6 +465,36 @@ TEST_CASE("writing and reading back gives the same bits") {
   CHECK(std::memcmp(r.planar.data(), planar.data(), 600 * sizeof(double)) == 0);
   CHECK(r.mesh.triangles == mesh.triangles);
   CHECK(!fs::exists(file + ".tmp"));
+}
+
+TEST_CASE("texture coordinates are written per corner, faces without them too") {
+  ism::Points3 points(4, 3);
+  points << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0;
+  Eigen::MatrixXd uv(6, 2);
+  uv << 0, 0, 0.5, 0, 1, 1, 0, 0, 1, 1, std::nan(""), 1;
+  const std::vector<std::vector<int>> polygons = {{0, 1, 2}, {0, 2, 3}};
+  CHECK(mesh_io::obj_text("c", points, polygons, uv, "m.mtl") ==
+        "# c\nmtllib m.mtl\nusemtl surface\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+        "vt 0 0\nvt 0.5 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1 3 4\n");
+  CHECK(mesh_io::mtl_text("i.png") == "newmtl surface\nKd 1 1 1\nmap_Kd i.png\n");
+}
+
+TEST_CASE("a PLY file with colours can be read back") {
+  ism::Points3 points(5, 3);
+  points << 0, 0, 0, 1, 0, 0, 1, 1, 0.5, 0, 1, 0, -1, 0.5, 0.25;
+  const std::vector<std::vector<int>> polygons = {{0, 1, 2, 3}, {0, 3, 4}};
+  Eigen::MatrixXd colors = Eigen::MatrixXd::Constant(7, 3, 0.5);
+  colors.row(1) << 0, 1, 7;
+  const std::string text =
+      mesh_io::ply_text("c", points, polygons, colors, Eigen::VectorXd::LinSpaced(7, 2, 8));
+  const mesh_io::ReadResult r = read_text("m.ply", text);
+  REQUIRE_MESSAGE(r.ok, r.error);
+  REQUIRE(r.mesh.vertices.rows() == 7);  // no vertex is shared
+  CHECK(r.mesh.triangles.rows() == 3);
+  CHECK(r.mesh.vertices.row(2) == points.row(2));
+  CHECK(r.mesh.vertices.row(6) == points.row(4));
+  const std::size_t second = text.find("end_header\n") + 11 + 19 + 12;  // colour of corner 1
+  CHECK(text.substr(second, 3) == std::string("\0\xFF\xFF", 3));
 }
 
 TEST_CASE("polygons are written with their corners; a failed write leaves nothing") {

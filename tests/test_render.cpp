@@ -178,3 +178,29 @@ TEST_CASE("polygons are fanned out into triangles that know where they come from
   corner << 0, 1, 2, 0, 2, 3, 4, 5, 6;
   CHECK(fans.corner == corner);
 }
+
+TEST_CASE("PPM images are read, and what is none is refused") {
+  const std::string header = "P6 # comment 1 2\n2 1\n255\n";
+  const render::ImageResult file = render::read_image(header + std::string("\xFF\0\0\0\0\xFF", 6));
+  REQUIRE(file.error.empty());
+  REQUIRE(file.image.width == 2);
+  REQUIRE(file.image.height == 1);
+  CHECK(is_color(file.image.at(0, 0), Color(1, 0, 0)));
+  CHECK(is_color(file.image.at(1, 0), Color(0, 0, 1)));
+  for (const std::string& bad :
+       {header + "12345", std::string("P6"), std::string("P6\n0 1\n255\n"),
+        std::string("P6\n99999999999 99999999\n255\n"), std::string("P6\n1 1\n65535\n123456"),
+        std::string("JFIF"), std::string(), render::png_text(Image(2, 2, {0, 0, 0}))}) {
+    const render::ImageResult refused = render::read_image(bad);
+    CHECK(!refused.error.empty());
+    CHECK(refused.image.pixels.empty());
+  }
+}
+
+TEST_CASE("what is given per corner of polygons reaches the corners of their triangles") {
+  const render::Fans fans = render::fan_out({{5, 6, 7, 8}, {1, 2, 3}});
+  Eigen::MatrixXd values(7, 1), wanted(9, 1);
+  values << 0, 1, 2, 3, 4, 5, 6;
+  wanted << 0, 1, 2, 0, 2, 3, 4, 5, 6;
+  CHECK(fans.at_corners(values) == wanted);
+}

@@ -15,42 +15,56 @@ std::vector<ism::Landmark> on_boundaries(const figure::Pair& pair) {
   return result;
 }
 
+/// What all variants start from.
+struct Start {
+  figure::Pair pair;
+  ism::Options options;
+};
+
+Start common_start(const std::string& folder, const ism::Options& given) {
+  Start start = {figure::read_pair(folder), given};
+  start.pair.landmarks = on_boundaries(start.pair);
+  start.options.boundary = ism::Boundary::kFixed;
+  const ism::Embedding embedding = figure::embed(start.pair, start.options);
+  start.pair.a = embedding.a;
+  start.pair.b = embedding.b;
+  start.options.initial_f = embedding.f;
+  start.options.initial_g = embedding.g;
+  return start;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand", "starfish"});
-  const char* const names[] = {"PN", "SPN", "full"};
-  const double height = 340;
-  render::Canvas canvas(1280, static_cast<int>(60 + height * 2));
+  constexpr double kHeight = 340;  // of a row
   const char* const captions[] = {"A", "start", "PN", "SPN", "full"};
+  render::Canvas canvas(1280, 740);
   for (int i = 0; i < 5; ++i) canvas.text({20.0 + 255 * i, 34}, 14, captions[i]);
   for (std::size_t row = 0; row < 2; ++row) {
-    figure::Pair pair = figure::read_pair(args.pairs[row]);
-    pair.landmarks = on_boundaries(pair);
-    const double top = 50 + height * static_cast<double>(row);
+    Start start = common_start(args.pairs[row], args.options);
+    const double top = 50 + kHeight * static_cast<double>(row);
     const auto panel = [&](int column) -> render::Rect {
-      return {10.0 + 255 * column, top + 10, 240, height - 60};
+      return {10.0 + 255 * column, top + 10, 240, kHeight - 60};
+    };
+    const auto caption = [&](int column, const std::string& words) {
+      canvas.text({20.0 + 255 * column, top + kHeight - 20}, 9, words);
     };
     picture::Axes axes;
-    for (int i = 2; i >= 0; --i) {  // the directions are those of the full method
-      ism::Options options = args.options;
-      options.boundary = ism::Boundary::kFixed;
-      options.variant = static_cast<ism::Variant>(i);
-      const ism::Result r = figure::optimize(pair, options);
+    for (int i = 2; i >= 0; --i) {  // the directions to look along are those of the full method
+      start.options.variant = static_cast<ism::Variant>(i);
+      const ism::Result r = figure::optimize(start.pair, start.options);
+      const ism::SurfaceMap map = figure::map_of(r);
       if (i == 2) {
-        axes = picture::scene_of(figure::map_of(r)).axes;
-        const picture::Scene start = picture::scene_of(figure::start_of(r), axes);
-        picture::draw_texture(start, ism::Side::kA, panel(0), canvas);
-        picture::draw_texture(start, ism::Side::kB, panel(1), canvas);
-        canvas.text({panel(1).x + 10, top + height - 20}, 9,
-                    figure::format("distortion %.3f", r.initial.mean_distortion));
+        axes = picture::scene_of(map).axes;
+        const picture::Scene scene = picture::scene_of(figure::start_of(r), axes);
+        picture::draw_texture(scene, ism::Side::kA, panel(0), canvas);
+        picture::draw_texture(scene, ism::Side::kB, panel(1), canvas);
+        caption(1, figure::format("distortion %.3f", r.initial.mean_distortion));
       }
-      picture::draw_texture(picture::scene_of(figure::map_of(r), axes), ism::Side::kB, panel(i + 2),
-                            canvas);
-      canvas.text(
-          {panel(i + 2).x + 10, top + height - 20}, 9,
-          figure::format("%.3f, %zu iterations", r.final_state().mean_distortion, r.log.size()));
-      std::printf("  %s\n", names[i]);
+      picture::draw_texture(picture::scene_of(map, axes), ism::Side::kB, panel(i + 2), canvas);
+      caption(i + 2, figure::format("%.3f, %zu iterations", r.final_state().mean_distortion,
+                                    r.log.size()));
     }
   }
   figure::save(args.picture, canvas);

@@ -57,6 +57,12 @@ Pair read_pair(const std::string& folder) {
   Pair pair = {std::filesystem::path(folder).filename().string(), a.mesh, b.mesh, a.edges, {}};
   for (const mesh_io::IdPair& p : pairs.pairs)
     pair.landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
+  const std::string polygons = folder + "/A_quads.obj";
+  if (!std::filesystem::exists(polygons)) return pair;
+  const mesh_io::ReadResult quads = mesh_io::read_mesh(polygons);
+  if (!quads.ok) fail(quads.error);
+  if (quads.mesh.vertices != a.mesh.vertices) fail(polygons + ": not the vertices of A.obj");
+  pair.edges_a = quads.edges;
   return pair;
 }
 

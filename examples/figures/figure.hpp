@@ -2,7 +2,8 @@
 //
 //   FIGURE [PAIR ...] [-o PICTURE] [--iterations N]
 //
-// A PAIR is a folder with A.obj, B.obj and landmarks.txt; without, those of data/ are drawn.
+// A PAIR is a folder with A.obj, B.obj and landmarks.txt, and perhaps A_quads.obj, the polygons that
+// A was cut from; without, those of data/ are drawn.
 // PICTURE is a PNG file, by default named after the program, in the folder it is started from.
 
 #ifndef ISM_EXAMPLES_FIGURE_HPP
