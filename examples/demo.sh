@@ -23,6 +23,7 @@ cmake --build "$build" --target ism_map
 echo
 echo "Mapping data/$pair/A.obj onto data/$pair/B.obj:"
 "$build/ism_map" "data/$pair/A.obj" "data/$pair/B.obj" --landmarks "data/$pair/landmarks.txt" \
-  -o "$out"
+  --picture -o "$out"
 echo
-echo "Open $out/A_on_B.obj and data/$pair/B.obj together in a mesh viewer to see the map."
+echo "Look at $out/picture.png, or open $out/A_on_B.obj and"
+echo "data/$pair/B.obj together in a mesh viewer to see the map."

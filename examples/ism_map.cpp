@@ -56,7 +56,8 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
   --set NAME=VALUE   any numeric option that report.json lists; can be repeated
-  --picture          draw both surfaces with a texture and with the distortion
+  --picture          draw both surfaces with a texture, that of --texture or coloured squares,
+                     and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
   --texture IMAGE    a PNG or PPM image: the texture of A with A's vt, or if it has none with its
                      places in the plane, is carried to B
@@ -694,32 +695,6 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
 
 // ---- pictures, colours, textures, frames ----
 
-std::string picture_png(const Input& input, const picture::Scene& scene) {
-  constexpr double kWidth = 300, kHeight = 560, kTop = 60;
-  render::Canvas canvas(1280, 720);
-  picture::Texture texture = picture::front_texture(scene);
-  double left = 10;
-  for (const bool is_heat : {false, true}) {
-    for (const ism::Side side : {ism::Side::kA, ism::Side::kB}) {
-      const render::Rect panel = {left, kTop, kWidth, kHeight};
-      if (is_heat)
-        picture::draw_heat(scene, side, panel, canvas);
-      else
-        picture::draw_texture(scene, side, texture, panel, canvas);
-      picture::draw_landmarks(scene, side, panel, input.landmarks, canvas);
-      left += kWidth + 10;
-    }
-    left += 20;
-  }
-  const ism::DistortionSummary d = ism::summarize(scene.map.distortion());
-  canvas.text({20, 36}, 14, "A, and its texture on B");
-  canvas.text({660, 36}, 14, "distortion of the map");
-  canvas.text({20, 690}, 10,
-              format("distortion %.3f on average, 95%% of it below %.2f", d.mean, d.p95));
-  picture::draw_heat_legend({800, 665, 320, 16}, canvas);
-  return render::png_text(canvas.image());
-}
-
 std::string heat_ply(const picture::Scene& scene, ism::Side side) {
   const ism::MetaMesh& meta = scene.meta;
   const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion();
@@ -748,6 +723,33 @@ Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& resul
   for (Eigen::Index c = 0; c < uv.rows(); ++c)
     uv.row(c) = (result.f.row(start.a.triangles(c / 3, c % 3)) - lo) / size;
   return uv;
+}
+
+/// A with a texture, B to which the map carries it, and both with the distortion of the map.
+std::string picture_png(const Input& input, const picture::Scene& scene,
+                        const picture::Texture& texture) {
+  constexpr double kWidth = 232, kHeight = 430, kTop = 50;
+  render::Canvas canvas(1000, 560);
+  double left = 10;
+  for (const bool is_heat : {false, true}) {
+    for (const ism::Side side : {ism::Side::kA, ism::Side::kB}) {
+      const render::Rect panel = {left, kTop, kWidth, kHeight};
+      if (is_heat)
+        picture::draw_heat(scene, side, panel, canvas);
+      else
+        picture::draw_texture(scene, side, texture, panel, canvas);
+      picture::draw_landmarks(scene, side, panel, input.landmarks, canvas);
+      left += kWidth + 10;
+    }
+    left += 20;
+  }
+  const ism::DistortionSummary d = ism::summarize(scene.map.distortion());
+  canvas.text({20, 32}, 12, "A, and its texture on B");
+  canvas.text({520, 32}, 12, "distortion of the map");
+  canvas.text({20, 535}, 9,
+              format("distortion %.3f on average, 95%% of it below %.2f", d.mean, d.p95));
+  picture::draw_heat_legend({640, 515, 300, 14}, canvas);
+  return render::png_text(canvas.image());
 }
 
 void add_textured(const Input& input, const ism::Result& result, const ism::MetaMesh& meta,
@@ -817,7 +819,14 @@ std::string add_morph(const Arguments& args, const picture::Scene& scene,
 /// What the options ask for beyond the files of every run. Returns what is wrong.
 std::string add_wanted_files(const Arguments& args, const Input& input, const ism::Result& result,
                              const picture::Scene& scene, std::vector<mesh_io::TextFile>& files) {
-  if (args.picture) files.push_back({"picture.png", picture_png(input, scene)});
+  if (args.picture) {
+    picture::Texture texture = picture::front_texture(scene);
+    if (!args.texture.empty())
+      texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner,
+                                             texture_coordinates(input, result))
+                                    .values};
+    files.push_back({"picture.png", picture_png(input, scene, texture)});
+  }
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene.meta, files);

@@ -18,6 +18,19 @@ std::set<int> boundary_vertices(const ism::TriangleMesh& mesh) {
   return vertices;
 }
 
+/// The coordinate axis, seen from `front`, that is close to a direction, as files mostly have one
+/// upwards, y more often than z; the direction itself if there is none.
+ism::Vec3 along_axis(const ism::Vec3& up, const ism::Vec3& front) {
+  constexpr double kClose = 0.64;  // cosine
+  for (const int k : {1, 2, 0})
+    for (const double sign : {1.0, -1.0}) {
+      const ism::Vec3 axis = sign * ism::Vec3::Unit(k);
+      const ism::Vec3 seen = (axis - axis.dot(front) * front).normalized();
+      if (seen.dot(up) > kClose && axis.dot(seen) > kClose) return seen;
+    }
+  return up;
+}
+
 Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
   constexpr double kClear = 0.15;  // of the extent
   const ism::Points3 normals = render::smooth_normals(mesh.vertices, mesh.triangles);
@@ -36,7 +49,7 @@ Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
     up = ism::Vec3::UnitY() - front.y() * front;
     if (up.norm() < kClear) up = principal.eigenvectors().col(2);
   }
-  up.normalize();
+  up = along_axis(up.normalized(), front);
   Eigen::Matrix3d axes;
   axes << up.cross(front).transpose(), up.transpose(), front.transpose();
   return axes;

@@ -19,7 +19,7 @@ std::set<int> boundary_vertices(const ism::TriangleMesh& mesh);
 
 /// Looks at a mesh across the direction in which it extends least, from outside. What is opposite
 /// to the boundary goes up: fingers from a wrist, backs from a hole in a belly; where that does not
-/// tell, y does. Rows: right, up, towards the viewer.
+/// tell, y does; a coordinate axis close to it is preferred. Rows: right, up, towards the viewer.
 Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh);
 
 /// Directions to look along at A and at B, as rows: right, up, towards the viewer.

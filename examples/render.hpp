@@ -125,10 +125,11 @@ class Canvas {
   void legend(const Rect& rect, Color (*map)(double), const std::string& low,
               const std::string& high, const std::string& title);
 
-  Image image() const;
+  static constexpr int kSamples = 3;  // per pixel and direction
+  /// The picture; with more samples per pixel and direction it is that much smaller.
+  Image image(int samples = kSamples) const;
 
  private:
-  static constexpr int kSamples = 3;  // per pixel and direction
   template <class Paint>
   void triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint);
   void segment(const ism::Vec3& p, const ism::Vec3& q, double width, const Color& color);
@@ -435,11 +436,12 @@ inline void Canvas::legend(const Rect& r, Color (*map)(double), const std::strin
 }
 
 /// The mean of the samples of every pixel.
-inline Image Canvas::image() const {
-  Image image(samples_.width / kSamples, samples_.height / kSamples, {0, 0, 0});
-  for (int y = 0; y < samples_.height; ++y)
-    for (int x = 0; x < samples_.width; ++x)
-      image.at(x / kSamples, y / kSamples) += samples_.at(x, y) / float{kSamples * kSamples};
+inline Image Canvas::image(int samples) const {
+  Image image(samples_.width / samples, samples_.height / samples, {0, 0, 0});
+  const float share = 1.0f / static_cast<float>(samples * samples);
+  for (int y = 0; y < image.height * samples; ++y)
+    for (int x = 0; x < image.width * samples; ++x)
+      image.at(x / samples, y / samples) += share * samples_.at(x, y);
   return image;
 }
 

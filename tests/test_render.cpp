@@ -91,6 +91,16 @@ TEST_CASE("what is near covers what is far, in any order") {
   }
 }
 
+TEST_CASE("more samples per pixel make a smaller picture of the same") {
+  Canvas canvas(50, 30, {1, 1, 1});
+  canvas.fill({0, 0, 25, 30}, {0, 0, 0});
+  const Image image = canvas.image(5);
+  REQUIRE(image.width == 30);
+  REQUIRE(image.height == 18);
+  CHECK(is_color(image.at(14, 9), Color(0, 0, 0)));
+  CHECK(is_color(image.at(15, 9), Color(1, 1, 1)));
+}
+
 TEST_CASE("corner colours and textures are interpolated") {
   Shape shape = half_square(0, Color(0, 0, 0));
   shape.corner_colors = Eigen::MatrixXd::Identity(3, 3);

@@ -29,6 +29,6 @@ int main(int argc, char** argv) {
   canvas.text({20, 62}, 9, figure::distortion_words(start.map));
   canvas.text({660, 62}, 9, figure::distortion_words(end.map));
   picture::draw_heat_legend({480, 700, 320, 16}, canvas);
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

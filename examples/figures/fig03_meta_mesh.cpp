@@ -29,6 +29,6 @@ int main(int argc, char** argv) {
               figure::format("%zu polygons over %zu triangles", scene.meta.polygons.size(),
                              static_cast<std::size_t>(r.start.a.triangles.rows() +
                                                       r.start.b.triangles.rows())));
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

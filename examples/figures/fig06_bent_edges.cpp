@@ -50,6 +50,6 @@ int main(int argc, char** argv) {
   const char* const captions[] = {"(a) the plane", "(b) B", "(c) the plane, g deformed", "(d) B"};
   for (int i = 0; i < 4; ++i) canvas.text({20.0 + 310 * i, 30}, 11, captions[i]);
   canvas.text({20, 405}, 10, "grey: edges of B; blue: the sides of the quad A");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

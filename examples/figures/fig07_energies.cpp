@@ -23,6 +23,6 @@ int main(int argc, char** argv) {
                 {"E_g, of B in the plane", figure::kGreen, g}},
                canvas);
   canvas.text({400, 548}, 9, "iteration");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

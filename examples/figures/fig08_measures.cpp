@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
     canvas.text({panel.x + 10, 295}, 9, figure::format("energy %.4f", values(i, i)));
   }
   std::fputs(table.c_str(), stdout);
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   for (int k = 0; k < 4; ++k)
     if (values(k, k) > values.col(k).minCoeff()) figure::fail("a measure is not at its least");
   return 0;

@@ -36,7 +36,7 @@ Start common_start(const std::string& folder, const ism::Options& given) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const figure::Arguments args = figure::read_arguments(argc, argv, {"hand", "starfish"});
+  const figure::Arguments args = figure::read_arguments(argc, argv, {"hand", "starfish"}, 2);
   constexpr double kHeight = 340;  // of a row
   const char* const captions[] = {"A", "start", "PN", "SPN", "full"};
   render::Canvas canvas(1280, 740);
@@ -67,6 +67,6 @@ int main(int argc, char** argv) {
                                     r.log.size()));
     }
   }
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

@@ -125,6 +125,6 @@ int main(int argc, char** argv) {
   canvas.text({980, 34}, 14, figure::format("end, %.3f", r.final_state().mean_distortion));
   canvas.text({20, 720}, 10, figure::status_words(r));
   picture::draw_heat_legend({800, 680, 320, 16}, canvas);
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

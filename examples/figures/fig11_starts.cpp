@@ -38,6 +38,6 @@ int main(int argc, char** argv) {
   canvas.text({20, 600}, 11, "top: starts");
   canvas.text({20, 630}, 11, "bottom: ends");
   canvas.text({20, 660}, 11, "with distortion");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

@@ -27,6 +27,6 @@ int main(int argc, char** argv) {
                                r.final_state().mean_distortion));
   }
   picture::draw_heat_legend({0.5 * (kWidth * n + 20) - 160, 2 * kHeight + 100.0, 320, 16}, canvas);
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

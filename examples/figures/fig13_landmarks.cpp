@@ -3,11 +3,13 @@
 
 #include "figure.hpp"
 
+#include <algorithm>
+
 int main(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair all = figure::read_pair(args.pairs[0]);
   const std::size_t n = all.landmarks.size();
-  const std::size_t counts[] = {n, std::min<std::size_t>(n, 4), std::min<std::size_t>(n, 2), 0};
+  const std::size_t counts[] = {n, n / 2, std::min(n, std::max<std::size_t>(n / 4, 2)), 0};
   render::Canvas canvas(1310, 500);
   picture::Axes axes;  // those of the map with all landmarks
   const auto panel = [](std::size_t column) -> render::Rect {
@@ -32,6 +34,6 @@ int main(int argc, char** argv) {
                 figure::format("distortion %.3f", r.final_state().mean_distortion));
   }
   canvas.text({20, 28}, 12, "(a) A");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

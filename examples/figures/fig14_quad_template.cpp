@@ -68,6 +68,6 @@ int main(int argc, char** argv) {
   canvas.text(
       {850, 34}, 13,
       figure::format("end, %.3f, %zu iterations", r.final_state().mean_distortion, r.log.size()));
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

@@ -61,6 +61,6 @@ int main(int argc, char** argv) {
     if (m == 2) picture::draw_texture(back, ism::Side::kA, panel(j, j), canvas);
   }
   canvas.text({20, 34}, 13, "each row: one texture, on its own shape and carried to the others");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

@@ -22,7 +22,8 @@ void fail(const std::string& message) {
   std::exit(1);
 }
 
-Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs) {
+Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs,
+                         std::size_t least) {
   const std::string program = std::filesystem::path(argv[0]).stem().string();
   Arguments args;
   args.picture = program + ".png";
@@ -31,6 +32,8 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
     long long n = 0;
     if (word[0] != '-') {
       args.pairs.push_back(word);
+    } else if (word == "--small") {
+      args.is_small = true;
     } else if (word == "-o" && i + 1 < argc) {
       args.picture = argv[++i];
     } else if (word == "--iterations" && i + 1 < argc && mesh_io::parse_integer(argv[i + 1], n) &&
@@ -38,14 +41,14 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
       args.options.max_iterations = static_cast<int>(n);
       ++i;
     } else {
-      fail("usage: " + program + " [PAIR ...] [-o PICTURE] [--iterations N]");
+      fail("usage: " + program + " [PAIR ...] [-o PICTURE] [--small] [--iterations N]");
     }
   }
   if (args.pairs.empty())
     for (const std::string& pair : pairs)
       args.pairs.push_back(std::string(ISM_SOURCE_DIR) + "/data/" + pair);
-  if (args.pairs.size() < pairs.size())
-    fail(program + " needs " + std::to_string(pairs.size()) + " pairs");
+  if (args.pairs.size() < std::min(least, pairs.size()))
+    fail(program + " needs " + std::to_string(least) + " pairs");
   return args;
 }
 
@@ -117,10 +120,12 @@ std::string status_words(const ism::Result& result) {
   return format("%s after %zu iterations", ism::to_string(result.status), result.log.size());
 }
 
-void save(const std::string& path, const render::Canvas& canvas) {
-  const std::string error = mesh_io::write_files({{path, render::png_text(canvas.image())}});
+void save(const Arguments& args, const render::Canvas& canvas) {
+  constexpr int kSmall = 5;  // samples per pixel
+  const render::Image image = canvas.image(args.is_small ? kSmall : render::Canvas::kSamples);
+  const std::string error = mesh_io::write_files({{args.picture, render::png_text(image)}});
   if (!error.empty()) fail(error);
-  std::printf("%s\n", path.c_str());
+  std::printf("%s\n", args.picture.c_str());
 }
 
 // ==== [2] MESHES AND THEIR EDGES =================================================================

@@ -42,6 +42,6 @@ int main(int argc, char** argv) {
     left += 120;
   }
   canvas.text({left, bottom + 46}, 10, "red line: the paper's bound");
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }

@@ -28,6 +28,6 @@ int main(int argc, char** argv) {
                                r.log.size()));
   }
   picture::draw_heat_legend({465, 910, 320, 16}, canvas);
-  figure::save(args.picture, canvas);
+  figure::save(args, canvas);
   return 0;
 }
