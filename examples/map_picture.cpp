@@ -18,17 +18,23 @@ std::set<int> boundary_vertices(const ism::TriangleMesh& mesh) {
   return vertices;
 }
 
-/// The coordinate axis, seen from `front`, that is close to a direction, as files mostly have one
-/// upwards, y more often than z; the direction itself if there is none.
+/// The coordinate axis, seen from `front`, that is closest to a direction, as files mostly have one
+/// upwards: y rather than another one that is as close, and never minus y. The direction itself if
+/// no axis is close.
 ism::Vec3 along_axis(const ism::Vec3& up, const ism::Vec3& front) {
-  constexpr double kClose = 0.64;  // cosine
-  for (const int k : {1, 2, 0})
+  constexpr double kClose = 0.64, kBonus = 0.1;  // cosines
+  ism::Vec3 best = up;
+  double best_score = kClose;
+  for (int k = 0; k < 3; ++k)
     for (const double sign : {1.0, -1.0}) {
       const ism::Vec3 axis = sign * ism::Vec3::Unit(k);
       const ism::Vec3 seen = (axis - axis.dot(front) * front).normalized();
-      if (seen.dot(up) > kClose && axis.dot(seen) > kClose) return seen;
+      const double score = seen.dot(up) + (k == 1 && sign > 0 ? kBonus : 0);
+      if (axis.dot(seen) < kClose || score < best_score) continue;
+      best_score = score;
+      best = k == 1 ? ism::Vec3(sign * seen) : seen;
     }
-  return up;
+  return best;
 }
 
 Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
