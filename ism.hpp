@@ -4916,7 +4916,8 @@ class Optimizer {
 
   /// How a run ends that finds no step: where E hardly fell before either, it has arrived.
   Status without_step(const Result& result) const {
-    return has_settled(result, options_.window - 1) ? Status::kConverged : Status::kStalled;
+    const int before = (std::max)(1, options_.window - 1);
+    return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
 
   static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
@@ -7728,8 +7729,13 @@ inline Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
     return detail::misfit(values.rows(), rows, detail::element_name(element));
   const std::vector<detail::Ancestors> ancestors =
       detail::ancestors_of(mesh.vertices.rows(), added);
-  if (static_cast<Eigen::Index>(ancestors.size()) != refined.vertices.rows())
-    return detail::invalid_attributes("the refined mesh has vertices that were not added");
+  const int n_refined = static_cast<int>(ancestors.size());
+  if (n_refined != refined.vertices.rows())
+    return detail::invalid_attributes(
+        "the refined mesh has " + std::to_string(refined.vertices.rows()) +
+        " vertices, but the mesh and what was added have " + std::to_string(n_refined));
+  if ((refined.triangles.array() < 0 || refined.triangles.array() >= n_refined).any())
+    return detail::invalid_attributes("a triangle of the refined mesh has no such vertex");
   const std::map<std::array<int, 3>, int> face_of = detail::faces_by_corners(mesh.triangles);
   Attributes result;
   result.values.setZero(detail::element_count(refined, element), values.cols());

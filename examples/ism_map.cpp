@@ -29,6 +29,8 @@
 
 namespace {
 
+using picture::format;
+
 constexpr int kComputationFailed = 1;
 constexpr int kBadInput = 2;
 
@@ -59,10 +61,11 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG or PPM image: the texture of A with A's vt, or if it has none with its
-                     places in the plane, is carried to B
+  --texture IMAGE    a PNG (8 or 16 bits, not interlaced) or binary PPM image, the texture of A, is
+                     carried to B; it lies where A's vt are, or unless every corner of A has one,
+                     where A is in the plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
-  --morph N          N shapes from A to B, as rigid as possible, as meshes and as pictures
+  --morph N          2 to 100 shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
   --help             print this
 
@@ -88,13 +91,6 @@ and if they are asked for
 )";
 
 // ==== [1] ARGUMENTS ==============================================================================
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, pattern, values...);
-  return buffer;
-}
 
 struct Arguments {
   std::string a, b, out, landmarks, pins, initial, texture;
@@ -232,7 +228,7 @@ bool takes_value(const std::string& flag) {
 }
 
 std::string read_frames(const std::string& text, int& frames) {
-  constexpr int kMost = 1000;
+  constexpr int kMost = 100;  // all are kept until they are written
   const std::string error = read_number("--morph", text, frames);
   if (!error.empty() || (frames >= 2 && frames <= kMost)) return error;
   return "--morph needs 2 to " + std::to_string(kMost) + " shapes, not " + text;
@@ -697,7 +693,7 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
 
 std::string heat_ply(const picture::Scene& scene, ism::Side side) {
   const ism::MetaMesh& meta = scene.meta;
-  const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion();
+  const std::vector<ism::PolygonDistortion>& polygons = scene.distortion;
   Eigen::MatrixXd colors(meta.corner_a.rows(), 3);
   Eigen::VectorXd densities(meta.corner_a.rows());
   Eigen::Index corner = 0;
@@ -743,11 +739,12 @@ std::string picture_png(const Input& input, const picture::Scene& scene,
     }
     left += 20;
   }
-  const ism::DistortionSummary d = ism::summarize(scene.map.distortion());
+  const ism::DistortionSummary d = ism::summarize(scene.distortion);
   canvas.text({20, 32}, 12, "A, and its texture on B");
   canvas.text({520, 32}, 12, "distortion of the map");
-  canvas.text({20, 535}, 9,
-              format("distortion %.3f on average, 95%% of it below %.2f", d.mean, d.p95));
+  canvas.text(
+      {20, 535}, 9,
+      format("symmetric Dirichlet %.3f on average, below %.2f on 95%% of the area", d.mean, d.p95));
   picture::draw_heat_legend({640, 515, 300, 14}, canvas);
   return render::png_text(canvas.image());
 }
@@ -887,7 +884,8 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("A_edges_on_B.obj, meta_A.obj meta_B.obj, report.json");
   if (args.picture) std::printf(", picture.png");
   if (args.heat) std::printf(", heat_A.ply heat_B.ply");
-  if (!args.texture.empty()) std::printf(", A_textured.obj B_textured.obj");
+  if (!args.texture.empty())
+    std::printf(", A_textured.obj B_textured.obj textured.mtl texture.png");
   if (input.uv_a.rows() > 0 && args.transfer_uv) std::printf(", B_uv.obj");
   if (input.uv_b.rows() > 0 && args.transfer_uv) std::printf(", A_uv.obj");
   if (args.morph > 0)
@@ -927,7 +925,8 @@ ism::Result compute(Arguments& args, const Input& input) {
   };
   std::signal(SIGINT, on_interrupt);
   ism::Result result = ism::compute_map(input.a, input.b, input.landmarks, args.options);
-  std::signal(SIGINT, SIG_DFL);  // nothing asks for the flag from here on
+  args.options.progress = nullptr;  // its line ends here
+  std::signal(SIGINT, SIG_DFL);     // nothing asks for the flag from here on
   line.finish();
   return result;
 }
@@ -949,7 +948,7 @@ int run(Arguments& args) {
   const ism::SurfaceMap map(result.start.a, result.start.b, result.f, result.g);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
-  const picture::Scene scene = picture::scene_of(map);
+  const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);

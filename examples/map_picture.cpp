@@ -18,6 +18,8 @@ std::set<int> boundary_vertices(const ism::TriangleMesh& mesh) {
   return vertices;
 }
 
+namespace {
+
 /// The coordinate axis, seen from `front`, that is closest to a direction, as files mostly have one
 /// upwards: y rather than another one that is as close, and never minus y. The direction itself if
 /// no axis is close.
@@ -36,6 +38,8 @@ ism::Vec3 along_axis(const ism::Vec3& up, const ism::Vec3& front) {
     }
   return best;
 }
+
+}  // namespace
 
 Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
   constexpr double kClear = 0.15;  // of the extent
@@ -61,6 +65,8 @@ Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
   return axes;
 }
 
+namespace {
+
 /// The best rotation from one set of points to another [Kabsch 1976].
 Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& to) {
   const Eigen::Matrix3d moments =
@@ -71,18 +77,22 @@ Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& t
   return U * svd.matrixV().transpose();
 }
 
-Scene scene_of(const ism::SurfaceMap& map, const Axes& axes) {
-  Scene scene = {map, map.meta_mesh(), {}, axes};
+}  // namespace
+
+Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
+  Scene scene = {map, map.meta_mesh(), {}, map.distortion(keep_scale), axes};
   scene.fans = render::fan_out(scene.meta.polygons);
   return scene;
 }
 
-Scene scene_of(const ism::SurfaceMap& map) {
-  Scene scene = scene_of(map, {});
+Scene scene_of(const ism::SurfaceMap& map, bool keep_scale) {
+  Scene scene = scene_of(map, Axes{}, keep_scale);
   scene.axes.a = front_axes(scene.meta.a);
   scene.axes.b = scene.axes.a * rotation_between(scene.meta.on_b, scene.meta.on_a);
   return scene;
 }
+
+namespace {
 
 /// The covered part of the surface on one side, shaded as the mesh.
 render::Shape covered_part(const Scene& scene, ism::Side side) {
@@ -107,6 +117,8 @@ void draw_covered(const Scene& scene, ism::Side side, const render::Rect& panel,
   canvas.draw(view, covered, 1);
 }
 
+}  // namespace
+
 void draw_plain(const Scene& scene, ism::Side side, const render::Rect& panel,
                 render::Canvas& canvas) {
   canvas.draw(scene.view(side, panel), render::shape_of(scene.mesh(side)));
@@ -122,11 +134,11 @@ render::Color heat_of(double density) {
 void draw_heat(const Scene& scene, ism::Side side, const render::Rect& panel,
                render::Canvas& canvas) {
   render::Shape shape = covered_part(scene, side);
-  const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion();
   shape.corner_colors.resize(3 * shape.triangles.rows(), 3);
   for (Eigen::Index c = 0; c < shape.corner_colors.rows(); ++c) {
     const int polygon = scene.fans.polygon[static_cast<std::size_t>(c / 3)];
-    const render::Color color = heat_of(polygons[static_cast<std::size_t>(polygon)].density);
+    const render::Color color =
+        heat_of(scene.distortion[static_cast<std::size_t>(polygon)].density);
     shape.corner_colors.row(c) = color.cast<double>().matrix().transpose();
   }
   draw_covered(scene, side, panel, shape, canvas);

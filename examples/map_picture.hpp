@@ -9,10 +9,20 @@
 #include "ism.hpp"
 #include "render.hpp"
 
+#include <cstdio>
 #include <set>
+#include <string>
 #include <vector>
 
 namespace picture {
+
+/// snprintf as a string of at most 255 characters.
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, pattern, values...);
+  return buffer;
+}
 
 /// The ids of the vertices on the boundary.
 std::set<int> boundary_vertices(const ism::TriangleMesh& mesh);
@@ -32,6 +42,7 @@ struct Scene {
   ism::SurfaceMap map;
   ism::MetaMesh meta;
   render::Fans fans;  // of its polygons
+  std::vector<ism::PolygonDistortion> distortion;
   Axes axes;
 
   const ism::TriangleMesh& mesh(ism::Side side) const {
@@ -44,9 +55,10 @@ struct Scene {
 };
 
 /// Looks at the front of A, and at B so that the map moves its points least.
-Scene scene_of(const ism::SurfaceMap& map);
+/// keep_scale as for SurfaceMap::distortion().
+Scene scene_of(const ism::SurfaceMap& map, bool keep_scale = false);
 /// The same from given directions: to compare maps between the same surfaces.
-Scene scene_of(const ism::SurfaceMap& map, const Axes& axes);
+Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale = false);
 
 /// The surface on one side in light grey.
 void draw_plain(const Scene& scene, ism::Side side, const render::Rect& panel,

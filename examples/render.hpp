@@ -95,8 +95,6 @@ inline Shape shape_of(const ism::TriangleMesh& mesh) {
   return shape;
 }
 
-/// From blue over white to red, t in [0, 1].
-inline Color diverging(double t);
 /// From white over orange to a dark red, t in [0, 1]: of distortion, white is none.
 inline Color heat(double t);
 
@@ -204,12 +202,6 @@ Color interpolate(const std::array<Color, N>& colors, double t) {
   const std::size_t i = std::min(static_cast<std::size_t>(at), N - 2);
   const float u = static_cast<float>(at - static_cast<double>(i));
   return (1 - u) * colors[i] + u * colors[i + 1];
-}
-
-inline Color diverging(double t) {
-  return interpolate<5>({Color(0.13f, 0.29f, 0.55f), Color(0.52f, 0.70f, 0.85f), Color(1, 1, 1),
-                         Color(0.95f, 0.62f, 0.48f), Color(0.62f, 0.08f, 0.12f)},
-                        t);
 }
 
 inline Color heat(double t) {
@@ -670,7 +662,9 @@ inline ImageResult read_png(const std::string& bytes) {
   const PngParts png = png_parts(bytes);
   if (!is_size(png.width, png.height))
     return unreadable("the PNG file has no size, or is too large");
-  if ((png.depth != 8 && png.depth != 16) || png.interlace != 0)
+  const bool is_known = png.type == 0 || png.type == 2 || png.type == 4 || png.type == 6 ||
+                        (png.type == 3 && png.depth == 8);
+  if (!is_known || (png.depth != 8 && png.depth != 16) || png.interlace != 0)
     return unreadable("only PNG files of 8 or 16 bits that are not interlaced can be read");
   const std::size_t sample = png.depth / 8, step = sample * png.channels();
   const std::size_t stride = step * png.width;
@@ -702,8 +696,11 @@ inline ImageResult read_png(const std::string&) {
 inline std::uint32_t ppm_number(const std::string& bytes, std::size_t& at) {
   constexpr std::uint32_t kMost = 1u << 24;
   bool in_comment = false;
-  for (; at < bytes.size() && (in_comment || bytes[at] < '0' || bytes[at] > '9'); ++at)
+  for (; at < bytes.size(); ++at) {
+    const bool is_space = bytes[at] == ' ' || (bytes[at] >= '\t' && bytes[at] <= '\r');
+    if (!in_comment && !is_space && bytes[at] != '#') break;
     in_comment = in_comment ? bytes[at] != '\n' : bytes[at] == '#';
+  }
   std::uint32_t x = 0;
   for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9' && x < kMost; ++at)
     x = 10 * x + byte_at(bytes, at) - '0';

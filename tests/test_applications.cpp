@@ -370,8 +370,12 @@ TEST_CASE("attributes follow vertices that were added") {
     wanted.middleRows(3 * f, 3).rowwise() += 10 * normal(fine, f).transpose();
   }
   CHECK((at_corners.values - wanted).cwiseAbs().maxCoeff() < 1e-12);
+  TriangleMesh torn = fine;
+  torn.triangles(3, 1) = static_cast<int>(fine.vertices.rows());
   for (const Attributes& refused :
-       {ism::refine(mesh, fine, {}, Element::kVertex, mesh.vertices),
+       {ism::refine(mesh, torn, added, Element::kVertex, mesh.vertices),
+        ism::refine(fine, mesh, added, Element::kVertex, fine.vertices),
+        ism::refine(mesh, fine, {}, Element::kVertex, mesh.vertices),
         ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex,
                     mesh.vertices),
         ism::refine(mesh, fine, added, Element::kFace, mesh.vertices)}) {

@@ -199,8 +199,9 @@ TEST_CASE("PPM images are read, and what is none is refused") {
   CHECK(is_color(file.image.at(1, 0), Color(0, 0, 1)));
   for (const std::string& bad :
        {header + "12345", std::string("P6"), std::string("P6\n0 1\n255\n"),
-        std::string("P6\n99999999999 99999999\n255\n"), std::string("P6\n1 1\n65535\n123456"),
-        std::string("JFIF"), std::string(), render::png_text(Image(2, 2, {0, 0, 0}))}) {
+        std::string("P6 -1 -1 255 123"), std::string("P6\n99999999999 99999999\n255\n"),
+        std::string("P6\n1 1\n65535\n123456"), std::string("JFIF"), std::string(),
+        render::png_text(Image(2, 2, {0, 0, 0}))}) {
     const render::ImageResult refused = render::read_image(bad);
     CHECK(!refused.error.empty());
     CHECK(refused.image.pixels.empty());

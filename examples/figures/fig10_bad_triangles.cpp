@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 #include <random>
-#include <set>
 
 namespace {
 
@@ -51,7 +50,7 @@ class Spoiler {
   void run() {
     constexpr int kRounds = 400;
     std::mt19937 random(1);
-    for (int round = 0; round < kRounds; ++round)
+    for (int round = 0; round < kRounds && share() < kShare; ++round)
       for (int n = static_cast<int>(mesh_.triangles.rows()) / 10; n > 0; --n) {
         const int f = static_cast<int>(random() % static_cast<unsigned>(mesh_.triangles.rows()));
         const int k = static_cast<int>(random() % 3);

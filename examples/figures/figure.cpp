@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <limits>
 #include <set>
-#include <utility>
 
 #include <unistd.h>  // isatty
 
@@ -44,6 +43,7 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
       fail("usage: " + program + " [PAIR ...] [-o PICTURE] [--small] [--iterations N]");
     }
   }
+  if (pairs.empty() && !args.pairs.empty()) fail(program + " draws no pairs");
   if (args.pairs.empty())
     for (const std::string& pair : pairs)
       args.pairs.push_back(std::string(ISM_SOURCE_DIR) + "/data/" + pair);
@@ -52,7 +52,8 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
   return args;
 }
 
-Pair read_pair(const std::string& folder) {
+Pair read_pair(const std::string& given) {
+  const std::string folder = given.substr(0, given.find_last_not_of('/') + 1);
   const mesh_io::ReadResult a = mesh_io::read_mesh(folder + "/A.obj");
   const mesh_io::ReadResult b = mesh_io::read_mesh(folder + "/B.obj");
   const mesh_io::PairsResult pairs = mesh_io::read_pairs(folder + "/landmarks.txt");
@@ -113,7 +114,8 @@ ism::SurfaceMap start_of(const ism::Result& result) {
 
 std::string distortion_words(const ism::SurfaceMap& map) {
   const ism::DistortionSummary d = ism::summarize(map.distortion());
-  return format("%.3f on average, half of it below %.3f, 95%% below %.2f", d.mean, d.median, d.p95);
+  return format("%.3f on average, below %.3f on half, %.2f on 95%% of the area", d.mean, d.median,
+                d.p95);
 }
 
 std::string status_words(const ism::Result& result) {
@@ -207,12 +209,7 @@ ism::TriangleMesh hill(int n) {
 
 // ==== [5] PLOTS ==================================================================================
 
-/// A label for a tick: as many digits as it takes.
-std::string tick_label(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", x);
-  return text;
-}
+namespace {
 
 /// Ticks 1, 2, 5, 10, ... times a power of ten, about `count` of them between lo and hi.
 std::vector<double> ticks(double lo, double hi, int count) {
@@ -226,7 +223,8 @@ std::vector<double> ticks(double lo, double hi, int count) {
   return result;
 }
 
-/// Draws curves over iterations, with both axes; their names stand above the rectangle.
+}  // namespace
+
 void plot(const render::Rect& rect, const std::vector<Curve>& curves, render::Canvas& canvas) {
   constexpr double kText = 9, kLeft = 60, kBelow = 30;
   const render::Color grey(0.85f, 0.85f, 0.85f), black(0.2f, 0.2f, 0.2f);
@@ -250,14 +248,14 @@ void plot(const render::Rect& rect, const std::vector<Curve>& curves, render::Ca
   const double last = static_cast<double>(n - 1);
   for (double y : ticks(lo, hi, 6)) {
     canvas.line({at(0, y), at(last, y)}, 1, grey);
-    const std::string label = tick_label(y);
+    const std::string label = format("%.4g", y);
     canvas.text(at(0, y) + ism::Vec2(-6 - render::text_width(kText, label), 0.5 * kText), kText,
                 label);
   }
   for (double x : ticks(0, last, 8)) {
     const ism::Vec2 foot = at(x, lo);
     canvas.line({foot, foot + ism::Vec2(0, 5)}, 1, black);
-    const std::string label = tick_label(x);
+    const std::string label = format("%.4g", x);
     canvas.text(foot + ism::Vec2(-0.5 * render::text_width(kText, label), 20), kText, label);
   }
   canvas.line({at(0, hi), at(0, lo), at(last, lo)}, 1, black);

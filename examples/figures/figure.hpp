@@ -4,8 +4,7 @@
 //
 // A PAIR is a folder with A.obj, B.obj and landmarks.txt, and perhaps A_quads.obj, the polygons
 // that A was cut from; without, those of data/ are drawn. PICTURE is a PNG file, by default named
-// after the program, in the folder it is started from;
-// --small makes it 0.6 times as wide.
+// after the program, in the folder it is started from; --small makes it 0.6 times as wide.
 
 #ifndef ISM_EXAMPLES_FIGURE_HPP
 #define ISM_EXAMPLES_FIGURE_HPP
@@ -16,7 +15,6 @@
 #include "render.hpp"
 
 #include <array>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -27,18 +25,11 @@ using Lines = std::vector<std::vector<ism::Vec3>>;  // polylines in space
 const render::Color kBlue(0.12f, 0.30f, 0.62f), kRed(0.75f, 0.16f, 0.12f);
 const render::Color kGreen(0.20f, 0.55f, 0.25f), kGrey(0.6f, 0.6f, 0.62f);
 
-// ---- Input and output
-// ----------------------------------------------------------------------------
+// ---- Input and output ----
 
 [[noreturn]] void fail(const std::string& message);
 
-/// snprintf as a string of at most 255 characters.
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, pattern, values...);
-  return buffer;
-}
+using picture::format;
 
 struct Arguments {
   std::vector<std::string> pairs;  // folders
@@ -72,7 +63,7 @@ ism::SurfaceMap start_of(const ism::Result& result);
 ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
                            const ism::Points2& f, const ism::Points2& g);
 
-/// "2.180 on average, half of it below 2.070, 95% below 2.31".
+/// "2.180 on average, below 2.070 on half, 2.31 on 95% of the area".
 std::string distortion_words(const ism::SurfaceMap& map);
 /// "converged after 57 iterations".
 std::string status_words(const ism::Result& result);
@@ -80,8 +71,7 @@ std::string status_words(const ism::Result& result);
 /// Writes the picture and prints its name.
 void save(const Arguments& args, const render::Canvas& canvas);
 
-// ---- Meshes and their edges
-// ----------------------------------------------------------------------
+// ---- Meshes and their edges ----
 
 /// All edges of a mesh, each once.
 std::vector<std::array<int, 2>> edges_of(const ism::TriangleMesh& mesh);
@@ -93,24 +83,21 @@ Lines carried(const picture::Scene& scene, ism::Side from,
 void draw_lines(const render::View& view, const Lines& lines, double width,
                 const render::Color& color, render::Canvas& canvas);
 
-// ---- The plane
-// -----------------------------------------------------------------------------------
+// ---- The plane ----
 
 /// Edges between points of the plane, in a panel that shows the square from lo to hi.
 void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
                 const ism::Vec2& lo, const ism::Vec2& hi, const render::Rect& panel, double width,
                 const render::Color& color, render::Canvas& canvas);
 
-// ---- A quad over a hill
-// --------------------------------------------------------------------------
+// ---- A quad over a hill ----
 
 /// n x n squares over [-1, 1]², each of two triangles; vertex i + j (n + 1) is at (i, j).
 ism::TriangleMesh square_grid(int n);
 /// A shallow hill over the same squares.
 ism::TriangleMesh hill(int n);
 
-// ---- Plots
-// ---------------------------------------------------------------------------------------
+// ---- Plots ----
 
 /// One curve of a plot: the values at x = 0, 1, 2, ...
 struct Curve {
