@@ -16,6 +16,9 @@
 //
 //   #include "ism.hpp"  // C++17; needs Eigen 3 and nothing else
 //
+//   In exactly one source file, before the include:  #define ISM_IMPLEMENTATION
+//   With CMake, link ism::ism instead, which does that.
+//
 //   ism::TriangleMesh a, b;                                  // fill vertices and triangles
 //   std::vector<ism::Landmark> landmarks = {{17, 4}, {32, 90}};  // optional
 //   ism::Result result = ism::compute_map(a, b, landmarks);
@@ -40,16 +43,17 @@
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
 //            the ids of offending elements.
 //
-// MACROS     ISM_NO_THREADS   builds without <thread>
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has parts [3] to [17], the implementation
+//            ISM_NO_THREADS       there: builds without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
 // CONTENTS   [1] version and configuration   [2] public API        [3] notation
-//            [4] small helpers               [5] exact predicates  [6] half-edge mesh
+//            [4] small types and helpers     [5] exact predicates  [6] half-edge mesh
 //            [7] overlay                     [8] energies          [9] sparse LDLT
-//            [10] objective, quadratic model and constraints       [11] scaffold
-//            [12] line search                [13] the loop (Algorithm 1)
+//            [10] objective and its quadratic model                [11] constraints
+//            [12] scaffold, step bound and line search             [13] the loop (Algorithm 1)
 //            [14] initial embedding          [15] map evaluation and meta mesh
-//            [16] applications: attributes, morphing           [17] entry points
+//            [16] applications               [17] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -71,40 +75,24 @@
 #endif
 
 #include <Eigen/Core>
-#include <Eigen/Dense>
 
-#include <algorithm>
 #include <array>
-#include <atomic>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
 #include <functional>
-#include <iterator>
-#include <limits>
-#include <map>
 #include <memory>
-#include <numeric>
-#include <queue>
-#include <set>
 #include <string>
-#include <tuple>
-#include <utility>
 #include <vector>
-
-#ifndef ISM_NO_THREADS
-#include <thread>
-#endif
 
 // ==== [2] PUBLIC API =============================================================================
 
 namespace ism {
 
-using Vec2 = Eigen::Vector2d;
-using Vec3 = Eigen::Vector3d;
-using Points2 = Eigen::Matrix<double, Eigen::Dynamic, 2>;  // one planar point per row
-using Points3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;  // one point in space per row
-using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3>;   // three 0-based vertex ids per row
+/// #×D, a point or a triangle per row, one row after the other in memory. Memory comes from malloc
+/// whatever instructions a file is compiled for, so that files of one program may differ in that.
+template <class Scalar, int D>
+using Rows = Eigen::Matrix<Scalar, Eigen::Dynamic, D, int{Eigen::RowMajor} | int{Eigen::DontAlign}>;
+using Points2 = Rows<double, 2>;  // planar points
+using Points3 = Rows<double, 3>;  // points in space
+using Triangles = Rows<int, 3>;   // 0-based vertex ids
 
 /// A triangle mesh as plain arrays. Triangles are counter-clockwise seen from outside.
 struct TriangleMesh {
@@ -139,7 +127,14 @@ inline bool is_usable(Status s) {
 }
 
 /// The name of a status in words ("converged", "iteration limit", ...).
-inline const char* to_string(Status s);
+const char* to_string(Status s);
+
+/// What every result carries.
+struct Outcome {
+  Status status = Status::kConverged;
+  std::string message;   // a sentence for the user
+  std::vector<int> ids;  // the ids it speaks of
+};
 
 /// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
 struct Problem {
@@ -167,7 +162,7 @@ struct Problem {
 /// Checks: indices, finite coordinates, degenerate and repeated triangles, edge and vertex
 /// manifoldness, orientation, unreferenced vertices, one component, one boundary loop, χ = 1.
 /// Cost O(#F log #F). Reports at most 20 problems of each kind. Thread-safe.
-inline std::vector<Problem> validate(const TriangleMesh& mesh);
+std::vector<Problem> validate(const TriangleMesh& mesh);
 
 /// A correspondence wanted at the start: vertex a of A should map near vertex b of B.
 struct Landmark {
@@ -186,13 +181,6 @@ enum class Boundary {
   kFixed,
   /// The same at the start, but all vertices except for the corners may slide along their side.
   kSlide
-};
-
-/// The variants of the optimiser that the paper compares (§6.1, Fig. 9).
-enum class Variant {
-  kProjectedNewton,          // PN: per-polygon projected Newton (§5.1, §5.2)
-  kSmoothedProjectedNewton,  // SPN: PN with a history of gradients and Hessians (§5.3)
-  kFull                      // SPN with the squared Laplacian preconditioner (§5.4)
 };
 
 /// What the optimiser did in one iteration. Energies are those after the step; areas and energies
@@ -226,57 +214,47 @@ struct Progress {
 /// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
 using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
 
-/// A distortion density with its derivatives with respect to the entries of the two Jacobians, in
-/// the order f11 f21 f12 f22 g11 g21 g12 g22.
-struct Density {
-  double value = 0;
-  Eigen::Matrix<double, 8, 1> gradient = Eigen::Matrix<double, 8, 1>::Zero();
-  Eigen::Matrix<double, 8, 8> hessian = Eigen::Matrix<double, 8, 8>::Zero();
+/// A distortion D as a function of S = σ_max² + σ_min² and d = σ_max σ_min, the singular values of
+/// J_Φ: its value, its first and its second derivatives.
+struct StretchDensity {
+  double value, S, d, SS, Sd, dd;
 };
 
-namespace detail {
-struct BuiltInMeasure;
-struct InvariantDerivatives;
-using InvariantDensity = InvariantDerivatives (*)(double N, double f, double g);
-}  // namespace detail
-
-/// What E_Φ measures (§3.2): the integral, over the overlap in the plane, of a function of J_f and
-/// J_g, the Jacobians of the embeddings from the surfaces to the plane. J_Φ = J_g⁻¹ J_f, and an
-/// area of 1 in the plane is 1 / det J_f on A, 1 / det J_g on B. A measure of your own depends on
-/// J_Φ and these areas only, is at least 0 and +∞ unless both determinants are positive, and is
-/// thread-safe. It need not prevent flips; E_f and E_g do.
+/// What E_Φ measures (§3.2): D integrated over A' times `on_a`, plus D integrated over B' times
+/// `on_b`, where A' and B' are the covered parts. D is asked for S ≥ 2 d > 0 only, is at least 0,
+/// and thread-safe. It need not prevent flips; E_f and E_g do.
+///
+///   ism::DistortionMeasure area = {[](double, double d) {  // (d - 1)², over A'
+///     return ism::StretchDensity{(d - 1) * (d - 1), 0, 2 * (d - 1), 0, 0, 2};
+///   }, 1, 0};
 class DistortionMeasure {
  public:
-  using Value = std::function<double(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
-  using Derivatives =
-      std::function<Density(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g)>;
-  DistortionMeasure(Value value, Derivatives derivatives)
-      : value_(std::move(value)), derivatives_(std::move(derivatives)) {}
+  using Density = std::function<StretchDensity(double S, double d)>;
+  DistortionMeasure(Density density, double on_a, double on_b);
 
-  double value(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g) const {
-    return value_(J_f, J_g);
-  }
-  Density derivatives(const Eigen::Matrix2d& J_f, const Eigen::Matrix2d& J_g) const {
-    return derivatives_(J_f, J_g);
-  }
-  bool is_complete() const { return value_ && derivatives_; }
+  StretchDensity density(double S, double d) const { return density_(S, d); }
+  double on_a() const { return on_a_; }
+  double on_b() const { return on_b_; }
+  /// True for symmetric_dirichlet(), for which the library has a shorter formula.
+  bool is_symmetric_dirichlet() const { return is_symmetric_dirichlet_; }
+  bool is_complete() const { return static_cast<bool>(density_); }
 
  private:
-  friend struct detail::BuiltInMeasure;
-  Value value_;
-  Derivatives derivatives_;
-  detail::InvariantDensity in_invariants_ = nullptr;  // of the measures below
+  friend DistortionMeasure symmetric_dirichlet();
+  Density density_;
+  double on_a_, on_b_;
+  bool is_symmetric_dirichlet_ = false;
 };
 
 /// ‖J_Φ‖² over B' plus ‖J_Φ⁻¹‖² over A' (Eq. 3). E(Φ) = E(Φ⁻¹); an isometry has 2 per area.
-inline DistortionMeasure symmetric_dirichlet();
+DistortionMeasure symmetric_dirichlet();
 /// (1 - σ_min)² + (1 - σ_max)² over A' [Liu et al. 2008]. Not symmetric; an isometry has 0.
-inline DistortionMeasure arap();
+DistortionMeasure arap();
 /// (1 - 1/σ_min)² + (1 - σ_max)², half over A' and half over B' [Poranne and Lipman 2016].
 /// E(Φ) = E(Φ⁻¹); an isometry has 0, up to 1e-12: where σ_min = σ_max the kink is rounded off.
-inline DistortionMeasure sarap();
+DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
-inline DistortionMeasure asap();
+DistortionMeasure asap();
 
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
@@ -290,13 +268,14 @@ struct Options {
   /// and E_Φ meets a wall where the overlap would have to grow into them.
   double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;  // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
-  Variant variant = Variant::kFull;
   /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
-  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower.
+  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower. 1, with
+  /// omega_start = 0, is PN, projected Newton (§5.1); more, with 0, is SPN (§5.3).
   int history_length = 12;     // ≥ 1
   double history_decay = 0.8;  // in (0, 1]
-  /// ω_L of §5.4: its first value (> 0), the factor α > 1 by which an iteration may change it, and
-  /// the value in [0, omega_start] below which it hardly acts and is not lowered further.
+  /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
+  /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
+  /// and is not lowered further.
   double omega_start = 1e4;
   double omega_factor = 2.0;  // the paper's 1.25 takes three times as many iterations to let go
   double omega_least = 1e-4;
@@ -349,34 +328,14 @@ struct Options {
   /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, all
   /// steps of the line search, at most 550 iterations. The bounds on a step stay: without them the
   /// empty overlap is reached in the first iterations.
-  static Options paper() {
-    Options options;
-    options.coverage_weight = 0;
-    options.barrier_weight = 1e-8;
-    options.history_length = 6;
-    options.history_decay = 0.5;
-    options.omega_start = 1e9;
-    options.omega_factor = 1.25;
-    options.omega_least = 0;
-    options.max_iterations = 550;
-    options.least_coverage = 0;
-    options.search_stride = 1;
-    options.short_step = 0;
-    options.solve_tolerance = 1e-12;
-    options.window = 10;
-    options.scaffold = false;
-    return options;
-  }
+  static Options paper();
 };
 
 /// The ends of the edge in whose middle a vertex was added to a mesh.
 using Midpoint = std::array<int, 2>;
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
-struct Embedding {
-  Status status = Status::kConverged;
-  std::string message;
-  std::vector<int> ids;  // ids the message speaks of
+struct Embedding : Outcome {
   /// The meshes that were embedded: those given, and where a constraint needs it, with vertices
   /// added behind the given ones. The surfaces are the same.
   TriangleMesh a, b;
@@ -389,10 +348,7 @@ struct Embedding {
 };
 
 /// The outcome of compute_map(). Positions are valid, and to be used, if is_usable(status).
-struct Result {
-  Status status = Status::kConverged;
-  std::string message;            // a sentence for the user
-  std::vector<int> ids;           // ids the message speaks of
+struct Result : Outcome {
   Points2 f, g;                   // final planar positions of the vertices of start.a, start.b
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
@@ -408,19 +364,19 @@ struct Result {
 /// optimisation. Where an outline is in its own way or a surface is folded sharply, the boundary
 /// unfolds from a circle, which may strain the result. Statuses: kConverged, kInvalidMesh,
 /// kInvalidLandmarks, kInvalidOptions, kAborted, kNumericalFailure. Thread-safe.
-inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
-                                   const std::vector<Landmark>& landmarks = {},
-                                   const Options& options = {});
+Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+                            const std::vector<Landmark>& landmarks = {},
+                            const Options& options = {});
 
 /// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
-inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
-                          const std::vector<Landmark>& landmarks = {}, const Options& options = {});
+Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+                   const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
 /// A point of a surface: a triangle and barycentric coordinates that add up to 1.
 struct SurfacePoint {
   int face = -1;
-  Vec3 barycentric = Vec3::Zero();
+  Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
 };
 
 /// An image under the map: no image when the point lies outside the overlap.
@@ -512,15 +468,14 @@ class SurfaceMap {
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
   /// p.face one of its triangles.
-  Vec3 position_on_a(const SurfacePoint& p) const;
-  Vec3 position_on_b(const SurfacePoint& p) const;
+  Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
+  Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh() const;
   /// Of every polygon of meta_mesh(). Both surfaces are scaled to area 1 first, as they are for
   /// compute_map(), unless keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
-  friend class Morph;
   friend Remesh remesh(const SurfaceMap& map, Side side);
   std::shared_ptr<const detail::MapData> data_;
 };
@@ -528,166 +483,342 @@ class SurfaceMap {
 /// The vertices along edges of a mesh to whose edges vertices were added (Embedding::added_a): the
 /// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost
 /// O(n log n).
-inline std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                                const TriangleMesh& mesh,
-                                                const std::vector<Midpoint>& added);
+std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
+                                         const TriangleMesh& mesh,
+                                         const std::vector<Midpoint>& added);
 
 /// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
-inline Remesh remesh(const SurfaceMap& map, Side side);
+Remesh remesh(const SurfaceMap& map, Side side);
 
 /// What the rows of attributes belong to. Corner k of face f is row 3 f + k. Texture coordinates
 /// with seams belong to corners.
 enum class Element { kVertex, kFace, kCorner };
 
 /// Attributes of a mesh, or of the corners of a meta mesh.
-struct Attributes {
-  Status status = Status::kConverged;  // or kInvalidAttributes: the number of rows does not fit
-  std::string message;
-  Eigen::MatrixXd values;     // a row per element, as many columns as were given
-  std::vector<char> covered;  // per row; a row that is not covered is 0
+struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does not fit
+  Eigen::MatrixXd values;      // a row per element, as many columns as were given
+  std::vector<char> covered;   // per row; a row that is not covered is 0
 };
 
 /// Attributes of the mesh on one side, at all corners of the meta mesh: rows as those of
 /// MetaMesh::corner_a. Nothing is lost, neither detail nor seams. Linear cost, thread-safe.
-inline Attributes to_meta(const MetaMesh& meta, Side side, Element element,
-                          const Eigen::MatrixXd& values);
+Attributes to_meta(const MetaMesh& meta, Side side, Element element, const Eigen::MatrixXd& values);
 
 /// Attributes of the corners of the meta mesh at vertices or corners of the mesh on one side (the
 /// mean, where corners at a vertex differ), or their mean over the covered part of each face. What
 /// to_meta() made of the same side comes back as it was. Linear cost, thread-safe.
-inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
-                            const Eigen::MatrixXd& corners);
+Attributes from_meta(const MetaMesh& meta, Side side, Element element,
+                     const Eigen::MatrixXd& corners);
 
 /// Attributes of the mesh on side `from` at elements of the other mesh: both of the above. It
 /// samples: on a coarser mesh, detail is lost; corners of a face across a seam of texture
 /// coordinates lie on either side of it, so keep to_meta()'s for these. Linear cost, thread-safe.
-inline Attributes transfer(const MetaMesh& meta, Side from, Element element,
-                           const Eigen::MatrixXd& values, Element target);
+Attributes transfer(const MetaMesh& meta, Side from, Element element, const Eigen::MatrixXd& values,
+                    Element target);
 
 /// Attributes of a mesh at the elements of the same mesh with vertices added in the middle of edges
 /// (Embedding::a and added_a, or b and added_b). Cost O(n log n), thread-safe.
-inline Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
-                         const std::vector<Midpoint>& added, Element element,
-                         const Eigen::MatrixXd& values);
+Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
+                  const std::vector<Midpoint>& added, Element element,
+                  const Eigen::MatrixXd& values);
 
 /// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
-inline Points3 linear_morph(const MetaMesh& meta, double t);
-
-namespace detail {
-struct MorphData;
-}
-
-/// As-rigid-as-possible shapes between A and B, at 0 and 1 the two surfaces up to rounding. Every
-/// polygon wants to turn by its share of the rotation of Φ there, and to stretch linearly; edges of
-/// the meta mesh then fit in least squares [Alexa, Cohen-Or and Levin 2000]. Exchanging A and B
-/// gives the same shapes. For surfaces of about the same size.
-///
-///   ism::Morph morph(map);
-///   ism::Points3 halfway = morph.at(0.5);  // vertices of map.meta_mesh()
-///
-/// Thread-safe. Cheap to copy; copies share their data.
-class Morph {
- public:
-  /// Factorises a matrix of the size of the meta mesh; of the options, the threads count.
-  explicit Morph(const SurfaceMap& map, const Options& options = {});
-  /// kConverged, kNumericalFailure, or what the map has.
-  Status status() const;
-  /// #M×3, for any t; no rows if status() is not kConverged. A solve with the factor.
-  Points3 at(double t) const;
-
- private:
-  std::shared_ptr<const detail::MorphData> data_;
-};
+Points3 linear_morph(const MetaMesh& meta, double t);
 
 /// Totals of what SurfaceMap::distortion() found. Sorts: O(n log n).
-inline DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
+DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 }  // namespace ism
+
+#endif  // ISM_HPP
+
+// ==== end of what every file gets; the rest is for the file that defines ISM_IMPLEMENTATION ======
+
+#if defined(ISM_IMPLEMENTATION) && !defined(ISM_HPP_IMPLEMENTED)
+#define ISM_HPP_IMPLEMENTED
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <limits>
+#include <utility>
+
+#ifndef ISM_NO_THREADS
+#include <thread>
+#endif
 
 // ==== [3] NOTATION ===============================================================================
 //
 //   A, B          the meshes; a, b in names. f, g their embeddings, rows of Points2
 //   x             all unknowns (Eq. 5): vertex i of A is row i, vertex i of B row #V_A + i
 //   tA, tB        triangles of A and B; ta, tb their ids
+//   h             a half-edge; u, v, w vertices; e an edge of a pair of triangles, 0 to 5
 //   ρ             a polygon f(tA) ∩ g(tB) of the meta mesh; a its planar area
 //   R             rest shape of a triangle in its own plane (columns b - a, c - a); J = [..] R⁻¹
-//   F, G          the Jacobians J_f, J_g of a pair tA, tB; in formulas f, g are their determinants
-//   N             ‖adj(G) F‖², which both Dirichlet terms of ρ share
-//   E_ρ           a N (f⁻³ + g⁻³) - κ a (1/f + 1/g), one summand of E_Φ (Eq. 4) and of -κ area
-//   E             E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
-//   g, H, H_+     gradient, Hessian, projected Hessian of E
+//   F, G          the Jacobians J_f, J_g of a pair tA, tB
+//   K             ‖adj(G) F‖², which both Dirichlet terms of ρ share
+//   S, d          σ_max² + σ_min² = K / det² G and σ_max σ_min = det F / det G, of J_Φ = G⁻¹ F
+//   w             the density of E_Φ in the plane: of the symmetric Dirichlet energy (Eq. 4)
+//                 w = K (1 / det³ F + 1 / det³ G)
+//   κ             reward for covered area; takes κ (1 / det F + 1 / det G) off w
+//   E_ρ           a w, the summand of a polygon
+//   E             Σ E_ρ + ω_R (E_f + E_g), that is E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
+//   H, H_+        Hessian of E, projected Hessian
 //   d, s, s_max   direction, step, step at which the first triangle degenerates
-//   ω_L, L, M     preconditioner weight, Laplacian, mass matrix (§5.4)
+//   ω_L, L, M     preconditioner weight, Laplacian, mass matrix (§5.4); Q = Lᵀ M L
 //   perp(d)       d turned by -90 degrees; cross(a, b) = a_x b_y - a_y b_x
-//
 
-// ==== [4] SMALL HELPERS ==========================================================================
+// ==== [4] SMALL TYPES AND HELPERS ================================================================
+//
+// Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, tasks side by
+//             side. Plain structs: what a compiler needs for an expression of Eigen's it would need
+//             a thousand times in this file.
 
 namespace ism {
 namespace detail {
 
-/// std::vector indexed by int, the type of every id in this file (and in Eigen and mesh files).
-template <class T>
-class Array {
- public:
-  using value_type = T;
-  Array() = default;
-  explicit Array(int n, const T& value = T()) : items_(static_cast<std::size_t>(n), value) {}
-  int size() const { return static_cast<int>(items_.size()); }
-  bool empty() const { return items_.empty(); }
-  T& operator[](int i) { return items_[static_cast<std::size_t>(i)]; }
-  const T& operator[](int i) const { return items_[static_cast<std::size_t>(i)]; }
-  void assign(int n, const T& value) { items_.assign(static_cast<std::size_t>(n), value); }
-  void resize(int n) { items_.resize(static_cast<std::size_t>(n)); }
-  void reserve(int n) { items_.reserve(static_cast<std::size_t>(n)); }
-  void clear() { items_.clear(); }
-  void push_back(T value) { items_.push_back(std::move(value)); }
-  void pop_back() { items_.pop_back(); }
-  void insert_front(T value) { items_.insert(items_.begin(), std::move(value)); }
-  T& back() { return items_.back(); }
-  const T& back() const { return items_.back(); }
-  T* data() { return items_.data(); }
-  const T* data() const { return items_.data(); }
-  auto begin() { return items_.begin(); }
-  auto end() { return items_.end(); }
-  auto begin() const { return items_.begin(); }
-  auto end() const { return items_.end(); }
-
- private:
-  std::vector<T> items_;
-};
-
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = 3.14159265358979323846;
 
-/// Fills status, message and ids of an Embedding or a Result; returns false for `return fail(...)`.
-template <class Output>
-bool fail(Output& output, Status status, std::string message, std::vector<int> ids = {}) {
-  output.status = status;
-  output.message = std::move(message);
-  output.ids = std::move(ids);
-  return false;
-}
+struct Vec2 {
+  double x = 0, y = 0;
+};
+inline Vec2 operator+(Vec2 a, Vec2 b) { return {a.x + b.x, a.y + b.y}; }
+inline Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
+inline Vec2 operator-(Vec2 a) { return {-a.x, -a.y}; }
+inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
+inline Vec2& operator+=(Vec2& a, Vec2 b) { return a = a + b; }
+inline Vec2& operator-=(Vec2& a, Vec2 b) { return a = a - b; }
+inline bool operator==(Vec2 a, Vec2 b) { return a.x == b.x && a.y == b.y; }
+inline bool operator!=(Vec2 a, Vec2 b) { return !(a == b); }
+inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
+inline double squared_norm(Vec2 a) { return dot(a, a); }
+inline double norm(Vec2 a) { return std::sqrt(dot(a, a)); }
+inline Vec2 lower(Vec2 a, Vec2 b) { return {(std::min)(a.x, b.x), (std::min)(a.y, b.y)}; }
+inline Vec2 upper(Vec2 a, Vec2 b) { return {(std::max)(a.x, b.x), (std::max)(a.y, b.y)}; }
 
-/// 2D cross product: twice the signed area of the triangle (0, a, b).
-inline double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+/// Twice the signed area of the triangle (0, a, b).
+inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 
 /// d turned by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
-inline Vec2 perp(const Vec2& d) { return Vec2(d.y(), -d.x()); }
+inline Vec2 perp(Vec2 d) { return {d.y, -d.x}; }
 
-inline Vec2 row2(const Points2& p, int i) { return p.row(i).transpose(); }
-inline Vec3 row3(const Points3& p, int i) { return p.row(i).transpose(); }
+struct Vec3 {
+  double x = 0, y = 0, z = 0;
+  double& operator[](int i) { return i == 0 ? x : i == 1 ? y : z; }
+  double operator[](int i) const { return i == 0 ? x : i == 1 ? y : z; }
+};
+inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec3 operator*(double s, const Vec3& a) { return {s * a.x, s * a.y, s * a.z}; }
+inline Vec3& operator+=(Vec3& a, const Vec3& b) { return a = a + b; }
+inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double squared_norm(const Vec3& a) { return dot(a, a); }
+inline double norm(const Vec3& a) { return std::sqrt(dot(a, a)); }
+inline Vec3 normalized(const Vec3& a) { return 1 / norm(a) * a; }
+inline Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline Vec3 unit3(int k) { return {k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0}; }
 
-inline double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+/// 2×2, by columns.
+struct Mat2 {
+  double entry[4] = {0, 0, 0, 0};
+  double& operator()(int r, int c) { return entry[2 * c + r]; }
+  double operator()(int r, int c) const { return entry[2 * c + r]; }
+};
+inline Mat2 columns(Vec2 a, Vec2 b) { return {{a.x, a.y, b.x, b.y}}; }
+inline Mat2 diagonal(double s) { return {{s, 0, 0, s}}; }
+inline Mat2 operator+(const Mat2& a, const Mat2& b) {
+  return {{a.entry[0] + b.entry[0], a.entry[1] + b.entry[1], a.entry[2] + b.entry[2],
+           a.entry[3] + b.entry[3]}};
+}
+inline Mat2 operator*(double s, const Mat2& a) {
+  return {{s * a.entry[0], s * a.entry[1], s * a.entry[2], s * a.entry[3]}};
+}
+inline Mat2& operator+=(Mat2& a, const Mat2& b) { return a = a + b; }
+inline Vec2 operator*(const Mat2& a, Vec2 v) {
+  return {a.entry[0] * v.x + a.entry[2] * v.y, a.entry[1] * v.x + a.entry[3] * v.y};
+}
+inline Mat2 operator*(const Mat2& a, const Mat2& b) {
+  return columns(a * Vec2{b.entry[0], b.entry[1]}, a * Vec2{b.entry[2], b.entry[3]});
+}
+inline Mat2 transposed(const Mat2& a) { return {{a.entry[0], a.entry[2], a.entry[1], a.entry[3]}}; }
+inline double determinant(const Mat2& a) {
+  return a.entry[0] * a.entry[3] - a.entry[2] * a.entry[1];
+}
+inline Mat2 adjugate(const Mat2& a) { return {{a.entry[3], -a.entry[1], -a.entry[2], a.entry[0]}}; }
+inline Mat2 inverse(const Mat2& a) { return 1 / determinant(a) * adjugate(a); }
+inline double squared_norm(const Mat2& a) {
+  return a.entry[0] * a.entry[0] + a.entry[1] * a.entry[1] + a.entry[2] * a.entry[2] +
+         a.entry[3] * a.entry[3];
+}
+inline bool is_finite(const Mat2& a) {
+  return std::isfinite(a.entry[0]) && std::isfinite(a.entry[1]) && std::isfinite(a.entry[2]) &&
+         std::isfinite(a.entry[3]);
+}
+
+inline int rows_of(const Points2& x) { return static_cast<int>(x.rows()); }
+inline Vec2 row2(const Points2& x, int i) {
+  const double* p = x.data() + 2 * static_cast<std::ptrdiff_t>(i);
+  return {p[0], p[1]};
+}
+inline Vec3 row3(const Points3& x, int i) {
+  const double* p = x.data() + 3 * static_cast<std::ptrdiff_t>(i);
+  return {p[0], p[1], p[2]};
+}
+inline void set_row(Points2& x, int i, Vec2 p) {
+  double* row = x.data() + 2 * static_cast<std::ptrdiff_t>(i);
+  row[0] = p.x, row[1] = p.y;
+}
+inline void set_row(Points3& x, int i, const Vec3& p) {
+  double* row = x.data() + 3 * static_cast<std::ptrdiff_t>(i);
+  row[0] = p.x, row[1] = p.y, row[2] = p.z;
+}
+
+/// The box around some points: its lower left and its upper right corner.
+inline std::array<Vec2, 2> bounding_box(const Points2& x) {
+  Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
+  for (int i = 0; i < x.rows(); ++i) {
+    lo = lower(lo, row2(x, i));
+    hi = upper(hi, row2(x, i));
+  }
+  return {lo, hi};
+}
+
+/// A vector indexed by int, the type of every id in this file (and in Eigen and mesh files).
+template <class T>
+class Array {
+ public:
+  Array() = default;
+  explicit Array(int n, const T& value = T()) { assign(n, value); }
+  Array(const Array& other) { append(other.begin(), other.size_); }
+  Array(Array&& other) noexcept { swap(other); }
+  Array& operator=(Array other) noexcept { return swap(other), *this; }
+  ~Array() {
+    clear();
+    ::operator delete(items_);
+  }
+
+  int size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  T& operator[](int i) { return items_[i]; }
+  const T& operator[](int i) const { return items_[i]; }
+  T& back() { return items_[size_ - 1]; }
+  const T& back() const { return items_[size_ - 1]; }
+  T* data() { return items_; }
+  const T* data() const { return items_; }
+  T* begin() { return items_; }
+  T* end() { return items_ + size_; }
+  const T* begin() const { return items_; }
+  const T* end() const { return items_ + size_; }
+
+  void push_back(T value) {
+    if (size_ == room_) reserve(size_ < 4 ? 8 : 2 * size_);
+    ::new (static_cast<void*>(items_ + size_)) T(std::move(value));
+    ++size_;
+  }
+  void pop_back() { items_[--size_].~T(); }
+  void clear() {
+    while (size_ > 0) pop_back();
+  }
+  void assign(int n, const T& value) {
+    clear();
+    reserve(n);
+    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T(value);
+  }
+  void resize(int n) {
+    while (size_ > n) pop_back();
+    reserve(n);
+    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T();
+  }
+  void reserve(int n) {
+    if (n <= room_) return;
+    T* items = static_cast<T*>(::operator new(static_cast<std::size_t>(n) * sizeof(T)));
+    for (int i = 0; i < size_; ++i) {
+      ::new (static_cast<void*>(items + i)) T(std::move(items_[i]));
+      items_[i].~T();
+    }
+    ::operator delete(items_);
+    items_ = items;
+    room_ = n;
+  }
+  void append(const T* items, int n) {
+    reserve(size_ + n);
+    for (int i = 0; i < n; ++i, ++size_) ::new (static_cast<void*>(items_ + size_)) T(items[i]);
+  }
+  void swap(Array& other) noexcept {
+    std::swap(items_, other.items_);
+    std::swap(size_, other.size_);
+    std::swap(room_, other.room_);
+  }
+
+ private:
+  T* items_ = nullptr;
+  int size_ = 0, room_ = 0;
+};
+
+/// Ascending, each once.
+inline void sort_unique(Array<int>& ids) {
+  std::sort(ids.begin(), ids.end());
+  ids.resize(static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin()));
+}
+
+/// Takes all occurrences of a value out of an array.
+inline void remove_value(Array<int>& ids, int value) {
+  ids.resize(static_cast<int>(std::remove(ids.begin(), ids.end(), value) - ids.begin()));
+}
+
+/// Places in an order of keys; equal keys keep theirs.
+inline Array<int> sorted_by(const Array<double>& key) {
+  Array<int> order(key.size());
+  for (int i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(),
+            [&](int i, int j) { return key[i] != key[j] ? key[i] < key[j] : i < j; });
+  return order;
+}
+
+/// A part of a sentence, to be written as {"triangle ", f, " has no area"}.
+struct Word {
+  const char* text = nullptr;  // or else the number
+  int number = 0;
+  Word(const char* t) : text(t) {}
+  Word(const std::string& t) : text(t.c_str()) {}
+  Word(int n) : number(n) {}
+};
+using Words = std::initializer_list<Word>;
+
+inline std::string sentence(Words words) {
+  std::string result;
+  for (const Word& word : words)
+    result += word.text != nullptr ? word.text : std::to_string(word.number);
+  return result;
+}
+
+inline std::string join(const std::vector<int>& ids) {
+  std::string result;
+  for (int id : ids) result += (result.empty() ? "" : ", ") + std::to_string(id);
+  return result;
+}
+
+/// Fills an outcome; returns false for `return fail(...)`.
+inline bool fail(Outcome& outcome, Status status, Words message, const std::vector<int>& ids = {}) {
+  outcome.status = status;
+  outcome.message = sentence(message);
+  outcome.ids = ids;
+  return false;
 }
 
 class Timer {
  public:
   double lap() {  // seconds since construction or the last lap
-    const double s = seconds_since(start_);
-    start_ = std::chrono::steady_clock::now();
-    return s;
+    const auto now = std::chrono::steady_clock::now();
+    const double seconds = std::chrono::duration<double>(now - start_).count();
+    start_ = now;
+    return seconds;
   }
 
  private:
@@ -698,6 +829,8 @@ class Timer {
 /// and write to places of their own, so results are the same bits for any number of threads.
 class Executor {
  public:
+  using Task = std::function<void(int)>;
+
   explicit Executor(const Options& options)
       : threads_(options.threads), hook_(options.parallel_for) {
 #ifndef ISM_NO_THREADS
@@ -708,7 +841,7 @@ class Executor {
     threads_ = (std::max)(threads_, 1);
   }
 
-  void run(int n, const std::function<void(int)>& task) const {
+  void run(int n, const Task& task) const {
     if (n <= 0) return;
     if (hook_) return hook_(n, task);
 #ifndef ISM_NO_THREADS
@@ -724,7 +857,7 @@ class Executor {
 
  private:
 #ifndef ISM_NO_THREADS
-  void run_threads(int n, const std::function<void(int)>& task) const {
+  void run_threads(int n, const Task& task) const {
     std::atomic<int> next{0};
     const auto work = [&] {
       for (int i = next++; i < n; i = next++) task(i);
@@ -755,29 +888,30 @@ class Executor {
 namespace ism {
 namespace detail {
 
-constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of
-                                       // such numbers and their tails do not underflow
+constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers and
+                                       // their tails do not underflow
 constexpr double kLargest = 0x1p400;   // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
+inline Vec2 flush_tiny(Vec2 p) { return {flush_tiny(p.x), flush_tiny(p.y)}; }
 
 /// A sum of doubles of which no two overlap, smallest first (Shewchuk's expansion).
 struct Expansion {
-  std::array<double, 12> term{};
+  double term[12];
   int size = 0;
 
   /// Adds b exactly (grow-expansion with two-sum).
   void add(double b) {
     int kept = 0;
     for (int i = 0; i < size; ++i) {
-      const double a = term[static_cast<std::size_t>(i)];
+      const double a = term[i];
       const double sum = a + b;
       const double virtual_b = sum - a;
       const double tail = (a - (sum - virtual_b)) + (b - virtual_b);
-      if (tail != 0) term[static_cast<std::size_t>(kept++)] = tail;
+      if (tail != 0) term[kept++] = tail;
       b = sum;
     }
-    if (b != 0) term[static_cast<std::size_t>(kept++)] = b;
+    if (b != 0) term[kept++] = b;
     size = kept;
   }
 
@@ -790,26 +924,26 @@ struct Expansion {
     add(product);
   }
 
-  double sign() const { return size == 0 ? 0.0 : term[static_cast<std::size_t>(size - 1)]; }
+  double sign() const { return size == 0 ? 0.0 : term[size - 1]; }
 };
 
-inline double orient2d_exact(const Vec2& a, const Vec2& b, const Vec2& c) {
+inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
   Expansion sum;
-  sum.add_product(a.x(), b.y());
-  sum.add_product(-a.y(), b.x());
-  sum.add_product(b.x(), c.y());
-  sum.add_product(-b.y(), c.x());
-  sum.add_product(c.x(), a.y());
-  sum.add_product(-c.y(), a.x());
+  sum.add_product(a.x, b.y);
+  sum.add_product(-a.y, b.x);
+  sum.add_product(b.x, c.y);
+  sum.add_product(-b.y, c.x);
+  sum.add_product(c.x, a.y);
+  sum.add_product(-c.y, a.x);
   return sum.sign();
 }
 
 constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
 
 /// Positive if a, b, c turn left, negative if they turn right, 0 if they are collinear: exact.
-inline double orient2d(const Vec2& a, const Vec2& b, const Vec2& c) {
-  const double left = (a.x() - c.x()) * (b.y() - c.y());
-  const double right = (a.y() - c.y()) * (b.x() - c.x());
+inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
+  const double left = (a.x - c.x) * (b.y - c.y);
+  const double right = (a.y - c.y) * (b.x - c.x);
   const double det = left - right;
   if (std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right))) return det;
   return orient2d_exact(a, b, c);
@@ -823,10 +957,10 @@ struct LabelledPoint {
 
 /// Sign of the collinear triple a, b, c (ids ascending) after the displacement
 /// p_i += (ε^(4^i), ε^(2·4^i)): the first non-vanishing coefficient of the determinant in ε.
-inline bool perturbed_sign(const Vec2& a, const Vec2& b, const Vec2& c) {
-  if (b.y() != c.y()) return b.y() > c.y();
-  if (b.x() != c.x()) return c.x() > b.x();
-  if (c.y() != a.y()) return c.y() > a.y();
+inline bool perturbed_sign(Vec2 a, Vec2 b, Vec2 c) {
+  if (b.y != c.y) return b.y > c.y;
+  if (b.x != c.x) return c.x > b.x;
+  if (c.y != a.y) return c.y > a.y;
   return false;
 }
 
@@ -856,7 +990,7 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 // Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
 //             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
 //             counter-clockwise from it visits every face of v.
-// Fails:      validate() says why a mesh is no disk; build_surface() wants a validated one.
+// Fails:      find_problems() says why a mesh is no disk; build_surface() wants a validated one.
 
 namespace ism {
 namespace detail {
@@ -933,14 +1067,14 @@ inline void trace_boundary(HalfEdgeMesh& m) {
   }
 }
 
-inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
+inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
+                                     const Array<EdgeUse>& uses) {
   HalfEdgeMesh m;
   m.n_vertices = n_vertices;
   m.n_faces = static_cast<int>(F.rows());
   m.tail.resize(3 * m.n_faces);
   for (int h = 0; h < 3 * m.n_faces; ++h) m.tail[h] = F(h / 3, h % 3);
   m.twin.assign(3 * m.n_faces, -1);
-  const Array<EdgeUse> uses = sorted_edges(F);
   for_each_edge(uses, [&](int begin, int end) {
     if (end - begin != 2) return;
     m.twin[uses[begin].half_edge] = uses[begin + 1].half_edge;
@@ -953,6 +1087,16 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   return m;
 }
 
+inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
+  return build_half_edges(n_vertices, F, sorted_edges(F));
+}
+
+inline Triangles triangles_of(const HalfEdgeMesh& m) {
+  Triangles triangles(m.n_faces, 3);
+  for (int h = 0; h < m.tail.size(); ++h) triangles(h / 3, h % 3) = m.tail[h];
+  return triangles;
+}
+
 /// The half-edge from u to v, or -1.
 inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
   int found = -1;
@@ -961,6 +1105,12 @@ inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
       if (m.tip(h) == v) found = h;
     });
   return found;
+}
+
+/// The half-edge of an edge in the direction it has, or in the other one; -1 if there is none.
+inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
+  const int h = find_half_edge(m, u, v);
+  return h >= 0 ? h : find_half_edge(m, v, u);
 }
 
 /// Cuts the triangle of h in two along the line from the middle of its edge u → v to the corner
@@ -994,30 +1144,32 @@ struct Surface {
   Points3 vertices;             // scaled to total area 1 unless asked otherwise
   std::vector<Midpoint> added;  // the last of them, which were not given
   double total_area = 0;
-  Array<double> area;                   // #F
-  Array<Eigen::Matrix2d> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
+  Array<double> area;        // #F
+  Array<Mat2> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
+
+  Vec3 corner(int f, int k) const { return row3(vertices, mesh.corner(f, k)); }
+  double edge_length(int h) const {
+    return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
+  }
 };
 
 /// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
-inline Eigen::Matrix2d rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
+inline Mat2 rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 u = b - a, v = c - a;
-  const double length = u.norm();
-  Eigen::Matrix2d R;
-  R << length, u.dot(v) / length, 0, u.cross(v).norm() / length;
-  return R;
+  const double length = norm(u);
+  return {{length, 0, dot(u, v) / length, norm(cross(u, v)) / length}};
 }
 
 /// The same from the lengths |b - a|, |c - b|, |a - c|; the area is Kahan's, which keeps thin
 /// triangles positive.
-inline Eigen::Matrix2d rest_frame(const std::array<double, 3>& length) {
-  std::array<double, 3> l = length;
-  std::sort(l.begin(), l.end());
+inline Mat2 rest_frame(double ab, double bc, double ca) {
+  double l[3] = {ab, bc, ca};
+  if (l[0] > l[1]) std::swap(l[0], l[1]);
+  if (l[1] > l[2]) std::swap(l[1], l[2]);
+  if (l[0] > l[1]) std::swap(l[0], l[1]);
   const double area = 0.25 * std::sqrt((l[2] + (l[1] + l[0])) * (l[0] - (l[2] - l[1])) *
                                        (l[0] + (l[2] - l[1])) * (l[2] + (l[1] - l[0])));
-  const double ab = length[0], bc = length[1], ca = length[2];
-  Eigen::Matrix2d R;
-  R << ab, (ab * ab + (ca - bc) * (ca + bc)) / (2 * ab), 0, 2 * area / ab;
-  return R;
+  return {{ab, 0, (ab * ab + (ca - bc) * (ca + bc)) / (2 * ab), 2 * area / ab}};
 }
 
 inline void compute_rest_frames(Surface& s) {
@@ -1026,68 +1178,60 @@ inline void compute_rest_frames(Surface& s) {
   s.rest_inverse.resize(n);
   s.total_area = 0;
   for (int f = 0; f < n; ++f) {
-    const Eigen::Matrix2d R =
-        rest_frame(s.vertices.row(s.mesh.corner(f, 0)), s.vertices.row(s.mesh.corner(f, 1)),
-                   s.vertices.row(s.mesh.corner(f, 2)));
-    s.area[f] = 0.5 * R.determinant();
-    s.rest_inverse[f] = R.inverse();
+    const Mat2 R = rest_frame(s.corner(f, 0), s.corner(f, 1), s.corner(f, 2));
+    s.area[f] = 0.5 * determinant(R);
+    s.rest_inverse[f] = inverse(R);
     s.total_area += s.area[f];
   }
 }
 
-inline double surface_area(const Points3& vertices, const Triangles& triangles) {
-  double area = 0;
-  for (int f = 0; f < triangles.rows(); ++f) {
-    const Vec3 a = vertices.row(triangles(f, 0));
-    const Vec3 b = vertices.row(triangles(f, 1));
-    const Vec3 c = vertices.row(triangles(f, 2));
-    area += 0.5 * (b - a).cross(c - a).norm();
-  }
-  return area;
+/// Scales a surface to area 1.
+inline void normalize(Surface& s) {
+  double extent = 0, area = 0;
+  for (int v = 0; v < s.vertices.rows(); ++v)
+    for (int k = 0; k < 3; ++k) extent = (std::max)(extent, std::abs(s.vertices(v, k)));
+  // First by a power of two, which is exact: in any unit, squares then neither over- nor underflow.
+  const auto scale = [&](double factor) {
+    for (int v = 0; v < s.vertices.rows(); ++v)
+      set_row(s.vertices, v, factor * row3(s.vertices, v));
+  };
+  scale(std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)));
+  for (int f = 0; f < s.mesh.n_faces; ++f)
+    area += 0.5 * norm(cross(s.corner(f, 1) - s.corner(f, 0), s.corner(f, 2) - s.corner(f, 0)));
+  scale(1 / std::sqrt(area));
 }
 
-inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
+inline Surface build_surface(HalfEdgeMesh mesh, const Points3& vertices, bool keep_scale) {
   Surface s;
-  s.mesh = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
-  s.vertices = mesh.vertices;
-  if (!keep_scale) {
-    // First by a power of two, which is exact: in any unit, squares then neither over- nor
-    // underflow.
-    const int exponent = std::ilogb(mesh.vertices.cwiseAbs().maxCoeff());
-    s.vertices *= std::ldexp(1.0, std::clamp(-exponent, -1000, 1000));
-    s.vertices *= 1 / std::sqrt(surface_area(s.vertices, mesh.triangles));
-  }
+  s.mesh = std::move(mesh);
+  s.vertices = vertices;
+  if (!keep_scale) normalize(s);
   compute_rest_frames(s);
   return s;
 }
 
-/// Halves edges, one after the other; the surface stays the same.
-inline void split_edges(const std::vector<Midpoint>& edges, Surface& s) {
-  for (const Midpoint& edge : edges) {
-    const int h = find_half_edge(s.mesh, edge[0], edge[1]);
-    split_edge(s.mesh, h >= 0 ? h : find_half_edge(s.mesh, edge[1], edge[0]));
-  }
-  trace_boundary(s.mesh);
-  int v = static_cast<int>(s.vertices.rows());
-  s.vertices.conservativeResize(s.mesh.n_vertices, 3);
-  for (const Midpoint& edge : edges)
-    s.vertices.row(v++) = 0.5 * s.vertices.row(edge[0]) + 0.5 * s.vertices.row(edge[1]);
-  s.added.insert(s.added.end(), edges.begin(), edges.end());
-  compute_rest_frames(s);
+inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
+  return build_surface(build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles),
+                       mesh.vertices, keep_scale);
 }
 
-/// The mesh that a surface was built from, with the vertices added since.
-inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface& s) {
-  TriangleMesh mesh;
-  mesh.vertices.resize(s.mesh.n_vertices, 3);
-  int v = static_cast<int>(given.vertices.rows());
-  mesh.vertices.topRows(v) = given.vertices;
-  for (const Midpoint& edge : s.added)
-    mesh.vertices.row(v++) = 0.5 * mesh.vertices.row(edge[0]) + 0.5 * mesh.vertices.row(edge[1]);
-  mesh.triangles.resize(s.mesh.n_faces, 3);
-  for (int f = 0; f < s.mesh.n_faces; ++f)
-    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = s.mesh.corner(f, k);
-  return mesh;
+/// Vertices with the middles of edges behind them; earlier middles may be ends.
+inline Points3 with_midpoints(const Points3& vertices, const std::vector<Midpoint>& edges) {
+  int v = static_cast<int>(vertices.rows());
+  Points3 all(v + static_cast<int>(edges.size()), 3);
+  std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
+  for (const Midpoint& edge : edges)
+    set_row(all, v++, 0.5 * row3(all, edge[0]) + 0.5 * row3(all, edge[1]));
+  return all;
+}
+
+/// Halves edges, one after the other; the surface stays the same.
+inline void split_edges(const std::vector<Midpoint>& edges, Surface& s) {
+  for (const Midpoint& edge : edges) split_edge(s.mesh, find_edge(s.mesh, edge[0], edge[1]));
+  trace_boundary(s.mesh);
+  s.vertices = with_midpoints(s.vertices, edges);
+  s.added.insert(s.added.end(), edges.begin(), edges.end());
+  compute_rest_frames(s);
 }
 
 // ---- validation ----
@@ -1096,27 +1240,23 @@ inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
-  void add(Problem::Kind kind, std::string message, std::vector<int> ids) {
-    if (++count_[static_cast<std::size_t>(kind)] <= kMostOfAKind)
-      problems.push_back({kind, std::move(message), std::move(ids)});
+  void add(Problem::Kind kind, Words message, const std::vector<int>& ids) {
+    if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
+      problems.push_back({kind, sentence(message), ids});
   }
   std::vector<Problem> problems;
 
  private:
-  std::array<int, 16> count_{};
+  int count_[16] = {};
 };
 
-inline std::string join(const std::vector<int>& ids) {
-  std::string text;
-  for (int id : ids) text += (text.empty() ? "" : ", ") + std::to_string(id);
-  return text;
-}
-
 inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
-  for (int v = 0; v < mesh.vertices.rows(); ++v)
-    if (!mesh.vertices.row(v).allFinite())
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
+    const Vec3 p = row3(mesh.vertices, v);
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       list.add(Problem::Kind::kNonFiniteCoordinate,
-               "vertex " + std::to_string(v) + " has a coordinate that is not finite", {v});
+               {"vertex ", v, " has a coordinate that is not finite"}, {v});
+  }
 }
 
 inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
@@ -1126,42 +1266,44 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
       const int v = mesh.triangles(f, k);
       if (v < 0 || v >= n)
         list.add(Problem::Kind::kIndexOutOfRange,
-                 "triangle " + std::to_string(f) + " refers to vertex " + std::to_string(v) +
-                     ", but there are " + std::to_string(n) + " vertices",
+                 {"triangle ", f, " refers to vertex ", v, ", but there are ", n, " vertices"},
                  {f});
     }
-}
-
-/// The edge vectors of a triangle, one per row.
-inline Eigen::Matrix3d edge_vectors(const TriangleMesh& mesh, int f) {
-  const Vec3 a = mesh.vertices.row(mesh.triangles(f, 0)),
-             b = mesh.vertices.row(mesh.triangles(f, 1));
-  const Vec3 c = mesh.vertices.row(mesh.triangles(f, 2));
-  Eigen::Matrix3d edges;
-  edges << (b - a).transpose(), (c - b).transpose(), (a - c).transpose();
-  return edges;
 }
 
 /// A triangle is degenerate if a vertex repeats, if its height is below 1e-12 of its longest edge,
 /// or if it is smaller than 1e-30 of the largest one: fourth powers of the ratio have to exist.
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
+  const auto edge = [&](int f, int k) {
+    return row3(mesh.vertices, mesh.triangles(f, (k + 1) % 3)) -
+           row3(mesh.vertices, mesh.triangles(f, k));
+  };
+  const auto extent_of = [&](int f) {
+    double extent = 0;
+    for (int k = 0; k < 3; ++k)
+      for (int c = 0; c < 3; ++c) extent = (std::max)(extent, std::abs(edge(f, k)[c]));
+    return extent;
+  };
   const auto add = [&](int f, const char* what) {
-    list.add(Problem::Kind::kDegenerateTriangle, "triangle " + std::to_string(f) + what, {f});
+    list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, what}, {f});
   };
   double largest = 0;
-  for (int f = 0; f < mesh.triangles.rows(); ++f)
-    largest = (std::max)(largest, edge_vectors(mesh, f).cwiseAbs().maxCoeff());
+  for (int f = 0; f < mesh.triangles.rows(); ++f) largest = (std::max)(largest, extent_of(f));
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int i = mesh.triangles(f, 0), j = mesh.triangles(f, 1), k = mesh.triangles(f, 2);
-    Eigen::Matrix3d edges = edge_vectors(mesh, f);
-    const double extent = edges.cwiseAbs().maxCoeff();  // taken out, so that squares exist
-    if (extent > 0) edges /= extent;
-    const double longest2 = edges.rowwise().squaredNorm().maxCoeff();
-    const double twice_area = edges.row(0).cross(edges.row(1)).norm();
+    const double extent = extent_of(f);
+    const double unit = extent > 0 ? extent : 1;  // divided by, so that squares exist
+    Vec3 side[3];
+    for (int c = 0; c < 3; ++c) {
+      const Vec3 e = edge(f, c);
+      side[c] = {e.x / unit, e.y / unit, e.z / unit};
+    }
+    const double longest2 =
+        (std::max)({squared_norm(side[0]), squared_norm(side[1]), squared_norm(side[2])});
     if (i == j || j == k || k == i)
       add(f, " uses a vertex twice");
-    else if (!(twice_area > kThinnest * longest2))
+    else if (!(norm(cross(side[0], side[1])) > kThinnest * longest2))
       add(f, " has no area");
     else if (extent < kSmallest * largest)
       add(f, " is smaller than 1e-30 of the largest triangle");
@@ -1169,37 +1311,35 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
 }
 
 inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
-  std::vector<std::array<int, 4>> keys;
+  Array<std::array<int, 4>> corners;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    std::array<int, 3> v = {mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2)};
-    std::sort(v.begin(), v.end());
-    keys.push_back({v[0], v[1], v[2], f});
+    std::array<int, 4> v = {mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2), f};
+    std::sort(v.begin(), v.begin() + 3);
+    corners.push_back(v);
   }
-  std::sort(keys.begin(), keys.end());
-  for (std::size_t i = 1; i < keys.size(); ++i)
-    if (std::equal(keys[i].begin(), keys[i].begin() + 3, keys[i - 1].begin()))
+  std::sort(corners.begin(), corners.end());
+  for (int i = 1; i < corners.size(); ++i)
+    if (std::equal(corners[i].begin(), corners[i].begin() + 3, corners[i - 1].begin()))
       list.add(Problem::Kind::kRepeatedTriangle,
-               "triangles " + std::to_string(keys[i - 1][3]) + " and " +
-                   std::to_string(keys[i][3]) + " have the same vertices",
-               {keys[i - 1][3], keys[i][3]});
+               {"triangles ", corners[i - 1][3], " and ", corners[i][3], " have the same vertices"},
+               {corners[i - 1][3], corners[i][3]});
 }
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
   for_each_edge(uses, [&](int begin, int end) {
     if (uses[begin].lo == uses[begin].hi) return;  // of a triangle that uses a vertex twice
+    if (end - begin == 1) return;
     std::vector<int> faces;
     for (int i = begin; i < end; ++i) faces.push_back(uses[i].half_edge / 3);
-    const std::string edge =
-        "edge " + std::to_string(uses[begin].lo) + "-" + std::to_string(uses[begin].hi);
+    const std::string edge = sentence({"edge ", uses[begin].lo, "-", uses[begin].hi});
     if (faces.size() > 2)
       list.add(Problem::Kind::kNonManifoldEdge,
-               edge + " has " + std::to_string(faces.size()) + " triangles: " + join(faces), faces);
+               {edge, " has ", end - begin, " triangles: ", join(faces)}, faces);
     if (faces.size() != 2) return;
     const int h0 = uses[begin].half_edge, h1 = uses[begin + 1].half_edge;
     if (mesh.triangles(h0 / 3, h0 % 3) == mesh.triangles(h1 / 3, h1 % 3))
       list.add(Problem::Kind::kInconsistentOrientation,
-               "triangles " + join(faces) + " run through " + edge + " in the same direction",
-               faces);
+               {"triangles ", join(faces), " run through ", edge, " in the same direction"}, faces);
   });
 }
 
@@ -1208,11 +1348,10 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
-  for (int h = 0; h < m.tail.size(); ++h) ++incident[m.tail[h]];
+  for (int v : m.tail) ++incident[v];
   for (int v = 0; v < m.n_vertices; ++v) {
     if (incident[v] == 0) {
-      list.add(Problem::Kind::kUnreferencedVertex,
-               "vertex " + std::to_string(v) + " is used by no triangle", {v});
+      list.add(Problem::Kind::kUnreferencedVertex, {"vertex ", v, " is used by no triangle"}, {v});
       continue;
     }
     if (!edges_are_sound) continue;
@@ -1223,20 +1362,20 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
     }
     if (fan != incident[v])
       list.add(Problem::Kind::kNonManifoldVertex,
-               "vertex " + std::to_string(v) + " joins " + std::to_string(incident[v]) +
-                   " triangles that form more than one fan",
+               {"vertex ", v, " joins ", incident[v], " triangles that form more than one fan"},
                {v});
   }
 }
 
 inline int count_components(const HalfEdgeMesh& m) {
   Array<char> seen(m.n_faces, 0);
+  Array<int> stack;
   int components = 0;
   for (int seed = 0; seed < m.n_faces; ++seed) {
     if (seen[seed]) continue;
     ++components;
     seen[seed] = 1;
-    std::vector<int> stack = {seed};
+    stack.push_back(seed);
     while (!stack.empty()) {
       const int f = stack.back();
       stack.pop_back();
@@ -1263,50 +1402,54 @@ inline std::vector<int> boundary_loops(const HalfEdgeMesh& m) {
   return loops;
 }
 
-inline void check_topology(const HalfEdgeMesh& m, int n_edges, ProblemList& list) {
+inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
     list.add(Problem::Kind::kSeveralComponents,
-             "the mesh has " + std::to_string(components) + " components, 1 is needed", {});
+             {"the mesh has ", components, " components, 1 is needed"}, {});
   const std::vector<int> loops = boundary_loops(m);
   if (loops.empty())
-    list.add(Problem::Kind::kClosed, "the mesh is closed; cut a hole so that it is a disk", {});
+    list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole so that it is a disk"}, {});
   if (loops.size() > 1)
     list.add(Problem::Kind::kSeveralBoundaries,
-             "the mesh has " + std::to_string(loops.size()) +
-                 " boundary loops, 1 is needed; they pass through vertices " + join(loops),
+             {"the mesh has ", static_cast<int>(loops.size()),
+              " boundary loops, 1 is needed; they pass through vertices ", join(loops)},
              loops);
+  int half_edges_on_boundary = 0;
+  for (int t : m.twin) half_edges_on_boundary += t < 0;
+  const int n_edges = (m.tail.size() + half_edges_on_boundary) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   if (chi != 1 && components == 1 && loops.size() == 1)
     list.add(Problem::Kind::kWrongEulerCharacteristic,
-             "the Euler characteristic is " + std::to_string(chi) +
-                 ", a disk has 1; the mesh has handles",
-             {});
+             {"the Euler characteristic is ", chi, ", a disk has 1; the mesh has handles"}, {});
+}
+
+/// What keeps a mesh from being a clean triangulated disk; if nothing, m is its connectivity.
+inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m) {
+  ProblemList list;
+  if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
+    list.add(Problem::Kind::kEmpty, {"the mesh has no vertices or no triangles"}, {});
+    return list.problems;
+  }
+  check_vertices(mesh, list);
+  check_indices(mesh, list);
+  if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
+  check_triangles(mesh, list);
+  check_repeated(mesh, list);
+  const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
+  check_edges(mesh, uses, list);
+  m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles, uses);
+  check_fans(m, list);
+  if (!list.problems.empty()) return list.problems;  // the next check walks the mesh
+  check_topology(m, list);
+  return list.problems;
 }
 
 }  // namespace detail
 
-inline std::vector<Problem> validate(const TriangleMesh& mesh) {
-  detail::ProblemList list;
-  if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Problem::Kind::kEmpty, "the mesh has no vertices or no triangles", {});
-    return list.problems;
-  }
-  detail::check_vertices(mesh, list);
-  detail::check_indices(mesh, list);
-  if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
-  detail::check_triangles(mesh, list);
-  detail::check_repeated(mesh, list);
-  const detail::Array<detail::EdgeUse> uses = detail::sorted_edges(mesh.triangles);
-  detail::check_edges(mesh, uses, list);
-  const detail::HalfEdgeMesh m =
-      detail::build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
-  detail::check_fans(m, list);
-  if (!list.problems.empty()) return list.problems;  // the next checks walk the mesh
-  int n_edges = 0;
-  detail::for_each_edge(uses, [&](int, int) { ++n_edges; });
-  detail::check_topology(m, n_edges, list);
-  return list.problems;
+std::vector<Problem> validate(const TriangleMesh& mesh) {
+  detail::HalfEdgeMesh m;
+  return detail::find_problems(mesh, m);
 }
 
 }  // namespace ism
@@ -1351,16 +1494,16 @@ class BoundaryTree {
   void build(const HalfEdgeMesh& m, const Points2& x) {
     const int n = m.boundary.size();
     for (leaves_ = 1; leaves_ < n;) leaves_ *= 2;
-    lo_.assign(2 * leaves_, Vec2::Constant(std::numeric_limits<double>::infinity()));
-    hi_.assign(2 * leaves_, Vec2::Constant(-std::numeric_limits<double>::infinity()));
+    lo_.assign(2 * leaves_, {kInfinity, kInfinity});
+    hi_.assign(2 * leaves_, {-kInfinity, -kInfinity});
     for (int i = 0; i < n; ++i) {
       const Vec2 p = row2(x, m.tail[m.boundary[i]]), q = row2(x, m.tip(m.boundary[i]));
-      lo_[leaves_ + i] = p.cwiseMin(q);
-      hi_[leaves_ + i] = p.cwiseMax(q);
+      lo_[leaves_ + i] = lower(p, q);
+      hi_[leaves_ + i] = upper(p, q);
     }
     for (int i = leaves_ - 1; i >= 1; --i) {
-      lo_[i] = lo_[2 * i].cwiseMin(lo_[2 * i + 1]);
-      hi_[i] = hi_[2 * i].cwiseMax(hi_[2 * i + 1]);
+      lo_[i] = lower(lo_[2 * i], lo_[2 * i + 1]);
+      hi_[i] = upper(hi_[2 * i], hi_[2 * i + 1]);
     }
   }
 
@@ -1373,8 +1516,8 @@ class BoundaryTree {
  private:
   template <class Visit>
   void descend(int i, const BoundaryTree& other, int j, Visit& visit) const {
-    if ((lo_[i].array() > other.hi_[j].array()).any()) return;
-    if ((other.lo_[j].array() > hi_[i].array()).any()) return;
+    if (lo_[i].x > other.hi_[j].x || lo_[i].y > other.hi_[j].y) return;
+    if (other.lo_[j].x > hi_[i].x || other.lo_[j].y > hi_[i].y) return;
     const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
     if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
     if (leaf_j || (!leaf_i && i <= j)) {
@@ -1393,20 +1536,21 @@ class BoundaryTree {
 // ---- injectivity of one embedding (§4.4) ----
 
 /// True if closed segments pq and rs have a point in common, exactly.
-inline bool segments_touch(const Vec2& p, const Vec2& q, const Vec2& r, const Vec2& s) {
+inline bool segments_touch(Vec2 p, Vec2 q, Vec2 r, Vec2 s) {
   const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
   const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
-  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0)  // collinear: do the boxes touch?
-    return (p.cwiseMin(q).array() <= r.cwiseMax(s).array()).all() &&
-           (r.cwiseMin(s).array() <= p.cwiseMax(q).array()).all();
+  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0) {  // collinear: boxes touch?
+    const Vec2 lo_pq = lower(p, q), hi_pq = upper(p, q), lo_rs = lower(r, s), hi_rs = upper(r, s);
+    return lo_pq.x <= hi_rs.x && lo_pq.y <= hi_rs.y && lo_rs.x <= hi_pq.x && lo_rs.y <= hi_pq.y;
+  }
   const auto straddles = [](double u, double v) { return !(u > 0 && v > 0) && !(u < 0 && v < 0); };
   return straddles(r_side, s_side) && straddles(p_side, q_side);
 }
 
 /// True if consecutive segments pq and qr fold back onto each other, so that they share more than
 /// q.
-inline bool turns_back(const Vec2& p, const Vec2& q, const Vec2& r) {
-  return orient2d(p, q, r) == 0 && (p - q).dot(r - q) > 0;
+inline bool turns_back(Vec2 p, Vec2 q, Vec2 r) {
+  return orient2d(p, q, r) == 0 && dot(p - q, r - q) > 0;
 }
 
 inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
@@ -1422,16 +1566,19 @@ inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
 inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
   for (int v = 0; v < m.n_vertices; ++v) {
     if (m.on_boundary(v)) continue;
-    const auto upper = [&](int h) {
-      const int w = m.tip(h);
-      return x(w, 1) > x(v, 1) || (x(w, 1) == x(v, 1) && x(w, 0) > x(v, 0));
+    const Vec2 p = row2(x, v);
+    const auto upper_half = [&](int h) {
+      const Vec2 q = row2(x, m.tip(h));
+      return q.y > p.y || (q.y == p.y && q.x > p.x);
     };
     int turns = 0;
+    bool was_upper = upper_half(m.out[v]);
     int h = m.out[v];
     do {
-      const int g = m.turn(h);
-      if (!upper(h) && upper(g)) ++turns;
-      h = g;
+      h = m.turn(h);
+      const bool is_upper = upper_half(h);
+      if (!was_upper && is_upper) ++turns;
+      was_upper = is_upper;
     } while (h != m.out[v]);
     if (turns != 1) return false;
   }
@@ -1457,11 +1604,12 @@ inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
 }
 
 inline bool coordinates_are_usable(const Points2& x) {
+  const auto is_usable = [](double c) {
+    const double magnitude = std::abs(c);
+    return magnitude == 0 || (magnitude >= kTiniest && magnitude <= kLargest);
+  };
   for (int i = 0; i < x.rows(); ++i)
-    for (int c = 0; c < 2; ++c) {
-      const double magnitude = std::abs(x(i, c));
-      if (!(magnitude <= kLargest) || (magnitude != 0 && magnitude < kTiniest)) return false;
-    }
+    if (!is_usable(row2(x, i).x) || !is_usable(row2(x, i).y)) return false;
   return true;
 }
 
@@ -1476,33 +1624,37 @@ inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
 // ---- intersection of two triangles ----
 
 /// A triangle with the labels of its corners: A's vertices come first in the perturbation.
-using LabelledTriangle = std::array<LabelledPoint, 3>;
+struct LabelledTriangle {
+  LabelledPoint corner[3];
+  const LabelledPoint& operator[](int k) const { return corner[k]; }
+};
 
 inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f, int first_id) {
   const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
   return {{{row2(x, i), first_id + i}, {row2(x, j), first_id + j}, {row2(x, k), first_id + k}}};
 }
 
-/// side[i][k]: does corner i of the one triangle lie left of edge k of the other?
-using Sides = std::array<std::array<bool, 3>, 3>;
+/// left[i][k]: does corner i of the one triangle lie left of edge k of the other?
+struct Sides {
+  bool left[3][3];
+  bool inside(int i) const { return left[i][0] && left[i][1] && left[i][2]; }
+};
 
 /// What oriented() says of each; differences are shared among the three edges.
 inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edges) {
-  Sides side{};
-  for (std::size_t i = 0; i < 3; ++i) {
+  Sides side;
+  for (int i = 0; i < 3; ++i) {
     const Vec2 d[3] = {edges[0].p - corners[i].p, edges[1].p - corners[i].p,
                        edges[2].p - corners[i].p};
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::size_t l = k == 2 ? 0 : k + 1;
-      const double left = d[k].x() * d[l].y(), right = d[k].y() * d[l].x(), det = left - right;
+    for (int k = 0; k < 3; ++k) {
+      const int l = k == 2 ? 0 : k + 1;
+      const double left = d[k].x * d[l].y, right = d[k].y * d[l].x, det = left - right;
       const bool is_certain = std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right));
-      side[i][k] = is_certain ? det > 0 : oriented(edges[k], edges[l], corners[i]);
+      side.left[i][k] = is_certain ? det > 0 : oriented(edges[k], edges[l], corners[i]);
     }
   }
   return side;
 }
-
-inline bool inside(const std::array<bool, 3>& left) { return left[0] && left[1] && left[2]; }
 
 /// The part of one edge of a triangle inside the other triangle: whether there is one, and the
 /// edge of the other triangle through which it leaves, or -1 if it ends at its vertex.
@@ -1513,18 +1665,19 @@ struct EdgePiece {
 
 /// Edge i of the triangle whose corners have sides `own` (with respect to the other triangle's
 /// edges); `other` are the sides of the other triangle's corners with respect to this one's edges.
-inline EdgePiece edge_piece(std::size_t i, const Sides& own, const Sides& other) {
-  const std::size_t j = (i + 1) % 3;
+inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
+  const int j = i == 2 ? 0 : i + 1;
   EdgePiece piece;
-  bool starts = inside(own[i]);
-  bool ends = inside(own[j]);
-  for (std::size_t k = 0; k < 3; ++k) {
-    const bool crossed = own[i][k] != own[j][k] && other[k][i] != other[(k + 1) % 3][i];
+  bool starts = own.inside(i);
+  bool ends = own.inside(j);
+  for (int k = 0; k < 3; ++k) {
+    const bool crossed =
+        own.left[i][k] != own.left[j][k] && other.left[k][i] != other.left[k == 2 ? 0 : k + 1][i];
     if (!crossed) continue;
-    if (own[j][k])
+    if (own.left[j][k])
       starts = true;
     else
-      ends = true, piece.leaves_through = static_cast<int>(k);
+      ends = true, piece.leaves_through = k;
   }
   piece.exists = starts && ends;
   return piece;
@@ -1533,20 +1686,19 @@ inline EdgePiece edge_piece(std::size_t i, const Sides& own, const Sides& other)
 /// The intersection of two triangles; count 0 if they do not overlap.
 inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangle& b) {
   const Sides a_side = sides(a, b), b_side = sides(b, a);
-  std::array<EdgePiece, 6> piece;
-  for (std::size_t i = 0; i < 3; ++i) {
+  EdgePiece piece[6];
+  for (int i = 0; i < 3; ++i) {
     piece[i] = edge_piece(i, a_side, b_side);
     piece[i + 3] = edge_piece(i, b_side, a_side);
   }
   OverlayPolygon polygon;
   int first = 0;
-  while (first < 6 && !piece[static_cast<std::size_t>(first)].exists) ++first;
+  while (first < 6 && !piece[first].exists) ++first;
   if (first == 6) return polygon;
   int e = first;
   do {
     polygon.push(e);
-    const int through = piece[static_cast<std::size_t>(e)].leaves_through;
-    const int base = e < 3 ? 0 : 3;
+    const int through = piece[e].leaves_through, base = e < 3 ? 0 : 3;
     e = through < 0 ? base + (e - base + 1) % 3 : (3 - base) + through;
   } while (e != first && polygon.count < 6);
   return polygon;
@@ -1554,13 +1706,18 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 
 // ---- the overlay of two embeddings ----
 
+/// Triangles of A and B that meet.
+struct Seed {
+  int ta, tb;
+};
+
 /// The polygons of an overlay, and the memory to compute the next one without allocating.
 struct Overlay {
   Array<OverlayPolygon> polygons;
   Array<int> newest;  // per triangle of A: the polygon found last, or -1
   Array<int> older;   // per polygon: the one found before in the same triangle of A, or -1
   Array<int> mark;    // per triangle of B: the triangle of A that is known to meet it
-  Array<std::pair<int, int>> seeds;  // triangles of A and B that meet
+  Array<Seed> seeds;
   BoundaryTree boundary_a, boundary_b;
 };
 
@@ -1579,9 +1736,9 @@ class OverlayBuilder {
     seed_boundary_crossings();
     if (overlay_.seeds.empty()) seed_containment();
     while (!overlay_.seeds.empty()) {
-      const auto seed = overlay_.seeds.back();
+      const Seed seed = overlay_.seeds.back();
       overlay_.seeds.pop_back();
-      flood(seed.first, seed.second);
+      flood(seed.ta, seed.tb);
     }
   }
 
@@ -1668,19 +1825,41 @@ class OverlayBuilder {
   int marked_ = -1;  // the triangle of A whose polygons are marked
 };
 
-/// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, line 3).
+/// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, lines 3 and 19).
 inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
                             const Points2& g, Overlay& overlay) {
   OverlayBuilder(a, f, b, g, overlay).build();
 }
 
+/// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
+struct FaceGroups {
+  Array<int> start, item;
+};
+
+/// Groups the polygons of an overlay by the face they have in one mesh, `ta` or `tb`.
+inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces,
+                                 int OverlayPolygon::*face) {
+  FaceGroups groups;
+  groups.start.assign(n_faces + 1, 0);
+  groups.item.resize(polygons.size());
+  for (const OverlayPolygon& p : polygons) ++groups.start[p.*face + 1];
+  for (int f = 0; f < n_faces; ++f) groups.start[f + 1] += groups.start[f];
+  Array<int> fill = groups.start;
+  for (int i = 0; i < polygons.size(); ++i) groups.item[fill[polygons[i].*face]++] = i;
+  return groups;
+}
+
 }  // namespace detail
 }  // namespace ism
 
-// ==== [8] ENERGIES (paper §4.1, §4.2, §4.4, §5.1) ================================================
+// ==== [8] ENERGIES (paper §3.2, §4.1, §4.2, §4.4, §5.1) ==========================================
 //
 // Purpose:    value, gradient and Hessian of the distortion of one meta mesh polygon and of one
 //             parametrised triangle in closed form, and the projection of Hessians to s.p.d. ones.
+// Method:     E_ρ = a w(F, G), where w depends on K, det F and det G only; so three numbers carry
+//             all that differs between measures, and the chain rule leads from them to the entries
+//             of F and G and on to the six points. Formulas are written for one polygon; batches of
+//             polygons then go through them side by side, one in every lane of a vector.
 // Invariants: six planar points, two rest frames and a corner code are the whole input; values are
 //             finite whenever both triangles are positive, also for polygons without area.
 // Fails:      never; triangles that are not positive, or too thin for rounded determinants to be,
@@ -1689,11 +1868,14 @@ inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfE
 namespace ism {
 namespace detail {
 
-using Vec6 = Eigen::Matrix<double, 6, 1>;
-using Mat6 = Eigen::Matrix<double, 6, 6>;
-using SixPoints = Eigen::Matrix<double, 2, 6>;  // columns: a0 a1 a2 b0 b1 b2
-
 // ---- geometry of a polygon ----
+
+/// The corners of two triangles: a0 a1 a2 b0 b1 b2.
+struct SixPoints {
+  Vec2 p[6];
+  Vec2& operator[](int i) { return p[i]; }
+  Vec2 operator[](int i) const { return p[i]; }
+};
 
 /// One piece of a polygon's boundary: edge `e` (0-5 as in OverlayPolygon), from its parameter s to
 /// t, 0 ≤ s ≤ t ≤ 1 up to rounding.
@@ -1704,33 +1886,36 @@ struct Piece {
 };
 
 struct PolygonShape {
-  std::array<Piece, 6> piece;
+  Piece piece[6];
   int count = 0;
-  Vec2 origin = Vec2::Zero();  // a corner; areas are computed relative to it
-  const Piece& operator[](int i) const { return piece[static_cast<std::size_t>(i)]; }
-  Piece& operator[](int i) { return piece[static_cast<std::size_t>(i)]; }
+  Vec2 origin;  // a corner; areas are computed relative to it
+  const Piece& operator[](int i) const { return piece[i]; }
+  Piece& operator[](int i) { return piece[i]; }
 };
 
 inline int edge_start(int e) { return e; }
-inline int edge_end(int e) { return e < 3 ? (e + 1) % 3 : 3 + (e - 2) % 3; }
+inline int edge_end(int e) { return e == 2 ? 0 : e == 5 ? 3 : e + 1; }
 inline bool same_triangle(int e, int other) { return (e < 3) == (other < 3); }
 
 inline double clamp01(double x) { return (std::min)((std::max)(x, 0.0), 1.0); }
 
-/// Parameters (t, μ) of the crossing u + t d = c + μ w of Eq. 6. For edges that are parallel to
-/// rounding, the middle of the common part stands for the crossing, which then has no influence on
-/// the area.
-inline std::pair<double, double> crossing(const Vec2& u, const Vec2& d, const Vec2& c,
-                                          const Vec2& w) {
-  const double D = cross(d, w), dd = d.squaredNorm(), ww = w.squaredNorm();
+/// Where u + t d = c + μ w (Eq. 6).
+struct Crossing {
+  double t, mu;
+};
+
+/// For edges that are parallel to rounding, the middle of the common part stands for the crossing,
+/// which then has no influence on the area.
+inline Crossing crossing(Vec2 u, Vec2 d, Vec2 c, Vec2 w) {
+  const double D = cross(d, w), dd = squared_norm(d), ww = squared_norm(w);
   const double sine = std::abs(D) / std::sqrt(dd * ww);
-  const auto on_w = [&](double t) { return clamp01((u + t * d - c).dot(w) / ww); };
+  const auto on_w = [&](double t) { return clamp01(dot(u + t * d - c, w) / ww); };
   if (sine > 1e-3) return {clamp01(cross(c - u, w) / D), clamp01(cross(c - u, d) / D)};
   if (sine > 1e-14) {
     const double t = clamp01(cross(c - u, w) / D);
     return {t, on_w(t)};
   }
-  const double c_at = (c - u).dot(d) / dd, e_at = (c + w - u).dot(d) / dd;
+  const double c_at = dot(c - u, d) / dd, e_at = dot(c + w - u, d) / dd;
   const double lo = (std::max)((std::min)(c_at, e_at), 0.0);
   const double hi = (std::min)((std::max)(c_at, e_at), 1.0);
   const double t = clamp01(0.5 * (lo + hi));
@@ -1740,17 +1925,17 @@ inline std::pair<double, double> crossing(const Vec2& u, const Vec2& d, const Ve
 inline PolygonShape polygon_shape(const OverlayPolygon& p, const SixPoints& x) {
   PolygonShape shape;
   shape.count = p.count;
-  int before = p.count - 1;
   for (int i = 0; i < p.count; ++i) shape[i].e = p.piece(i);
-  for (int i = 0; i < p.count; before = i++) {
-    const int e = shape[before].e, g = shape[i].e;
-    if (same_triangle(e, g)) continue;  // the corner is a vertex: t = 1, s = 0
-    const Vec2 u = x.col(edge_start(e)), c = x.col(edge_start(g));
-    std::tie(shape[before].t, shape[i].s) =
-        crossing(u, x.col(edge_end(e)) - u, c, x.col(edge_end(g)) - c);
+  for (int i = 0, before = p.count - 1; i < p.count; before = i++) {
+    const int e = shape[before].e, after = shape[i].e;
+    if (same_triangle(e, after)) continue;  // the corner is a vertex: t = 1, s = 0
+    const Vec2 u = x[edge_start(e)], c = x[edge_start(after)];
+    const Crossing at = crossing(u, x[edge_end(e)] - u, c, x[edge_end(after)] - c);
+    shape[before].t = at.t;
+    shape[i].s = at.mu;
   }
   const Piece& first = shape[0];
-  shape.origin = (1 - first.s) * x.col(edge_start(first.e)) + first.s * x.col(edge_end(first.e));
+  shape.origin = (1 - first.s) * x[edge_start(first.e)] + first.s * x[edge_end(first.e)];
   return shape;
 }
 
@@ -1759,7 +1944,7 @@ inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
   double twice = 0;
   for (int i = 0; i < shape.count; ++i) {
     const Piece& q = shape[i];
-    const Vec2 u = x.col(edge_start(q.e)) - shape.origin, v = x.col(edge_end(q.e)) - shape.origin;
+    const Vec2 u = x[edge_start(q.e)] - shape.origin, v = x[edge_end(q.e)] - shape.origin;
     twice += (q.t - q.s) * cross(u, v);
   }
   return 0.5 * twice;
@@ -1769,93 +1954,113 @@ inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
 /// in E, and its derivatives would be those of the noise.
 inline bool is_negligible(double area, const SixPoints& x) {
   constexpr double kNoise = 1e-12;
-  const double a = cross(x.col(1) - x.col(0), x.col(2) - x.col(0));
-  const double b = cross(x.col(4) - x.col(3), x.col(5) - x.col(3));
+  const double a = cross(x[1] - x[0], x[2] - x[0]), b = cross(x[4] - x[3], x[5] - x[3]);
   return !(area > kNoise * (std::min)(a, b));
 }
 
-// ---- distortion density w(F, G) ----
-
 /// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2).
-inline Eigen::Matrix2d jacobian(const Vec2& p0, const Vec2& p1, const Vec2& p2,
-                                const Eigen::Matrix2d& rest_inverse) {
-  Eigen::Matrix2d edges;
-  edges << p1 - p0, p2 - p0;
-  return edges * rest_inverse;
+inline Mat2 jacobian(Vec2 p0, Vec2 p1, Vec2 p2, const Mat2& rest_inverse) {
+  return columns(p1 - p0, p2 - p0) * rest_inverse;
 }
 
-inline Eigen::Matrix2d adjugate(const Eigen::Matrix2d& m) {
-  Eigen::Matrix2d adj;
-  adj << m(1, 1), -m(0, 1), -m(1, 0), m(0, 0);
-  return adj;
-}
+// ---- the density w of a measure ----
+//
+// Below, Real is double, or Lanes for one number per polygon of a batch.
 
-/// The gradient of det m with respect to (m11, m21, m12, m22).
-inline Eigen::Vector4d det_gradient(const Eigen::Matrix2d& m) {
-  return Eigen::Vector4d(m(1, 1), -m(0, 1), -m(1, 0), m(0, 0));
-}
-
-// A density depends on J_f = F and J_g = G through three numbers, N = ‖adj(G) F‖², f = det F and
-// g = det G. Of J_Φ = G⁻¹ F, S = N / g² = σ_max² + σ_min² and d = f / g = σ_max σ_min.
-
-/// A function of (N, f, g).
-struct InvariantDerivatives {
-  double value = 0;
-  Vec3 gradient = Vec3::Zero();
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+/// w with its derivatives in K and in the determinants of F and G.
+template <class Real>
+struct InvariantDensity {
+  Real value, K, F, G;
+  Real KK, KF, FF, KG, FG, GG;
 };
 
-/// N (f⁻³ + g⁻³): the density of the symmetric Dirichlet energy (Eq. 4).
-inline InvariantDerivatives dirichlet_density(double N, double f, double g) {
-  const double i = 1 / f, j = 1 / g, i3 = i * i * i, j3 = j * j * j;
-  InvariantDerivatives w;
-  w.value = N * (i3 + j3);
-  w.gradient << i3 + j3, -3 * N * i3 * i, -3 * N * j3 * j;
-  w.hessian << 0, -3 * i3 * i, -3 * j3 * j,  //
-      -3 * i3 * i, 12 * N * i3 * i * i, 0,   //
-      -3 * j3 * j, 0, 12 * N * j3 * j * j;
+/// w = K (1 / det³ F + 1 / det³ G), the density of the symmetric Dirichlet energy (Eq. 4).
+template <class Real>
+InvariantDensity<Real> dirichlet_density(const Real& K, const Real& det_f, const Real& det_g) {
+  const Real i = 1 / det_f, j = 1 / det_g, i3 = i * i * i, j3 = j * j * j;
+  const Real i4 = -3 * i3 * i, j4 = -3 * j3 * j;
+  InvariantDensity<Real> w;
+  w.value = K * (i3 + j3);
+  w.K = i3 + j3, w.F = K * i4, w.G = K * j4;
+  w.KK = w.FG = 0.0;
+  w.KF = i4, w.FF = -4 * K * i4 * i;
+  w.KG = j4, w.GG = -4 * K * j4 * j;
   return w;
 }
 
-/// A function D of (S, d), integrated over `on_a` of A' and `on_b` of B'.
-struct StretchDerivatives {
-  double value, S, d, SS, Sd, dd;
+/// Derivatives of D(S, d).
+template <class Real>
+struct Stretch {
+  Real value, S, d, SS, Sd, dd;
 };
 
-/// D (on_a / f + on_b / g) as a function of (N, f, g).
-inline InvariantDerivatives stretch_density(const StretchDerivatives& D, double on_a, double on_b,
-                                            double N, double f, double g) {
-  const double i = 1 / f, j = 1 / g, j2 = j * j;
-  const Vec3 dS(j2, 0, -2 * N * j * j2), dd(0, j, -f * j2);
-  Eigen::Matrix3d hS = Eigen::Matrix3d::Zero(), hd = hS, ha = hS;
-  hS(0, 2) = hS(2, 0) = -2 * j * j2, hS(2, 2) = 6 * N * j2 * j2;
-  hd(1, 2) = hd(2, 1) = -j2, hd(2, 2) = 2 * f * j * j2;
-  const double a = on_a * i + on_b * j;
-  const Vec3 da(0, -on_a * i * i, -on_b * j2);
-  ha(1, 1) = 2 * on_a * i * i * i, ha(2, 2) = 2 * on_b * j * j2;
-  const Vec3 dD = D.S * dS + D.d * dd;
-  const Eigen::Matrix3d hD = D.SS * dS * dS.transpose() + D.dd * dd * dd.transpose() +
-                             D.Sd * (dS * dd.transpose() + dd * dS.transpose()) + D.S * hS +
-                             D.d * hd;
-  InvariantDerivatives w;
-  w.value = D.value * a;
-  w.gradient = a * dD + D.value * da;
-  w.hessian = a * hD + dD * da.transpose() + da * dD.transpose() + D.value * ha;
+/// w = D(S, d) (on_a / det F + on_b / det G), by the chain rule from S = K / det² G and
+/// d = det F / det G.
+template <class Real>
+InvariantDensity<Real> stretch_density(const Stretch<Real>& D, double on_a, double on_b,
+                                       const Real& K, const Real& det_f, const Real& det_g) {
+  const Real i = 1 / det_f, j = 1 / det_g, j2 = j * j;
+  const Real S_K = j2, S_G = -2 * K * j * j2, d_F = j, d_G = -det_f * j2;
+  const Real D_K = D.S * S_K, D_F = D.d * d_F, D_G = D.S * S_G + D.d * d_G;
+  const Real D_KG = (D.SS * S_G + D.Sd * d_G) * S_K - 2 * D.S * j * j2;
+  const Real D_FG = (D.Sd * S_G + D.dd * d_G) * d_F - D.d * j2;
+  const Real D_GG = D.SS * S_G * S_G + 2 * D.Sd * S_G * d_G + D.dd * d_G * d_G +
+                    6 * D.S * K * j2 * j2 + 2 * D.d * det_f * j * j2;
+  const Real areas = on_a * i + on_b * j, areas_F = -on_a * i * i, areas_G = -on_b * j2;
+  InvariantDensity<Real> w;
+  w.value = D.value * areas;
+  w.K = D_K * areas;
+  w.F = D_F * areas + D.value * areas_F;
+  w.G = D_G * areas + D.value * areas_G;
+  w.KK = D.SS * S_K * S_K * areas;
+  w.KF = D.Sd * S_K * d_F * areas + D_K * areas_F;
+  w.FF = D.dd * d_F * d_F * areas + 2 * D_F * areas_F - 2 * D.value * areas_F * i;
+  w.KG = D_KG * areas + D_K * areas_G;
+  w.FG = D_FG * areas + D_F * areas_G + D_G * areas_F;
+  w.GG = D_GG * areas + 2 * D_G * areas_G - 2 * D.value * areas_G * j;
   return w;
+}
+
+/// Takes κ (1 / det F + 1 / det G), the density of the covered areas, off w.
+template <class Real>
+void add_coverage(double kappa, const Real& det_f, const Real& det_g, InvariantDensity<Real>& w) {
+  const Real i = 1 / det_f, j = 1 / det_g, i2 = kappa * i * i, j2 = kappa * j * j;
+  w.value = w.value - kappa * (i + j);
+  w.F = w.F + i2;
+  w.G = w.G + j2;
+  w.FF = w.FF - 2 * i2 * i;
+  w.GG = w.GG - 2 * j2 * j;
+}
+
+/// w of a measure at Jacobians F and G, without coverage; +∞ unless both determinants are positive.
+inline double density_value(const DistortionMeasure& measure, const Mat2& F, const Mat2& G) {
+  const double det_f = determinant(F), det_g = determinant(G);
+  if (!(det_f > 0) || !(det_g > 0)) return kInfinity;
+  const double K = squared_norm(adjugate(G) * F);
+  if (measure.is_symmetric_dirichlet())
+    return K * (1 / (det_f * det_f * det_f) + 1 / (det_g * det_g * det_g));
+  return measure.density(K / (det_g * det_g), det_f / det_g).value *
+         (measure.on_a() / det_f + measure.on_b() / det_g);
+}
+
+/// S (1 + 1 / d³), of which Eq. 3 is the integral over B'.
+inline StretchDensity dirichlet_stretch(double S, double d) {
+  const double i = 1 / d, i3 = i * i * i;
+  return {S * (1 + i3), 1 + i3, -3 * S * i3 * i, 0, -3 * i3 * i, 12 * S * i3 * i * i};
 }
 
 /// (1 - σ_min)² + (1 - σ_max)² = S + 2 - 2 p with p = σ_max + σ_min = √(S + 2 d).
-inline StretchDerivatives arap_stretch(double S, double d) {
+inline StretchDensity arap_stretch(double S, double d) {
   const double p = std::sqrt(S + 2 * d), p3 = p * p * p;
   return {S + 2 - 2 * p, 1 - 1 / p, -2 / p, 0.5 / p3, 1 / p3, 2 / p3};
 }
 
 /// (σ_max - σ_min)² = S - 2 d.
-inline StretchDerivatives asap_stretch(double S, double d) { return {S - 2 * d, 1, -2, 0, 0, 0}; }
+inline StretchDensity asap_stretch(double S, double d) { return {S - 2 * d, 1, -2, 0, 0, 0}; }
 
 /// (1 - 1/σ_min)² + (1 - σ_max)² with σ = (p ± q) / 2, q = √(S - 2 d + δ S). Without δ, q has a
 /// kink where it is 0.
-inline StretchDerivatives sarap_stretch(double S, double d) {
+inline StretchDensity sarap_stretch(double S, double d) {
   constexpr double kDelta = 1e-12;
   const double p = std::sqrt(S + 2 * d), q = std::sqrt((std::max)(S - 2 * d, 0.0) + kDelta * S);
   const double s = 0.5 * (p + q), t = (4 * d - kDelta * S) / (2 * (p + q));  // σ_max, σ_min
@@ -1881,76 +2086,156 @@ inline StretchDerivatives sarap_stretch(double S, double d) {
           second(p_d, q_d, p_d, q_d, p_dd, q_dd)};
 }
 
-/// A density of (N, f, g) at Jacobians F and G; +∞ unless both determinants are positive.
-inline double density_value(InvariantDensity density, const Eigen::Matrix2d& F,
-                            const Eigen::Matrix2d& G) {
-  const double f = F.determinant(), g = G.determinant();
-  if (!(f > 0) || !(g > 0)) return kInfinity;
-  return density((adjugate(G) * F).squaredNorm(), f, g).value;
-}
+}  // namespace detail
 
-/// The weights of a triangle's points in the columns of its Jacobian: J_c = Σ_i B(i, c) p_i.
-inline Eigen::Matrix<double, 3, 2> corner_weights(const Eigen::Matrix2d& rest_inverse) {
-  Eigen::Matrix<double, 3, 2> B;
-  B.bottomRows<2>() = rest_inverse;
-  B.row(0) = -rest_inverse.colwise().sum();
-  return B;
+DistortionMeasure::DistortionMeasure(Density density, double on_a, double on_b)
+    : density_(std::move(density)), on_a_(on_a), on_b_(on_b) {}
+
+DistortionMeasure symmetric_dirichlet() {
+  DistortionMeasure measure(detail::dirichlet_stretch, 0, 1);
+  measure.is_symmetric_dirichlet_ = true;
+  return measure;
 }
+DistortionMeasure arap() { return {detail::arap_stretch, 1, 0}; }
+DistortionMeasure sarap() { return {detail::sarap_stretch, 0.5, 0.5}; }
+DistortionMeasure asap() { return {detail::asap_stretch, 1, 0}; }
+
+namespace detail {
 
 // ---- one parametrised triangle: E_f and E_g (§4.4) ----
 
 /// Symmetric Dirichlet energy A (‖J‖² + ‖J‖²/det² J) of one triangle.
-inline double triangle_energy(const Eigen::Matrix2d& J, double area) {
-  const double f = J.determinant();
-  return f > 0 ? area * J.squaredNorm() * (1 + 1 / (f * f)) : kInfinity;
+inline double triangle_energy(const Mat2& J, double area) {
+  const double f = determinant(J);
+  return f > 0 ? area * squared_norm(J) * (1 + 1 / (f * f)) : kInfinity;
 }
 
-struct TriangleDerivatives {
-  double value = 0;
-  Vec6 gradient = Vec6::Zero();
-  Mat6 hessian = Mat6::Zero();
+/// ‖J‖² + ‖J‖²/det² J with its derivatives in the entries of J, by columns; of the Hessian the
+/// lower triangle counts.
+template <class Real>
+struct TriangleDensity {
+  Real value, gradient[4], hessian[4][4];
 };
 
-/// The same with derivatives with respect to its three planar points (p0, p1, p2).
-inline TriangleDerivatives triangle_derivatives(const Eigen::Matrix2d& J,
-                                                const Eigen::Matrix2d& rest_inverse, double area) {
-  const double S = J.squaredNorm(), i = 1 / J.determinant(), i2 = i * i;
-  const Eigen::Vector4d dS = 2 * Eigen::Map<const Eigen::Vector4d>(J.data());
-  const Eigen::Vector4d df = det_gradient(J);
-  const double e_f = -2 * S * i2 * i, e_ff = 6 * S * i2 * i2, e_Sf = -2 * i2 * i;
-  const Eigen::Vector4d g = (1 + i2) * dS + e_f * df;
-  Eigen::Matrix4d H =
-      e_ff * df * df.transpose() + e_Sf * (dS * df.transpose() + df * dS.transpose());
-  H.diagonal().array() += 2 * (1 + i2);
-  H(0, 3) += e_f, H(3, 0) += e_f;
-  H(1, 2) -= e_f, H(2, 1) -= e_f;
-  const Eigen::Matrix<double, 3, 2> B = corner_weights(rest_inverse);
-  Eigen::Matrix<double, 4, 6> C = Eigen::Matrix<double, 4, 6>::Zero();
-  for (int k = 0; k < 3; ++k)
-    for (int c = 0; c < 2; ++c) C(2 * c, 2 * k) = C(2 * c + 1, 2 * k + 1) = B(k, c);
-  TriangleDerivatives result;
-  result.value = area * S * (1 + i2);
-  result.gradient = area * C.transpose() * g;
-  result.hessian = area * C.transpose() * H * C;
-  return result;
+template <class Real>
+TriangleDensity<Real> triangle_density(const Real (&J)[4]) {
+  const Real S = J[0] * J[0] + J[1] * J[1] + J[2] * J[2] + J[3] * J[3];
+  const Real i = 1 / (J[0] * J[3] - J[2] * J[1]), i2 = i * i;
+  const Real e_S = 1 + i2, e_f = -2 * S * i2 * i, e_ff = 6 * S * i2 * i2, e_Sf = -2 * i2 * i;
+  const Real df[4] = {J[3], -J[2], -J[1], J[0]};
+  TriangleDensity<Real> w;
+  w.value = S * e_S;
+  for (int k = 0; k < 4; ++k) {
+    w.gradient[k] = 2 * e_S * J[k] + e_f * df[k];
+    for (int l = 0; l <= k; ++l)
+      w.hessian[k][l] = e_ff * df[k] * df[l] + 2 * e_Sf * (J[k] * df[l] + df[k] * J[l]);
+    w.hessian[k][k] = w.hessian[k][k] + 2 * e_S;
+  }
+  w.hessian[3][0] = w.hessian[3][0] + e_f;
+  w.hessian[2][1] = w.hessian[2][1] - e_f;
+  return w;
+}
+
+/// The weights of a triangle's points in the columns of its Jacobian: J_c = Σ_i weight[i][c] p_i.
+template <class Real>
+struct CornerWeights {
+  Real weight[3][2];
+  explicit CornerWeights(const Real* rest_inverse) {
+    for (int c = 0; c < 2; ++c) {
+      weight[1][c] = rest_inverse[2 * c];
+      weight[2][c] = rest_inverse[2 * c + 1];
+      weight[0][c] = -weight[1][c] - weight[2][c];
+    }
+  }
+};
+
+/// The gradient in point i of a triangle, and the block (i, j) of the Hessian in its points.
+inline Vec2 point_gradient(const TriangleDensity<double>& w, const CornerWeights<double>& B,
+                           int i) {
+  return {B.weight[i][0] * w.gradient[0] + B.weight[i][1] * w.gradient[2],
+          B.weight[i][0] * w.gradient[1] + B.weight[i][1] * w.gradient[3]};
+}
+inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
+                          int j) {
+  Mat2 H;
+  for (int r = 0; r < 2; ++r)
+    for (int q = 0; q < 2; ++q)
+      for (int k = r; k < 4; k += 2)
+        for (int l = q; l < 4; l += 2)
+          H(r, q) += B.weight[i][k / 2] * B.weight[j][l / 2] *
+                     (k >= l ? w.hessian[k][l] : w.hessian[l][k]);
+  return H;
 }
 
 // ---- lanes: many polygons side by side ----
 //
 // Polygons are differentiated in batches, one per lane, and Hessians of polygons and triangles are
-// projected in batches: every operation below acts on all lanes, which the compiler turns into the
-// vector instructions it may use. Lanes do not mix, so results do not depend on what else is in a
-// batch.
+// projected in batches: every operation below acts on all lanes, by the widest vector instructions
+// that the compiler may use. Lanes do not mix, so results do not depend on what else is in a batch.
 
-constexpr int kLanes = 16;
-using Lanes = Eigen::Array<double, kLanes, 1>;
+using Packet = Eigen::internal::packet_traits<double>::type;  // what one instruction takes
+/// Two packets: the second one fills the pauses of the first; more do not fit the registers.
+constexpr int kLanes = 2 * Eigen::internal::packet_traits<double>::size;
 
-template <int N>
-struct LaneVector {
-  Lanes entry[static_cast<std::size_t>(N)];
-  Lanes& operator[](int i) { return entry[i]; }
-  const Lanes& operator[](int i) const { return entry[i]; }
+struct Lanes {
+  Packet a, b;
+  Lanes() = default;
+  Lanes(Packet first, Packet second) : a(first), b(second) {}
+  Lanes(double x) : a(Eigen::internal::pset1<Packet>(x)), b(a) {}
+  double& operator[](int lane) { return reinterpret_cast<double*>(this)[lane]; }
+  double operator[](int lane) const { return reinterpret_cast<const double*>(this)[lane]; }
 };
+
+inline Lanes operator+(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::padd(x.a, y.a), Eigen::internal::padd(x.b, y.b)};
+}
+inline Lanes operator-(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::psub(x.a, y.a), Eigen::internal::psub(x.b, y.b)};
+}
+inline Lanes operator*(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmul(x.a, y.a), Eigen::internal::pmul(x.b, y.b)};
+}
+inline Lanes operator/(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pdiv(x.a, y.a), Eigen::internal::pdiv(x.b, y.b)};
+}
+inline Lanes operator-(const Lanes& x) {
+  return {Eigen::internal::pnegate(x.a), Eigen::internal::pnegate(x.b)};
+}
+inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
+inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
+inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
+inline Lanes square(const Lanes& x) { return x * x; }
+inline Lanes sqrt(const Lanes& x) {
+  return {Eigen::internal::psqrt(x.a), Eigen::internal::psqrt(x.b)};
+}
+inline Lanes abs(const Lanes& x) {
+  return {Eigen::internal::pabs(x.a), Eigen::internal::pabs(x.b)};
+}
+inline Lanes larger(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmax(x.a, y.a), Eigen::internal::pmax(x.b, y.b)};
+}
+inline Lanes smaller(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmin(x.a, y.a), Eigen::internal::pmin(x.b, y.b)};
+}
+inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
+
+/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
+/// double.
+inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
+
+inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
+  return which * one + (1 - which) * zero;
+}
+
+inline bool any_positive(const Lanes& x) {
+  bool any = false;
+  for (int lane = 0; lane < kLanes; ++lane) any |= x[lane] > 0;
+  return any;
+}
+
+inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lanes& by) {
+  return ax * by - ay * bx;
+}
 
 /// A symmetric matrix in every lane, of which the lower triangles count.
 template <int N>
@@ -1959,19 +2244,12 @@ struct LaneMatrix {
   Lanes& operator()(int i, int j) { return entry[i][j]; }
   const Lanes& operator()(int i, int j) const { return entry[i][j]; }
   const Lanes& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
+  /// The 2×2 block (i, j) of one lane.
+  Mat2 block(int i, int j, int lane) const {
+    return {{symmetric(2 * i, 2 * j)[lane], symmetric(2 * i + 1, 2 * j)[lane],
+             symmetric(2 * i, 2 * j + 1)[lane], symmetric(2 * i + 1, 2 * j + 1)[lane]}};
+  }
 };
-
-/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
-/// double.
-inline Lanes is_positive(const Lanes& x) { return (x * 1e300 * 1e300).max(0.0).min(1.0); }
-
-inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
-  return which * one + (1 - which) * zero;
-}
-
-inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lanes& by) {
-  return ax * by - ay * bx;
-}
 
 // ---- projection to s.p.d. matrices (§5.1) ----
 
@@ -1980,26 +2258,26 @@ inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lane
 /// the others.
 template <int N>
 struct LaneEigen {
-  LaneVector<N> value;
+  Lanes value[static_cast<std::size_t>(N)];
   Lanes vector[static_cast<std::size_t>(N)]
               [static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
   explicit LaneEigen(LaneMatrix<N> a) {
     tridiagonalize(a);
-    for (int l = 0; l + 1 < N; ++l) settle(l);
+    for (int l = 0; l + 1 < N; ++l) isolate(l);
   }
 
  private:
-  LaneVector<N> below;  // subdiagonal of the tridiagonal matrix
+  Lanes below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
 
   /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
   void tridiagonalize(LaneMatrix<N>& a) {
-    LaneVector<N> beta;
+    Lanes beta[static_cast<std::size_t>(N)];
     for (int k = 0; k + 1 < N; ++k) {
       value[k] = a(k, k);
-      Lanes tail = Lanes::Zero();
-      for (int i = k + 2; i < N; ++i) tail += a(i, k).square();
-      const Lanes head = a(k + 1, k), norm = (head.square() + tail).sqrt();
+      Lanes tail = 0.0;
+      for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
+      const Lanes head = a(k + 1, k), norm = sqrt(square(head) + tail);
       const Lanes some = is_positive(tail), signed_norm = select(is_positive(head), norm, -norm);
       below[k] = select(some, -signed_norm, head);
       a(k + 1, k) = some * (head + signed_norm);
@@ -2007,14 +2285,14 @@ struct LaneEigen {
       reflect(a, k, beta[k]);
     }
     value[N - 1] = a(N - 1, N - 1);
-    below[N - 1].setZero();
+    below[N - 1] = 0.0;
     accumulate(a, beta);
   }
 
   /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
   static void reflect(LaneMatrix<N>& a, int k, const Lanes& beta) {
-    LaneVector<N> w;
-    for (int i = k + 1; i < N; ++i) w[i].setZero();
+    Lanes w[static_cast<std::size_t>(N)];
+    for (int i = k + 1; i < N; ++i) w[i] = 0.0;
     for (int j = k + 1; j < N; ++j) {
       Lanes sum = a(j, j) * a(j, k);
       for (int i = j + 1; i < N; ++i) {
@@ -2023,7 +2301,7 @@ struct LaneEigen {
       }
       w[j] += sum;
     }
-    Lanes vw = Lanes::Zero();
+    Lanes vw = 0.0;
     for (int i = k + 1; i < N; ++i) {
       w[i] *= beta;
       vw += a(i, k) * w[i];
@@ -2034,12 +2312,12 @@ struct LaneEigen {
   }
 
   /// vector = Qᵀ, the product of the reflections.
-  void accumulate(const LaneMatrix<N>& v, const LaneVector<N>& beta) {
+  void accumulate(const LaneMatrix<N>& v, const Lanes* beta) {
     for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j) vector[i][j].setConstant(i == j ? 1 : 0);
+      for (int j = 0; j < N; ++j) vector[i][j] = i == j ? 1.0 : 0.0;
     for (int k = N - 2; k >= 0; --k)
       for (int i = k + 1; i < N; ++i) {
-        Lanes sum = Lanes::Zero();
+        Lanes sum = 0.0;
         for (int j = k + 1; j < N; ++j) sum += vector[i][j] * v(j, k);
         sum *= beta[k];
         for (int j = k + 1; j < N; ++j) vector[i][j] -= sum * v(j, k);
@@ -2047,21 +2325,21 @@ struct LaneEigen {
   }
 
   /// 1 in the lanes whose sweep, which starts at m, has passed place i.
-  static Lanes is_above(const Lanes& m, int i) { return (m - i).max(0.0).min(1.0); }
+  static Lanes is_above(const Lanes& m, int i) { return clamp01(m - static_cast<double>(i)); }
 
   /// The first negligible subdiagonal entry from l on.
   Lanes split(int l) const {
     constexpr double kNegligible = std::numeric_limits<double>::epsilon();
-    Lanes m = Lanes::Constant(N - 1);
+    Lanes m = static_cast<double>(N - 1);
     for (int i = N - 2; i >= l; --i) {
-      const Lanes excess = below[i].abs() - kNegligible * (value[i].abs() + value[i + 1].abs());
-      m = select(is_positive(excess), m, Lanes::Constant(i));
+      const Lanes excess = abs(below[i]) - kNegligible * (abs(value[i]) + abs(value[i + 1]));
+      m = select(is_positive(excess), m, static_cast<double>(i));
     }
     return m;
   }
 
   /// QL sweeps with Wilkinson's shift until value[l] stands alone.
-  void settle(int l) {
+  void isolate(int l) {
     constexpr int kMostSweeps = 50;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
       const Lanes m = split(l);
@@ -2071,7 +2349,7 @@ struct LaneEigen {
       if (last == l) return;
       const Lanes on = is_above(m, l), off = 1 - on;
       const Lanes half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
-      const Lanes root = half.abs() + (half.square() + 1).sqrt();
+      const Lanes root = abs(half) + sqrt(square(half) + 1);
       Lanes end = value[l + 1];  // value[m]
       for (int i = l + 2; i <= last; ++i) end = select(is_above(m, i - 1), value[i], end);
       Sweep state;
@@ -2084,7 +2362,7 @@ struct LaneEigen {
   }
 
   struct Sweep {
-    Lanes g, s = Lanes::Ones(), c = Lanes::Ones(), p = Lanes::Zero();
+    Lanes g, s = 1.0, c = 1.0, p = 0.0;
   };
 
   /// One rotation of a sweep, in the lanes that have started.
@@ -2092,7 +2370,7 @@ struct LaneEigen {
     constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
     const Lanes on = is_above(m, i), off = 1 - on;
     const Lanes f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
-    const Lanes r2 = f.square() + g.square(), r = r2.sqrt();
+    const Lanes r2 = square(f) + square(g), r = sqrt(r2);
     const Lanes inverse = r * (1 / r2);  // beside the root, not after it
     const Lanes s = f * inverse, c = g * inverse;
     const Lanes h = value[i + 1] - state.p;
@@ -2128,69 +2406,100 @@ void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
           H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
     }
   const LaneEigen<N> eigen(reduced);
-  LaneVector<2 * P> v, lifted;
+  Lanes v[static_cast<std::size_t>(2 * P)];
   for (int k = 0; k < N; ++k) {
-    const Lanes lift = (epsilon - eigen.value[k]).max(0.0);
-    if (!(lift > 0).any()) continue;
+    const Lanes lift = larger(epsilon - eigen.value[k], 0.0);
+    if (!any_positive(lift)) continue;
     for (int r = 0; r < 2; ++r) {
-      Lanes sum = Lanes::Zero();
+      Lanes sum = 0.0;
       for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
       v[r] = -sum / root;
       for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
     }
     for (int i = 0; i < 2 * P; ++i) {
-      lifted[i] = lift * v[i];
-      for (int j = 0; j <= i; ++j) H(i, j) += lifted[i] * v[j];
+      const Lanes lifted = lift * v[i];
+      for (int j = 0; j <= i; ++j) H(i, j) += lifted * v[j];
     }
   }
   for (int i = 0; i < 2 * P; ++i)
     for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
 }
 
-// ---- the density w(F, G) ----
+// ---- a batch of triangles ----
 
-/// w with its derivatives in the entries f11 f21 f12 f22 g11 g21 g12 g22, one pair in every lane.
+/// One triangle per lane: its points, two coordinates each, its R⁻¹ and its area; and what
+/// differentiate() finds.
+struct TriangleBatch {
+  Lanes x[6], rest_inverse[4], area;
+  Lanes gradient[6];
+  LaneMatrix<6> hessian;
+};
+
+/// The Jacobian of the triangle with its coordinates from x on.
+inline void jacobian(const CornerWeights<Lanes>& B, const Lanes* x, Lanes* J) {
+  for (int k = 0; k < 4; ++k) {
+    const int c = k / 2, r = k % 2;
+    J[k] = B.weight[1][c] * (x[r + 2] - x[r]) + B.weight[2][c] * (x[r + 4] - x[r]);
+  }
+}
+
+inline void differentiate(TriangleBatch& batch) {
+  const CornerWeights<Lanes> B(batch.rest_inverse);
+  Lanes J[4];
+  jacobian(B, batch.x, J);
+  const TriangleDensity<Lanes> w = triangle_density(J);
+  const auto second = [&](int k, int l) { return k >= l ? w.hessian[k][l] : w.hessian[l][k]; };
+  for (int i = 0; i < 6; ++i) {
+    const int r = i % 2;
+    const Lanes b0 = batch.area * B.weight[i / 2][0], b1 = batch.area * B.weight[i / 2][1];
+    batch.gradient[i] = b0 * w.gradient[r] + b1 * w.gradient[2 + r];
+    Lanes half[4];  // a row of the Hessian with its columns in J
+    for (int k = 0; k < 4; ++k) half[k] = b0 * second(r, k) + b1 * second(2 + r, k);
+    for (int j = 0; j <= i; ++j)
+      batch.hessian(i, j) = B.weight[j / 2][0] * half[j % 2] + B.weight[j / 2][1] * half[2 + j % 2];
+  }
+}
+
+// ---- a batch of polygons ----
+
+/// w with its derivatives in the entries f11 f21 f12 f22 g11 g21 g12 g22.
 struct LaneDensity {
-  Lanes value;
-  LaneVector<8> gradient;
+  Lanes value, gradient[8];
   LaneMatrix<8> hessian;
 };
 
-/// Value, gradient and Hessian in (N, f, g), the latter two as N, f, g and NN, fN, ff, gN, gf, gg.
-struct LaneInvariants {
-  Lanes value, d[3], dd[6];
-};
-
-inline LaneInvariants evaluate_invariants(InvariantDensity density, const Lanes& N, const Lanes& f,
-                                          const Lanes& g) {
-  LaneInvariants v;
-  for (int l = 0; l < kLanes; ++l) {
-    const InvariantDerivatives w = density(N[l], f[l], g[l]);
-    v.value[l] = w.value;
-    for (int i = 0, k = 0; i < 3; ++i) {
-      v.d[i][l] = w.gradient[i];
-      for (int j = 0; j <= i; ++j) v.dd[k++][l] = w.hessian(i, j);
-    }
+/// A measure of the user's is asked lane by lane.
+inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
+  Stretch<Lanes> D;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const StretchDensity one = measure.density(S[lane], d[lane]);
+    D.value[lane] = one.value;
+    D.S[lane] = one.S, D.d[lane] = one.d;
+    D.SS[lane] = one.SS, D.Sd[lane] = one.Sd, D.dd[lane] = one.dd;
   }
-  return v;
+  return D;
+}
+
+inline InvariantDensity<Lanes> invariant_density(const DistortionMeasure& measure, double kappa,
+                                                 const Lanes& K, const Lanes& det_f,
+                                                 const Lanes& det_g) {
+  InvariantDensity<Lanes> w =
+      measure.is_symmetric_dirichlet()
+          ? dirichlet_density(K, det_f, det_g)
+          : stretch_density(stretches(measure, K / (det_g * det_g), det_f / det_g), measure.on_a(),
+                            measure.on_b(), K, det_f, det_g);
+  add_coverage(kappa, det_f, det_g, w);
+  return w;
 }
 
 /// Entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
-inline Lanes perp_of(const LaneVector<8>& J, int column, int r) {
-  return r == 0 ? J[2 * column + 1] : Lanes(-J[2 * column]);
+inline Lanes perp_of(const Lanes* J, int column, int r) {
+  return r == 0 ? J[2 * column + 1] : -J[2 * column];
 }
 
-/// Adds scale · ∇² det for the four entries from `first` on.
-inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
-  H(first + 3, first) += scale;
-  H(first + 2, first + 1) -= scale;
-}
-
-/// X_cd = cross(F_c, G_d) of the columns of F and G.
-using ColumnProducts = std::array<std::array<Lanes, 2>, 2>;
-
-/// Adds scale · ∇²N. N is the sum of X_cd², ∂X_cd/∂F_c = perp(G_d) and ∂X_cd/∂G_d = -perp(F_c).
-inline void add_norm_hessian(const LaneVector<8>& J, const ColumnProducts& X, const Lanes& scale,
+/// Adds scale · ∇²K. K is the sum of X_cd², X_cd = cross(F_c, G_d) of the columns of F and G, and
+/// ∂X_cd/∂F_c = perp(G_d), ∂X_cd/∂G_d = -perp(F_c).
+inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes& scale,
                              LaneMatrix<8>& H) {
   const auto perp = [&](int column, int r) { return perp_of(J, column, r); };
   for (int r = 0; r < 2; ++r)  // between F and F, G and G
@@ -2206,179 +2515,88 @@ inline void add_norm_hessian(const LaneVector<8>& J, const ColumnProducts& X, co
     for (int d = 0; d < 2; ++d)
       for (int r = 0; r < 2; ++r)
         for (int q = 0; q < 2; ++q) {
-          const Lanes& x = X[static_cast<std::size_t>(c)][static_cast<std::size_t>(d)];
           Lanes sum = -perp(c, r) * perp(2 + d, q);
-          if (r != q) sum += r == 0 ? -x : x;
+          if (r != q) sum += r == 0 ? -X[c][d] : X[c][d];
           H(4 + 2 * d + r, 2 * c + q) += 2 * scale * sum;
         }
 }
 
-/// w has the gradient Σ w_m ∇m over m = N, f, g, and the Hessian Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
-inline void differentiate_invariants(InvariantDensity density, const LaneVector<8>& J,
-                                     LaneDensity& w) {
-  ColumnProducts X;
-  Lanes N = Lanes::Zero();
-  for (std::size_t c = 0; c < 2; ++c)
-    for (std::size_t d = 0; d < 2; ++d) {
-      const int F = 2 * static_cast<int>(c), G = 4 + 2 * static_cast<int>(d);
-      X[c][d] = cross(J[F], J[F + 1], J[G], J[G + 1]);
-      N += X[c][d].square();
+/// Adds scale · ∇² det for the four entries from `first` on.
+inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
+  H(first + 3, first) += scale;
+  H(first + 2, first + 1) -= scale;
+}
+
+/// w, less the density of coverage: the gradient Σ w_m ∇m over m = K, det F, det G, and the Hessian
+/// Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
+inline void differentiate_density(const DistortionMeasure& measure, double kappa, const Lanes* J,
+                                  LaneDensity& w) {
+  Lanes X[2][2], K = 0.0;
+  for (int c = 0; c < 2; ++c)
+    for (int d = 0; d < 2; ++d) {
+      X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
+      K += square(X[c][d]);
     }
-  const LaneInvariants v =
-      evaluate_invariants(density, N, cross(J[0], J[1], J[2], J[3]), cross(J[4], J[5], J[6], J[7]));
-  LaneVector<8> dN, dfg;  // ∇N, and ∇f or ∇g, whichever is not zero
-  for (std::size_t c = 0; c < 2; ++c)
+  const InvariantDensity<Lanes> v = invariant_density(
+      measure, kappa, K, cross(J[0], J[1], J[2], J[3]), cross(J[4], J[5], J[6], J[7]));
+  Lanes dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
+  for (int c = 0; c < 2; ++c)
     for (int r = 0; r < 2; ++r) {
-      const int k = 2 * static_cast<int>(c) + r;
-      dN[k] = 2 * (X[c][0] * perp_of(J, 2, r) + X[c][1] * perp_of(J, 3, r));
-      dN[4 + k] = -2 * (X[0][c] * perp_of(J, 0, r) + X[1][c] * perp_of(J, 1, r));
+      dK[2 * c + r] = 2 * (X[c][0] * perp_of(J, 2, r) + X[c][1] * perp_of(J, 3, r));
+      dK[4 + 2 * c + r] = -2 * (X[0][c] * perp_of(J, 0, r) + X[1][c] * perp_of(J, 1, r));
     }
   for (int m = 0; m < 8; m += 4) {
-    dfg[m] = J[m + 3], dfg[m + 1] = -J[m + 2];
-    dfg[m + 2] = -J[m + 1], dfg[m + 3] = J[m];
+    ddet[m] = J[m + 3], ddet[m + 1] = -J[m + 2];
+    ddet[m + 2] = -J[m + 1], ddet[m + 3] = J[m];
   }
   w.value = v.value;
   for (int i = 0; i < 8; ++i) {
-    w.gradient[i] = v.d[0] * dN[i] + (i < 4 ? v.d[1] : v.d[2]) * dfg[i];
-    const Lanes on_dN = v.dd[0] * dN[i] + (i < 4 ? v.dd[1] : v.dd[3]) * dfg[i];
-    const Lanes on_df = v.dd[1] * dN[i] + (i < 4 ? v.dd[2] : v.dd[4]) * dfg[i];
-    const Lanes on_dg = v.dd[3] * dN[i] + v.dd[5] * dfg[i];
-    for (int j = 0; j <= i; ++j) w.hessian(i, j) = on_dN * dN[j] + (j < 4 ? on_df : on_dg) * dfg[j];
+    w.gradient[i] = v.K * dK[i] + (i < 4 ? v.F : v.G) * ddet[i];
+    const Lanes on_dK = v.KK * dK[i] + (i < 4 ? v.KF : v.KG) * ddet[i];
+    const Lanes on_det_f = v.KF * dK[i] + (i < 4 ? v.FF : v.FG) * ddet[i];
+    const Lanes on_det_g = v.KG * dK[i] + v.GG * ddet[i];
+    for (int j = 0; j <= i; ++j)
+      w.hessian(i, j) = on_dK * dK[j] + (j < 4 ? on_det_f : on_det_g) * ddet[j];
   }
-  add_norm_hessian(J, X, v.d[0], w.hessian);
-  add_det_hessian(v.d[1], 0, w.hessian);
-  add_det_hessian(v.d[2], 4, w.hessian);
-}
-
-/// Adds -κ (1/f + 1/g), the density of the covered areas.
-inline void add_coverage(const LaneVector<8>& J, double kappa, LaneDensity& w) {
-  for (int m = 0; m < 8; m += 4) {
-    const Lanes i = 1 / cross(J[m], J[m + 1], J[m + 2], J[m + 3]), slope = kappa * i.square();
-    const Lanes d[4] = {J[m + 3], -J[m + 2], -J[m + 1], J[m]};  // ∇ det
-    w.value -= kappa * i;
-    for (int k = 0; k < 4; ++k) {
-      w.gradient[m + k] += slope * d[k];
-      const Lanes scaled = 2 * slope * i * d[k];
-      for (int j = 0; j <= k; ++j) w.hessian(m + k, m + j) -= scaled * d[j];
-    }
-    add_det_hessian(slope, m, w.hessian);
-  }
-}
-
-inline Eigen::Matrix2d jacobian_in(const LaneVector<8>& J, int first, int lane) {
-  Eigen::Matrix2d m;
-  m << J[first][lane], J[first + 2][lane], J[first + 1][lane], J[first + 3][lane];
-  return m;
-}
-
-inline Density density_derivatives(InvariantDensity density, const Eigen::Matrix2d& F,
-                                   const Eigen::Matrix2d& G) {
-  LaneVector<8> J;
-  for (int k = 0; k < 4; ++k) {
-    J[k].setConstant(F.data()[k]);
-    J[4 + k].setConstant(G.data()[k]);
-  }
-  LaneDensity w;
-  differentiate_invariants(density, J, w);
-  Density result;
-  result.value = w.value[0];
-  for (int i = 0; i < 8; ++i) {
-    result.gradient[i] = w.gradient[i][0];
-    for (int j = 0; j < 8; ++j) result.hessian(i, j) = w.hessian.symmetric(i, j)[0];
-  }
-  return result;
-}
-
-/// Measures that are a function of three invariants, which is faster.
-struct BuiltInMeasure {
-  static DistortionMeasure of(InvariantDensity density) {
-    DistortionMeasure measure(
-        [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-          return density_value(density, F, G);
-        },
-        [=](const Eigen::Matrix2d& F, const Eigen::Matrix2d& G) {
-          return density_derivatives(density, F, G);
-        });
-    measure.in_invariants_ = density;
-    return measure;
-  }
-
-  /// Null for a measure of the user's own.
-  static InvariantDensity density(const DistortionMeasure& m) { return m.in_invariants_; }
-};
-
-}  // namespace detail
-
-inline DistortionMeasure symmetric_dirichlet() {
-  return detail::BuiltInMeasure::of(detail::dirichlet_density);
-}
-inline DistortionMeasure arap() {
-  return detail::BuiltInMeasure::of([](double N, double f, double g) {
-    return detail::stretch_density(detail::arap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
-  });
-}
-inline DistortionMeasure sarap() {
-  return detail::BuiltInMeasure::of([](double N, double f, double g) {
-    return detail::stretch_density(detail::sarap_stretch(N / (g * g), f / g), 0.5, 0.5, N, f, g);
-  });
-}
-inline DistortionMeasure asap() {
-  return detail::BuiltInMeasure::of([](double N, double f, double g) {
-    return detail::stretch_density(detail::asap_stretch(N / (g * g), f / g), 1, 0, N, f, g);
-  });
-}
-
-namespace detail {
-
-// ---- a batch of polygons ----
-
-/// The density of a measure, lane by lane where it is one of the user's.
-inline void differentiate_measure(const DistortionMeasure& measure, const LaneVector<8>& J,
-                                  LaneDensity& w) {
-  if (const InvariantDensity density = BuiltInMeasure::density(measure))
-    return differentiate_invariants(density, J, w);
-  for (int l = 0; l < kLanes; ++l) {
-    const Density density = measure.derivatives(jacobian_in(J, 0, l), jacobian_in(J, 4, l));
-    w.value[l] = density.value;
-    for (int i = 0; i < 8; ++i) {
-      w.gradient[i][l] = density.gradient[i];
-      for (int j = 0; j <= i; ++j) w.hessian(i, j)[l] = density.hessian(i, j);
-    }
-  }
+  add_norm_hessian(J, X, v.K, w.hessian);
+  add_det_hessian(v.F, 0, w.hessian);
+  add_det_hessian(v.G, 4, w.hessian);
 }
 
 /// One polygon per lane: what differentiate() needs, and what it finds.
 struct PolygonBatch {
-  LaneVector<12> x;  // a0 a1 a2 b0 b1 b2, two coordinates each
-  LaneVector<8> rest_inverse;
-  LaneVector<6> s, t;  // of the pieces; both 0 on edges without one
+  Lanes x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
+  Lanes rest_inverse[8];
+  Lanes s[6], t[6];  // of the pieces; both 0 on edges without one
   struct Corner {
     Lanes is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
   };
   Corner corner[3][3];  // where an edge of t_A meets one of t_B
   Lanes area;
-  std::array<bool, kLanes> is_negligible;  // then the rest of the lane means nothing
+  bool is_negligible[kLanes];  // then the rest of the lane means nothing
 
-  Lanes value;
-  LaneVector<12> gradient;
+  Lanes value, gradient[12];
   LaneMatrix<12> hessian;
 };
 
-inline void load(const OverlayPolygon& p, const SixPoints& x, const Eigen::Matrix2d& rest_inverse_a,
-                 const Eigen::Matrix2d& rest_inverse_b, int lane, PolygonBatch& batch) {
+inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_inverse_a,
+                 const Mat2& rest_inverse_b, int lane, PolygonBatch& batch) {
   const PolygonShape shape = polygon_shape(p, x);
-  batch.area[lane] = polygon_area(shape, x);
-  batch.is_negligible[static_cast<std::size_t>(lane)] = is_negligible(batch.area[lane], x);
-  for (int i = 0; i < 12; ++i) batch.x[i][lane] = x.data()[i];
+  const double area = polygon_area(shape, x);
+  batch.area[lane] = area;
+  batch.is_negligible[lane] = is_negligible(area, x);
+  for (int i = 0; i < 6; ++i) {
+    batch.x[2 * i][lane] = x[i].x;
+    batch.x[2 * i + 1][lane] = x[i].y;
+  }
   for (int i = 0; i < 4; ++i) {
-    batch.rest_inverse[i][lane] = rest_inverse_a.data()[i];
-    batch.rest_inverse[4 + i][lane] = rest_inverse_b.data()[i];
+    batch.rest_inverse[i][lane] = rest_inverse_a.entry[i];
+    batch.rest_inverse[4 + i][lane] = rest_inverse_b.entry[i];
   }
   for (int e = 0; e < 6; ++e) batch.s[e][lane] = batch.t[e][lane] = 0;
   for (auto& row : batch.corner)
     for (PolygonBatch::Corner& c : row) c.is_there[lane] = c.on_a[lane] = c.on_b[lane] = 0;
-  int before = shape.count - 1;
-  for (int i = 0; i < shape.count; before = i++) {
+  for (int i = 0, before = shape.count - 1; i < shape.count; before = i++) {
     const Piece &from = shape[before], &to = shape[i];
     batch.s[to.e][lane] = to.s;
     batch.t[to.e][lane] = to.t;
@@ -2395,19 +2613,27 @@ inline void load(const OverlayPolygon& p, const SixPoints& x, const Eigen::Matri
 /// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d) over the pieces on edges d = v - u, β = (t² - s²)/2,
 /// α = (t - s) - β: a boundary piece moves outward by the interpolated motion of its edge, its ends
 /// move along the boundary.
-inline LaneVector<12> area_gradient(const PolygonBatch& batch) {
-  LaneVector<12> gradient;
-  for (int i = 0; i < 12; ++i) gradient[i].setZero();
+inline void area_gradient(const PolygonBatch& batch, Lanes* gradient) {
+  for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
   for (int e = 0; e < 6; ++e) {
     const int u = 2 * edge_start(e), v = 2 * edge_end(e);
-    const Lanes beta = 0.5 * (batch.t[e].square() - batch.s[e].square());
+    const Lanes beta = 0.5 * (square(batch.t[e]) - square(batch.s[e]));
     const Lanes alpha = (batch.t[e] - batch.s[e]) - beta;
     const Lanes nx = batch.x[v + 1] - batch.x[u + 1], ny = batch.x[u] - batch.x[v];
     gradient[u] += alpha * nx, gradient[u + 1] += alpha * ny;
     gradient[v] += beta * nx, gradient[v + 1] += beta * ny;
   }
-  return gradient;
 }
+
+/// An edge of every triangle in the lanes: where the coordinates of its ends are, and its normal.
+struct LaneEdge {
+  int end[2];
+  Lanes normal[2];  // perp of its direction
+  LaneEdge(const Lanes* x, int e) : end{2 * edge_start(e), 2 * edge_end(e)} {
+    normal[0] = x[end[1] + 1] - x[end[0] + 1];
+    normal[1] = x[end[0]] - x[end[1]];
+  }
+};
 
 /// Adds the part of weight · ∇²a that comes from the corner of edges i of t_A and j of t_B. With
 /// d, w the edges, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing point as
@@ -2418,41 +2644,34 @@ inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const La
                                LaneMatrix<12>& H) {
   constexpr double kMostParallel = 1e-8;
   const PolygonBatch::Corner& corner = batch.corner[i][j];
-  const int end_a[2] = {2 * edge_start(i), 2 * edge_end(i)};
-  const int end_b[2] = {2 * edge_start(3 + j), 2 * edge_end(3 + j)};
-  const auto normal = [&](const int(&ends)[2], int r) -> Lanes {
-    const Lanes along = batch.x[ends[1] + 1 - r] - batch.x[ends[0] + 1 - r];
-    return r == 0 ? along : Lanes(-along);
-  };
-  const Lanes m_d[2] = {normal(end_a, 0), normal(end_a, 1)};
-  const Lanes m_w[2] = {normal(end_b, 0), normal(end_b, 1)};
-  const Lanes D = cross(m_d[0], m_d[1], m_w[0], m_w[1]).abs();
+  const LaneEdge a(batch.x, i), b(batch.x, 3 + j);
+  const Lanes *m_d = a.normal, *m_w = b.normal;
+  const Lanes D = abs(cross(m_d[0], m_d[1], m_w[0], m_w[1]));
   const Lanes least =
-      kMostParallel *
-      ((m_d[0].square() + m_d[1].square()) * (m_w[0].square() + m_w[1].square())).sqrt();
-  const Lanes scale = weight * corner.is_there * is_positive(D) / D.max(least);
+      kMostParallel * sqrt((square(m_d[0]) + square(m_d[1])) * (square(m_w[0]) + square(m_w[1])));
+  const Lanes scale = weight * corner.is_there * is_positive(D) / larger(D, least);
   const Lanes part_a[2] = {1 - corner.on_a, corner.on_a},
               part_b[2] = {1 - corner.on_b, corner.on_b};
   const Lanes own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]),
                         m_d[1] * m_w[1]};
-  const auto add_own = [&](const int(&ends)[2], const Lanes(&part)[2]) {
+  const auto add_own = [&](const int(&end)[2], const Lanes(&part)[2]) {
     for (int k = 0; k < 2; ++k)
       for (int l = 0; l < 2; ++l) {
-        if (ends[l] > ends[k]) continue;
+        if (end[l] > end[k]) continue;
         const Lanes factor = scale * part[k] * part[l];
         for (int r = 0; r < 2; ++r)
           for (int q = 0; q < (k == l ? r + 1 : 2); ++q)
-            H(ends[k] + r, ends[l] + q) -= factor * own[r + q];
+            H(end[k] + r, end[l] + q) -= factor * own[r + q];
       }
   };
-  add_own(end_a, part_a);
-  add_own(end_b, part_b);
+  add_own(a.end, part_a);
+  add_own(b.end, part_b);
   for (int k = 0; k < 2; ++k)
     for (int l = 0; l < 2; ++l) {
       const Lanes factor = scale * part_b[k] * part_a[l];
       for (int r = 0; r < 2; ++r) {
         const Lanes row = factor * m_w[r];
-        for (int q = 0; q < 2; ++q) H(end_b[k] + r, end_a[l] + q) += row * m_d[q];
+        for (int q = 0; q < 2; ++q) H(b.end[k] + r, a.end[l] + q) += row * m_d[q];
       }
     }
 }
@@ -2460,11 +2679,11 @@ inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const La
 /// H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
 inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, LaneMatrix<12>& H) {
   for (int i = 0; i < 12; ++i)
-    for (int j = 0; j <= i; ++j) H(i, j).setZero();
+    for (int j = 0; j <= i; ++j) H(i, j) = 0.0;
   for (int e = 0; e < 6; ++e) {
     const int u = 2 * edge_start(e), v = 2 * edge_end(e), lo = (std::min)(u, v);
     const Lanes half = 0.5 * weight * (batch.t[e] - batch.s[e]);
-    const Lanes signed_half = u < v ? half : Lanes(-half);
+    const Lanes signed_half = u < v ? half : -half;
     H((std::max)(u, v) + 1, lo) += signed_half;
     H((std::max)(u, v), lo + 1) -= signed_half;
   }
@@ -2472,33 +2691,16 @@ inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, Lan
     for (int j = 0; j < 3; ++j) add_corner_hessian(batch, i, j, weight, H);
 }
 
-/// corner_weights() in every lane.
-struct LaneCornerWeights {
-  Lanes weight[3][2];
-  explicit LaneCornerWeights(const Lanes* rest_inverse) {
-    for (int c = 0; c < 2; ++c) {
-      weight[1][c] = rest_inverse[2 * c];
-      weight[2][c] = rest_inverse[2 * c + 1];
-      weight[0][c] = -weight[1][c] - weight[2][c];
-    }
-  }
-};
-
 /// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
 inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& batch) {
-  const LaneCornerWeights B[2] = {LaneCornerWeights(&batch.rest_inverse[0]),
-                                  LaneCornerWeights(&batch.rest_inverse[4])};
-  LaneVector<8> J;
-  for (int k = 0; k < 8; ++k) {
-    const int m = k / 4, c = k % 4 / 2, first = 6 * m + k % 2;
-    J[k] = B[m].weight[1][c] * (batch.x[first + 2] - batch.x[first]) +
-           B[m].weight[2][c] * (batch.x[first + 4] - batch.x[first]);
-  }
+  const CornerWeights<Lanes> B[2] = {CornerWeights<Lanes>(batch.rest_inverse),
+                                     CornerWeights<Lanes>(batch.rest_inverse + 4)};
+  Lanes J[8];
+  for (int m = 0; m < 2; ++m) jacobian(B[m], batch.x + 6 * m, J + 4 * m);
   LaneDensity w;
-  differentiate_measure(measure, J, w);
-  add_coverage(J, kappa, w);
-  const LaneVector<12> da = area_gradient(batch);
-  LaneVector<12> dw;
+  differentiate_density(measure, kappa, J, w);
+  Lanes da[12], dw[12];
+  area_gradient(batch, da);
   Lanes half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
   for (int i = 0; i < 12; ++i) {
     const int m = i / 6, first = 4 * m + i % 2;
@@ -2545,7 +2747,7 @@ struct BlockPattern {
 };
 
 /// One 2×2 block per entry of a pattern.
-using BlockValues = Array<Eigen::Matrix2d>;
+using BlockValues = Array<Mat2>;
 
 /// A front of the elimination tree: the vertices eliminated together, and the later vertices their
 /// elimination touches. Vertices are meant by their place in the elimination order.
@@ -2567,23 +2769,28 @@ struct Front {
   int size() const { return own() + rows.size(); }
 };
 
+/// Fronts of one subtree, children before parents, or a front alone.
+struct FrontGroup {
+  Array<int> fronts;
+};
+
 /// The elimination order and the fronts; depends on the pattern and the positions only.
 struct LdltSymbolic {
   Array<int> order;     // order[i] is the vertex eliminated as the i-th
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
   std::int64_t panels_size = 0;
-  /// Groups of fronts, children before parents. Those of a stage can be eliminated side by side:
-  /// first whole subtrees below a fixed depth, then the fronts above it, level by level.
-  Array<Array<Array<int>>> stages;
+  /// The groups of a stage can be eliminated side by side: first whole subtrees below a fixed
+  /// depth, then the fronts above it, level by level.
+  Array<Array<FrontGroup>> stages;
 };
 
 /// A line or circle with a fraction of some points below it, or inside.
 struct PlanarCut {
   bool is_circle = false;
-  Vec2 vector = Vec2::Zero();  // center of the circle, or normal of the line
+  Vec2 vector;  // center of the circle, or normal of the line
   double fraction = 0.5;
-  double key(const Vec2& p) const { return is_circle ? (p - vector).squaredNorm() : vector.dot(p); }
+  double key(Vec2 p) const { return is_circle ? squared_norm(p - vector) : dot(vector, p); }
 };
 
 /// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
@@ -2597,13 +2804,13 @@ class CutFinder {
   explicit CutFinder(int n) : n_(n), x_(n, kCouplings + 1), y_(n, kCouplings + 1) {}
 
   /// The k-th point that point i is coupled to; the 0-th is itself.
-  void set(int i, int k, const Vec2& p) {
-    x_(i, k) = static_cast<float>(p.x());
-    y_(i, k) = static_cast<float>(p.y());
+  void set(int i, int k, Vec2 p) {
+    x_(i, k) = static_cast<float>(p.x);
+    y_(i, k) = static_cast<float>(p.y);
   }
 
   PlanarCut best() {
-    constexpr int kSmall = 1000;  // points; of the fill, sets of this size make little
+    constexpr int kSmall = 1000;  // points; below, a better cut hardly saves arithmetic
     const int lines = n_ < kSmall ? 2 : 8, circles = n_ < kSmall ? 2 : 16;
     PlanarCut best;
     double least = kInfinity;
@@ -2612,9 +2819,9 @@ class CutFinder {
       cut.is_circle = i >= lines;
       if (cut.is_circle) {
         const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
-        cut.vector = Vec2(x_(center, 0), y_(center, 0));
+        cut.vector = {x_(center, 0), y_(center, 0)};
       } else {
-        cut.vector = Vec2(std::cos(kPi * i / lines), std::sin(kPi * i / lines));
+        cut.vector = {std::cos(kPi * i / lines), std::sin(kPi * i / lines)};
       }
       measure(cut);
       for (double fraction : {0.4, 0.5, 0.6}) {
@@ -2634,14 +2841,14 @@ class CutFinder {
   /// The keys of the points, and the least and largest key of each and what it is coupled to.
   void measure(const PlanarCut& cut) {
     constexpr int kSamples = 64;
-    const Eigen::Vector2f v = cut.vector.cast<float>();
+    const float vx = static_cast<float>(cut.vector.x), vy = static_cast<float>(cut.vector.y);
     lo_.setConstant(n_, std::numeric_limits<float>::infinity());
-    hi_ = -lo_;
+    hi_.setConstant(n_, -std::numeric_limits<float>::infinity());
     for (int k = kCouplings; k >= 0; --k) {  // the points themselves come last
       if (cut.is_circle)
-        key_ = (x_.col(k) - v.x()).square() + (y_.col(k) - v.y()).square();
+        key_ = (x_.col(k) - vx).square() + (y_.col(k) - vy).square();
       else
-        key_ = v.x() * x_.col(k) + v.y() * y_.col(k);
+        key_ = vx * x_.col(k) + vy * y_.col(k);
       lo_ = lo_.min(key_);
       hi_ = hi_.max(key_);
     }
@@ -2680,14 +2887,14 @@ class NestedDissection {
     const int n = pattern_.rows();
     build_adjacency();
     result_.order.resize(n);
-    std::iota(result_.order.begin(), result_.order.end(), 0);
+    for (int i = 0; i < n; ++i) result_.order[i] = i;
     dissect();
     result_.place.resize(n);
     for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
     add_front(0);
     schedule();
-    for (const Array<Array<int>>& stage : result_.stages)
-      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
+    for (const Array<FrontGroup>& stage : result_.stages)
+      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group].fronts); });
     for (Front& front : result_.fronts) {
       front.panel = result_.panels_size;
       result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
@@ -2719,22 +2926,20 @@ class NestedDissection {
   void build_adjacency() {
     const int n = pattern_.rows();
     start_.assign(n + 1, 0);
-    const auto for_each_block = [&](const auto& visit) {
-      for (int r = 0; r < n; ++r)
-        for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b)
-          visit(r, pattern_.column[b], b);
-    };
-    for_each_block([&](int r, int c, int) {
-      ++start_[r + 1];
-      if (c != r) ++start_[c + 1];
-    });
+    for (int r = 0; r < n; ++r)
+      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
+        ++start_[r + 1];
+        if (pattern_.column[b] != r) ++start_[pattern_.column[b] + 1];
+      }
     for (int i = 0; i < n; ++i) start_[i + 1] += start_[i];
-    Array<int> fill(n, 0);
+    Array<int> fill = start_;
     neighbour_.resize(start_[n]);
-    for_each_block([&](int r, int c, int b) {
-      neighbour_[start_[r] + fill[r]++] = {c, b, false};
-      if (c != r) neighbour_[start_[c] + fill[c]++] = {r, b, true};
-    });
+    for (int r = 0; r < n; ++r)
+      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
+        const int c = pattern_.column[b];
+        neighbour_[fill[r]++] = {c, b, false};
+        if (c != r) neighbour_[fill[c]++] = {r, b, true};
+      }
   }
 
   template <class Visit>
@@ -2759,37 +2964,40 @@ class NestedDissection {
     }
   }
 
+  int& vertex(int i) { return result_.order[i]; }
+
   void split(Set& set) {
     if (set.size() <= kLargestLeaf) return;
     divide(set);
     separate(set);
-    thin(set);
-    const auto move_to_front = [&](int from, Part part) {
-      int* last =
-          std::stable_partition(at(from), at(set.end), [&](int v) { return part_[v] == part; });
-      return static_cast<int>(last - at(0));
-    };
-    set.left_end = move_to_front(set.begin, kLeft);
-    set.right_end = move_to_front(set.left_end, kRight);
-    for (int i = set.begin; i < set.end; ++i) part_[*at(i)] = kOutside;
+    thin_separator(set);
+    Array<int> members[3];
+    for (int i = set.begin; i < set.end; ++i) members[part_[vertex(i)]].push_back(vertex(i));
+    int i = set.begin;
+    for (const Array<int>& part : members)
+      for (int v : part) {
+        part_[v] = kOutside;
+        vertex(i++) = v;
+      }
+    set.left_end = set.begin + members[kLeft].size();
+    set.right_end = set.left_end + members[kRight].size();
   }
-
-  int* at(int i) { return result_.order.data() + i; }
 
   /// Puts every vertex of a set on one of two sides.
   void divide(const Set& set) {
     const int n = set.size();
-    const Vec2 origin = row2(positions_, *at(set.begin));
+    const Vec2 origin = row2(positions_, vertex(set.begin));
     double extent = 0;
     for (int i = set.begin; i < set.end; ++i) {
-      part_[*at(i)] = kLeft;  // for now: it is in the set
-      extent = (std::max)(extent, (row2(positions_, *at(i)) - origin).cwiseAbs().maxCoeff());
+      part_[vertex(i)] = kLeft;  // for now: it is in the set
+      const Vec2 p = row2(positions_, vertex(i)) - origin;
+      extent = (std::max)({extent, std::abs(p.x), std::abs(p.y)});
     }
     const double unit = extent > 0 ? 1 / extent : 1;
-    const auto point = [&](int v) { return Vec2(unit * (row2(positions_, v) - origin)); };
+    const auto point = [&](int v) { return unit * (row2(positions_, v) - origin); };
     CutFinder cuts(n);
     for (int i = 0; i < n; ++i) {
-      const int v = *at(set.begin + i);
+      const int v = vertex(set.begin + i);
       for (int k = 0; k <= CutFinder::kCouplings; ++k) {
         const int u = k == 0 ? v : spread_neighbour(v, k - 1);
         cuts.set(i, k, point(part_[u] == kLeft ? u : v));
@@ -2797,7 +3005,8 @@ class NestedDissection {
     }
     const PlanarCut cut = cuts.best();
     Array<std::pair<double, int>> key(n);
-    for (int i = 0; i < n; ++i) key[i] = {cut.key(point(*at(set.begin + i))), *at(set.begin + i)};
+    for (int i = 0; i < n; ++i)
+      key[i] = {cut.key(point(vertex(set.begin + i))), vertex(set.begin + i)};
     const int left = (std::max)(1, static_cast<int>(cut.fraction * n));
     std::nth_element(key.begin(), key.begin() + left, key.end());
     for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
@@ -2817,10 +3026,10 @@ class NestedDissection {
 
   /// Makes the vertices of one side that are coupled to the other one the separator.
   void separate(const Set& set) {
-    std::array<Array<int>, 2> rim;
+    Array<int> rim[2];
     for (int i = set.begin; i < set.end; ++i) {
-      const Part own = part_[*at(i)];
-      if (is_coupled_to(*at(i), other_side(own))) rim[own].push_back(*at(i));
+      const Part own = part_[vertex(i)];
+      if (is_coupled_to(vertex(i), other_side(own))) rim[own].push_back(vertex(i));
     }
     for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
   }
@@ -2833,30 +3042,31 @@ class NestedDissection {
     int vertex;
     Part to;
     bool operator<(const Move& o) const {
-      return std::tie(gain, vertex, to) < std::tie(o.gain, o.vertex, o.to);
+      return gain != o.gain ? gain < o.gain : vertex != o.vertex ? vertex < o.vertex : to < o.to;
     }
   };
-  using Moves = std::priority_queue<Move>;
+  using Moves = Array<Move>;  // a heap, the best one first
 
   /// Makes the best moves one after the other, also such that do not pay at once, and takes back
   /// those after the smallest separator. No vertex moves twice.
-  void thin(const Set& set) {
+  void thin_separator(const Set& set) {
     constexpr int kPatience = 30;  // moves without success
     const int largest = static_cast<int>(kLargestPart * set.size());
-    std::array<int, 3> size{};
+    int size[3] = {0, 0, 0};
     Moves moves;
     for (int i = set.begin; i < set.end; ++i) {
-      moved_[*at(i)] = 0;
-      ++size[part_[*at(i)]];
+      moved_[vertex(i)] = 0;
+      ++size[part_[vertex(i)]];
     }
     for (int i = set.begin; i < set.end; ++i)
-      if (part_[*at(i)] == kSeparator) enter_separator(*at(i), moves);
+      if (part_[vertex(i)] == kSeparator) enter_separator(vertex(i), moves);
     Array<Move> made;
     Array<int> pulled, pulled_end;
     int best = 0, least = size[kSeparator];
     while (!moves.empty() && made.size() - best < kPatience) {
-      const Move move = moves.top();
-      moves.pop();
+      std::pop_heap(moves.begin(), moves.end());
+      const Move move = moves.back();
+      moves.pop_back();
       const Part from = other_side(move.to);
       if (part_[move.vertex] != kSeparator || moved_[move.vertex]) continue;
       if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
@@ -2881,10 +3091,12 @@ class NestedDissection {
 
   static Part other_side(Part side) { return side == kLeft ? kRight : kLeft; }
 
-  void offer(int v, Part to, Moves& moves) const {
+  void propose_move(int v, Part to, Moves& moves) const {
     constexpr int kLeastGain = -1;
     const int gain = 1 - coupled_[other_side(to)][v];
-    if (!moved_[v] && gain >= kLeastGain) moves.push({gain, v, to});
+    if (moved_[v] || gain < kLeastGain) return;
+    moves.push_back({gain, v, to});
+    std::push_heap(moves.begin(), moves.end());
   }
 
   void enter_separator(int v, Moves& moves) {
@@ -2892,8 +3104,8 @@ class NestedDissection {
     for_each_neighbour(v, [&](int u) {
       if (part_[u] <= kRight) ++coupled_[part_[u]][v];
     });
-    offer(v, kLeft, moves);
-    offer(v, kRight, moves);
+    propose_move(v, kLeft, moves);
+    propose_move(v, kRight, moves);
   }
 
   void leave_separator(int v, Part to, Array<int>& pulled, Moves& moves) {
@@ -2901,15 +3113,17 @@ class NestedDissection {
     const int begin = pulled.size();
     part_[v] = to;
     for_each_neighbour(v, [&](int u) {
-      if (part_[u] == kSeparator) ++coupled_[to][u], offer(u, from, moves);
+      if (part_[u] == kSeparator) ++coupled_[to][u], propose_move(u, from, moves);
       if (part_[u] == from) part_[u] = kSeparator, pulled.push_back(u);
     });
     for (int i = begin; i < pulled.size(); ++i)
       for_each_neighbour(pulled[i], [&](int u) {
-        if (part_[u] == kSeparator) --coupled_[from][u], offer(u, to, moves);
+        if (part_[u] == kSeparator) --coupled_[from][u], propose_move(u, to, moves);
       });
     for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i], moves);
   }
+
+  // -- fronts --
 
   /// Appends the fronts of a set, those of its sides first; returns the topmost.
   int add_front(int id_set) {
@@ -2934,7 +3148,7 @@ class NestedDissection {
     Array<int> place(fronts.size(), -1);               // of the group in its stage
     for (int id = fronts.size() - 1; id >= 0; --id) {  // parents before children
       const Front& front = fronts[id];
-      Array<Array<int>>& stage =
+      Array<FrontGroup>& stage =
           result_.stages[kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth)];
       if (front.depth > kSubtreeDepth) {
         place[id] = place[front.parent];
@@ -2942,10 +3156,10 @@ class NestedDissection {
         place[id] = stage.size();
         stage.push_back({});
       }
-      stage[place[id]].push_back(id);
+      stage[place[id]].fronts.push_back(id);
     }
-    for (Array<Array<int>>& stage : result_.stages)
-      for (Array<int>& ids : stage) std::reverse(ids.begin(), ids.end());
+    for (Array<FrontGroup>& stage : result_.stages)
+      for (FrontGroup& group : stage) std::reverse(group.fronts.begin(), group.fronts.end());
   }
 
   /// Finds the rows and the entries of a group of fronts.
@@ -2966,10 +3180,8 @@ class NestedDissection {
       local[i] = 0;
       front.rows.push_back(i);
     };
-    for (int i = front.begin; i < front.end; ++i) {
-      const int v = result_.order[i];
-      for (int e = start_[v]; e < start_[v + 1]; ++e) add(result_.place[neighbour_[e].vertex]);
-    }
+    for (int i = front.begin; i < front.end; ++i)
+      for_each_neighbour(result_.order[i], [&](int u) { add(result_.place[u]); });
     for (int child : front.children)
       for (int i : result_.fronts[child].rows) add(i);
     std::sort(front.rows.begin(), front.rows.end());
@@ -3003,9 +3215,111 @@ class NestedDissection {
   Array<Neighbour> neighbour_;
   Array<Set> sets_;  // level by level
   Array<Part> part_;
-  std::array<Array<int>, 2> coupled_;  // of a vertex of the separator, how many on either side
+  Array<int> coupled_[2];  // of a vertex of the separator, how many on either side
   Array<char> moved_;
 };
+
+// ---- dense kernels, which are Eigen's ----
+
+/// A block of a matrix by columns.
+struct DenseBlock {
+  double* data;
+  Eigen::Index rows, cols, stride;
+
+  double* col(Eigen::Index j) const { return data + j * stride; }
+  double& operator()(Eigen::Index i, Eigen::Index j) const { return data[j * stride + i]; }
+  DenseBlock block(Eigen::Index i, Eigen::Index j, Eigen::Index n, Eigen::Index m) const {
+    return {data + j * stride + i, n, m, stride};
+  }
+};
+
+using DenseMap = Eigen::Map<Eigen::MatrixXd, Eigen::Unaligned, Eigen::OuterStride<>>;
+using DenseVector = Eigen::Map<Eigen::VectorXd>;
+inline DenseMap mapped(const DenseBlock& A) {
+  return DenseMap(A.data, A.rows, A.cols, Eigen::OuterStride<>(A.stride));
+}
+
+/// C -= A B.
+inline void subtract_product(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C) {
+  mapped(C).noalias() -= mapped(A) * mapped(B);
+}
+
+/// The same for the lower triangle of C.
+inline void subtract_product_lower(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C) {
+  mapped(C).triangularView<Eigen::Lower>() -= mapped(A) * mapped(B);
+}
+
+/// X ← X L⁻ᵀ with a unit lower triangle L.
+inline void solve_on_the_right(const DenseBlock& L, const DenseBlock& X) {
+  DenseMap x = mapped(X);
+  mapped(L).triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(x);
+}
+
+/// y -= a x.
+inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
+  DenseVector(y, n) -= a * Eigen::Map<const Eigen::VectorXd>(x, n);
+}
+
+inline double inner_product(const double* x, const double* y, Eigen::Index n) {
+  return Eigen::Map<const Eigen::VectorXd>(x, n).dot(Eigen::Map<const Eigen::VectorXd>(y, n));
+}
+
+/// D Lᵀ, where L has D.rows columns and D is a diagonal matrix.
+inline DenseBlock scaled_transpose(const DenseBlock& D, const DenseBlock& L,
+                                   Eigen::VectorXd& memory) {
+  memory.resize(L.rows * L.cols);
+  const DenseBlock W = {memory.data(), L.cols, L.rows, L.cols};
+  for (Eigen::Index i = 0; i < L.rows; ++i)
+    for (Eigen::Index j = 0; j < L.cols; ++j) W(j, i) = D(j, j) * L(i, j);
+  return W;
+}
+
+/// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
+inline bool factor_narrow(const DenseBlock& A, int& negative) {
+  const Eigen::Index k = A.cols, below = A.rows - k;
+  for (Eigen::Index j = 0; j < k; ++j) {
+    const double pivot = A(j, j);
+    if (pivot == 0 || !std::isfinite(pivot)) return false;
+    if (pivot < 0) ++negative;
+    for (Eigen::Index c = j + 1; c < k; ++c)
+      subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, k - c);
+    for (Eigen::Index c = j + 1; c < k; ++c) A(c, j) /= pivot;
+  }
+  if (below == 0) return true;
+  solve_on_the_right(A.block(0, 0, k, k), A.block(k, 0, below, k));
+  for (Eigen::Index j = 0; j < k; ++j) DenseVector(A.col(j) + k, below) /= A(j, j);
+  return true;
+}
+
+/// The same of any width: the left half, what it takes from the right half, the right half.
+inline bool factor_panel(const DenseBlock& A, int& negative) {
+  constexpr Eigen::Index kNarrow = 32;
+  const Eigen::Index k = A.cols, n = A.rows, left = k / 2, right = k - left;
+  if (k <= kNarrow) return factor_narrow(A, negative);
+  if (!factor_panel(A.block(0, 0, n, left), negative)) return false;
+  const DenseBlock L = A.block(left, 0, right, left);
+  Eigen::VectorXd memory;
+  const DenseBlock W = scaled_transpose(A, L, memory);
+  subtract_product_lower(L, W, A.block(left, left, right, right));
+  if (n > k) subtract_product(A.block(k, 0, n - k, left), W, A.block(k, left, n - k, right));
+  return factor_panel(A.block(left, left, n - left, right), negative);
+}
+
+/// update = -L₂ D L₂ᵀ, lower triangle. Chunks of columns of L₂ keep what Eigen packs of them small.
+inline void set_schur(const DenseBlock& panel, const DenseBlock& update) {
+  constexpr Eigen::Index kChunk = 96;
+  const Eigen::Index n = update.rows;
+  std::fill(update.data, update.data + n * n, 0.0);
+  Eigen::VectorXd memory;
+  for (Eigen::Index j = 0; n > 0 && j < panel.cols; j += kChunk) {
+    const Eigen::Index width = (std::min)(kChunk, panel.cols - j);
+    const DenseBlock L2 = panel.block(panel.cols, j, n, width);
+    const DenseBlock W = scaled_transpose(panel.block(j, j, width, width), L2, memory);
+    subtract_product_lower(L2, W, update);
+  }
+}
+
+// ---- factorisation ----
 
 /// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
 /// not. The lock is held for a few instructions, and works where there is no <mutex>.
@@ -3019,8 +3333,8 @@ class MemoryPool {
       int best = 0;
       for (int i = 1; i < pieces_.size(); ++i)
         if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
-      std::swap(pieces_[best], pieces_.back());
-      memory = std::move(pieces_.back());
+      pieces_[best].swap(pieces_.back());
+      memory.swap(pieces_.back());
       pieces_.pop_back();
     }
     unlock();
@@ -3028,7 +3342,7 @@ class MemoryPool {
     return memory;
   }
 
-  void give(Eigen::VectorXd memory) {
+  void give(Eigen::VectorXd& memory) {
     if (memory.size() == 0) return;
     lock();
     pieces_.push_back(std::move(memory));
@@ -3064,83 +3378,33 @@ struct LdltFactor {
 };
 
 /// The panel of a front, 2 size × 2 own.
-template <class Values>
-auto panel_of(const Front& front, Values& panels) {
-  using Matrix =
-      std::conditional_t<std::is_const<Values>::value, const Eigen::MatrixXd, Eigen::MatrixXd>;
-  return Eigen::Map<Matrix>(panels.data() + front.panel, 2 * front.size(), 2 * front.own());
-}
-
-using DenseRef = Eigen::Ref<Eigen::MatrixXd>;
-
-/// Dense LDLT without pivoting of the top square of A, applied to the rows below, column by column.
-inline bool factor_narrow(DenseRef A, int& negative) {
-  const auto k = A.cols(), below = A.rows() - k;
-  auto D = A.topRows(k);
-  for (Eigen::Index j = 0; j < k; ++j) {
-    const double pivot = D(j, j);
-    if (pivot == 0 || !std::isfinite(pivot)) return false;
-    if (pivot < 0) ++negative;
-    const auto rest = k - j - 1;
-    auto l = D.col(j).tail(rest);
-    for (Eigen::Index c = 0; c < rest; ++c)
-      D.col(j + 1 + c).tail(rest - c) -= (l(c) / pivot) * l.tail(rest - c);
-    l /= pivot;
-  }
-  if (below == 0) return true;
-  auto X = A.bottomRows(below);
-  D.triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(X);
-  for (Eigen::Index j = 0; j < k; ++j) X.col(j) /= D(j, j);
-  return true;
-}
-
-/// The same of any width: the left half, what it takes from the right half, the right half.
-inline bool factor_panel(DenseRef A, int& negative) {
-  constexpr int kNarrow = 32;
-  const auto k = A.cols(), n = A.rows(), left = k / 2, right = k - left;
-  if (k <= kNarrow) return factor_narrow(A, negative);
-  if (!factor_panel(A.leftCols(left), negative)) return false;
-  const auto L = A.block(left, 0, right, left);
-  const Eigen::MatrixXd W = A.topLeftCorner(left, left).diagonal().asDiagonal() * L.transpose();
-  A.block(left, left, right, right).triangularView<Eigen::Lower>() -= L * W;
-  A.block(k, left, n - k, right).noalias() -= A.block(k, 0, n - k, left) * W;
-  return factor_panel(A.bottomRightCorner(n - left, right), negative);
-}
-
-/// update = -L₂ D L₂ᵀ, lower triangle. Chunks of columns of L₂ keep what Eigen packs of them small.
-inline void set_schur(const Eigen::Ref<const Eigen::MatrixXd>& panel, DenseRef update) {
-  constexpr Eigen::Index kChunk = 96;
-  const auto n = update.rows();
-  update.setZero();
-  for (Eigen::Index j = 0; n > 0 && j < panel.cols(); j += kChunk) {
-    const auto width = (std::min)(kChunk, panel.cols() - j);
-    const auto L2 = panel.block(panel.cols(), j, n, width);
-    const Eigen::MatrixXd W =
-        panel.block(j, j, width, width).diagonal().asDiagonal() * L2.transpose();
-    update.triangularView<Eigen::Lower>() -= L2 * W;
-  }
+inline DenseBlock panel_of(const Front& front, const LdltFactor& factor) {
+  const Eigen::Index rows = 2 * Eigen::Index{front.size()};
+  return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
 }
 
 /// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
-inline Eigen::Map<Eigen::MatrixXd> update_of(const Front& front, Eigen::VectorXd& memory) {
-  return Eigen::Map<Eigen::MatrixXd>(memory.data(), 2 * front.rows.size(), 2 * front.rows.size());
+inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
+  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
+  return {memory.data(), n, n, n};
 }
 
 /// Adds those columns of a child's update matrix that are, or are not, the parent's own.
-template <class Target>
-void extend_add(const Front& child, const Eigen::Ref<const Eigen::MatrixXd>& from, int own,
-                bool into_own, Target& target) {
+inline void extend_add(const Front& child, const DenseBlock& from, int own, bool into_own,
+                       const DenseBlock& target) {
   const int n = child.rows.size(), shift = into_own ? 0 : own;
   for (int c = 0; c < n; ++c) {
     if ((child.parent_row[c] < own) != into_own) continue;
     for (int half = 0; half < 2; ++half) {
-      const auto source = from.col(2 * c + half);
-      auto sum = target.col(2 * (child.parent_row[c] - shift) + half);
+      const double* source = from.col(2 * c + half);
+      double* sum = target.col(2 * (child.parent_row[c] - shift) + half);
       for (int i = half; i < 2; ++i)
         sum[2 * (child.parent_row[c] - shift) + i] += source[2 * c + i];
-      for (int r = c + 1; r < n; ++r)
-        sum.template segment<2>(2 * (child.parent_row[r] - shift)) +=
-            source.template segment<2>(2 * r);
+      for (int r = c + 1; r < n; ++r) {
+        double* at = sum + 2 * (child.parent_row[r] - shift);
+        at[0] += source[2 * r];
+        at[1] += source[2 * r + 1];
+      }
     }
   }
 }
@@ -3150,7 +3414,7 @@ struct ShiftedMatrix {
   const BlockValues* H = nullptr;
   const BlockValues* Q = nullptr;  // may be null
   double omega = 0;
-  Eigen::Matrix2d block(int b) const {
+  Mat2 block(int b) const {
     if (!Q) return (*H)[b];
     return (*H)[b] + omega * (*Q)[b];
   }
@@ -3160,17 +3424,14 @@ struct ShiftedMatrix {
 inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedMatrix& matrix,
                             LdltFactor& factor) {
   const Front& front = symbolic.fronts[id];
-  auto panel = panel_of(front, factor.panels);
-  panel.setZero();
+  const DenseBlock panel = panel_of(front, factor);
+  std::fill(panel.data, panel.data + panel.rows * panel.cols, 0.0);
   for (const Front::OwnBlock& e : front.blocks) {
-    const Eigen::Matrix2d block = matrix.block(e.block);
-    auto target = panel.block<2, 2>(2 * e.row, 2 * e.column);
-    if (e.transposed)
-      target += block.transpose();
-    else
-      target += block;
+    const Mat2 block = e.transposed ? transposed(matrix.block(e.block)) : matrix.block(e.block);
+    for (int c = 0; c < 2; ++c)
+      for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
   }
-  const auto add_children = [&](bool into_own, auto& target) {
+  const auto add_children = [&](bool into_own, const DenseBlock& target) {
     for (int id_child : front.children) {
       const Front& child = symbolic.fronts[id_child];
       extend_add(child, update_of(child, factor.update[id_child]), front.own(), into_own, target);
@@ -3178,71 +3439,90 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
   };
   add_children(true, panel);
   factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
-  const auto n = 2 * Eigen::Index{front.rows.size()};
+  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
   if (n > 0) factor.update[id] = factor.spare.take(n * n);
-  auto update = update_of(front, factor.update[id]);
+  const DenseBlock update = update_of(front, factor.update[id]);
   set_schur(panel, update);
   add_children(false, update);
-  for (int child : front.children) factor.spare.give(std::move(factor.update[child]));
+  for (int child : front.children) factor.spare.give(factor.update[child]);
 }
 
 inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
                            const Executor& executor, LdltFactor& factor) {
   const int n = symbolic.fronts.size();
   if (factor.panels.size() < symbolic.panels_size) factor.panels.resize(symbolic.panels_size);
-  factor.update.assign(n, Eigen::VectorXd());
+  factor.update.clear();
+  factor.update.resize(n);
   factor.negative_pivots.assign(n, 0);
   factor.broken.assign(n, 0);
-  for (const Array<Array<int>>& stage : symbolic.stages)
+  for (const Array<FrontGroup>& stage : symbolic.stages)
     executor.run(stage.size(), [&](int group) {
-      for (int id : stage[group]) eliminate_front(symbolic, id, matrix, factor);
+      for (int id : stage[group].fronts) eliminate_front(symbolic, id, matrix, factor);
     });
-  factor.ok = std::find(factor.broken.begin(), factor.broken.end(), 1) == factor.broken.end();
-  factor.negative =
-      std::accumulate(factor.negative_pivots.begin(), factor.negative_pivots.end(), 0);
+  factor.ok = true;
+  factor.negative = 0;
+  for (int i = 0; i < n; ++i) {
+    factor.ok = factor.ok && !factor.broken[i];
+    factor.negative += factor.negative_pivots[i];
+  }
 }
 
-/// Solves with a factor; b holds two entries per vertex.
-inline Eigen::VectorXd ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                                  const Eigen::VectorXd& b) {
+// ---- solution ----
+
+inline double dot(const Array<Vec2>& a, const Array<Vec2>& b) {
+  double sum = 0;
+  for (int i = 0; i < a.size(); ++i) sum += dot(a[i], b[i]);
+  return sum;
+}
+
+inline Array<Vec2> negated(const Array<Vec2>& a) {
+  Array<Vec2> result(a.size());
+  for (int i = 0; i < a.size(); ++i) result[i] = -a[i];
+  return result;
+}
+
+/// Solves with a factor: L y = b, front by front, then D Lᵀ x = y in the reverse order. The numbers
+/// that a front touches are gathered, so that columns of its panel meet one piece of memory.
+inline Array<Vec2> ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& factor,
+                              const Array<Vec2>& b) {
   const int n = symbolic.order.size(), n_fronts = symbolic.fronts.size();
-  Eigen::VectorXd y(2 * n), rest, x(2 * n);
-  for (int i = 0; i < n; ++i) y.segment<2>(2 * i) = b.segment<2>(2 * symbolic.order[i]);
-  for (int id = 0; id < n_fronts; ++id) {  // L y = b, then D
+  Array<Vec2> y(n), x(n), local;
+  for (int i = 0; i < n; ++i) y[i] = b[symbolic.order[i]];
+  for (int id = 0; id < n_fronts; ++id) {
     const Front& front = symbolic.fronts[id];
-    if (front.own() == 0) continue;
-    const auto P = panel_of(front, factor.panels);
-    auto own = y.segment(2 * front.begin, 2 * front.own());
-    P.topRows(P.cols()).triangularView<Eigen::UnitLower>().solveInPlace(own);
-    rest.noalias() = P.bottomRows(2 * front.rows.size()) * own;
-    for (int r = 0; r < front.rows.size(); ++r)
-      y.segment<2>(2 * front.rows[r]) -= rest.segment<2>(2 * r);
+    const DenseBlock P = panel_of(front, factor);
+    local.assign(front.size(), {});
+    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
+    double* z = &local.data()->x;
+    for (Eigen::Index j = 0; j < P.cols; ++j)
+      subtract_scaled(z[j], P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
+    for (int r = 0; r < front.rows.size(); ++r) y[front.rows[r]] += local[front.own() + r];
   }
-  for (int id = n_fronts - 1; id >= 0; --id) {  // D Lᵀ x = y
+  for (int id = n_fronts - 1; id >= 0; --id) {
     const Front& front = symbolic.fronts[id];
-    if (front.own() == 0) continue;
-    const auto P = panel_of(front, factor.panels);
-    auto own = y.segment(2 * front.begin, 2 * front.own());
-    own.array() /= P.topRows(P.cols()).diagonal().array();
-    rest.resize(2 * front.rows.size());
-    for (int r = 0; r < front.rows.size(); ++r)
-      rest.segment<2>(2 * r) = y.segment<2>(2 * front.rows[r]);
-    own.noalias() -= P.bottomRows(2 * front.rows.size()).transpose() * rest;
-    P.topRows(P.cols()).triangularView<Eigen::UnitLower>().transpose().solveInPlace(own);
+    const DenseBlock P = panel_of(front, factor);
+    local.resize(front.size());
+    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
+    for (int r = 0; r < front.rows.size(); ++r) local[front.own() + r] = y[front.rows[r]];
+    double* z = &local.data()->x;
+    for (Eigen::Index j = P.cols - 1; j >= 0; --j)
+      z[j] = z[j] / P(j, j) - inner_product(P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
   }
-  for (int i = 0; i < n; ++i) x.segment<2>(2 * symbolic.order[i]) = y.segment<2>(2 * i);
+  for (int i = 0; i < n; ++i) x[symbolic.order[i]] = y[i];
   return x;
 }
 
 /// y += A x, of which the upper triangle is stored.
-inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A,
-                        const Eigen::VectorXd& x, Eigen::VectorXd& y) {
+inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A, const Array<Vec2>& x,
+                        Array<Vec2>& y) {
   for (int r = 0; r < pattern.rows(); ++r)
     for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
       const int c = pattern.column[b];
-      const Eigen::Matrix2d block = A.block(b);
-      y.segment<2>(2 * r) += block * x.segment<2>(2 * c);
-      if (r != c) y.segment<2>(2 * c) += block.transpose() * x.segment<2>(2 * r);
+      const Mat2 block = A.block(b);
+      y[r] += block * x[c];
+      if (r != c) y[c] += transposed(block) * x[r];
     }
 }
 
@@ -3250,24 +3530,29 @@ inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A,
 /// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
 /// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
 /// has fallen to a tolerance of its first value, z the preconditioned r, or after 50 steps.
-inline Eigen::VectorXd solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                                            const BlockPattern& pattern, const ShiftedMatrix& A,
-                                            const Eigen::VectorXd& b, double tolerance) {
+inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
+                                        const BlockPattern& pattern, const ShiftedMatrix& A,
+                                        const Array<Vec2>& b, double tolerance) {
   constexpr int kMostSteps = 50;
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size()), r = b, p, Ap;
+  const int n = b.size();
+  Array<Vec2> x(n), r = b, p(n), Ap;
   double before = 0, first = 0;
   for (int k = 0; k < kMostSteps; ++k) {
-    const Eigen::VectorXd z = ldlt_solve(symbolic, factor, r);
-    const double now = r.dot(z);
+    const Array<Vec2> z = ldlt_solve(symbolic, factor, r);
+    const double now = dot(r, z);
     if (k == 0) first = now;
     if (!(now > tolerance * tolerance * first)) break;
-    p = k == 0 ? z : Eigen::VectorXd(z + (now / before) * p);
-    Ap.setZero(b.size());
+    const double along = k == 0 ? 0 : now / before;
+    for (int i = 0; i < n; ++i) p[i] = z[i] + along * p[i];
+    Ap.assign(n, {});
     add_product(pattern, A, p, Ap);
-    const double curvature = p.dot(Ap);
+    const double curvature = dot(p, Ap);
     if (!(curvature > 0)) break;
-    x += (now / curvature) * p;
-    r -= (now / curvature) * Ap;
+    const double step = now / curvature;
+    for (int i = 0; i < n; ++i) {
+      x[i] += step * p[i];
+      r[i] -= step * Ap[i];
+    }
     before = now;
   }
   return x;
@@ -3311,20 +3596,20 @@ struct Weights {
 struct Iterate {
   Points2 f, g;
   Overlay overlay;
-  Array<Eigen::Matrix2d> jacobian_f, jacobian_g;  // per triangle
-  double map_energy = 0;                          // E_Φ
-  double area_a = 0, area_b = 0;                  // area A', area B'
+  Array<Mat2> jacobian_f, jacobian_g;  // per triangle
+  double map_energy = 0;               // E_Φ
+  double area_a = 0, area_b = 0;       // area A', area B'
   double energy_f = 0, energy_g = 0;
   double energy = kInfinity;  // E
 };
 
-inline Eigen::Matrix2d triangle_jacobian(const Surface& s, const Points2& x, int f) {
+inline Mat2 triangle_jacobian(const Surface& s, const Points2& x, int f) {
   return jacobian(row2(x, s.mesh.corner(f, 0)), row2(x, s.mesh.corner(f, 1)),
                   row2(x, s.mesh.corner(f, 2)), s.rest_inverse[f]);
 }
 
 /// Jacobians of all triangles and the sum of their symmetric Dirichlet energies.
-inline double embedding_energy(const Surface& s, const Points2& x, Array<Eigen::Matrix2d>& J) {
+inline double embedding_energy(const Surface& s, const Points2& x, Array<Mat2>& J) {
   J.resize(s.mesh.n_faces);
   double energy = 0;
   for (int f = 0; f < s.mesh.n_faces; ++f) {
@@ -3334,13 +3619,12 @@ inline double embedding_energy(const Surface& s, const Points2& x, Array<Eigen::
   return energy;
 }
 
-/// Columns a0 a1 a2 b0 b1 b2 of a polygon's two triangles.
 inline SixPoints six_points(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
                             const Points2& g, const OverlayPolygon& p) {
   SixPoints points;
   for (int k = 0; k < 3; ++k) {
-    points.col(k) = row2(f, a.corner(p.ta, k));
-    points.col(3 + k) = row2(g, b.corner(p.tb, k));
+    points[k] = row2(f, a.corner(p.ta, k));
+    points[3 + k] = row2(g, b.corner(p.tb, k));
   }
   return points;
 }
@@ -3357,17 +3641,18 @@ inline bool add_map_energy(const SurfacePair& pair, const DistortionMeasure& mea
     const SixPoints points = six_points(pair, x, p);
     const double area = polygon_area(polygon_shape(p, points), points);
     if (is_negligible(area, points)) continue;
-    const Eigen::Matrix2d &F = x.jacobian_f[p.ta], &G = x.jacobian_g[p.tb];
-    x.map_energy += area * measure.value(F, G);
-    x.area_a += area / F.determinant();
-    x.area_b += area / G.determinant();
+    const Mat2 &F = x.jacobian_f[p.ta], &G = x.jacobian_g[p.tb];
+    x.map_energy += area * density_value(measure, F, G);
+    x.area_a += area / determinant(F);
+    x.area_b += area / determinant(G);
     if (x.map_energy > most) return false;
   }
   return true;
 }
 
 /// E at the positions x.f, x.g (§5); the overlay is computed anew. Gives up, with an infinite E, as
-/// soon as it is sure to exceed `limit`: no more than all area can be covered.
+/// soon as E would exceed `limit` even if what is left of the overlay covered all the area there is
+/// without any distortion.
 inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
@@ -3400,19 +3685,17 @@ inline void ring_columns(const HalfEdgeMesh& m, int u, int rings, Array<int>& ma
     columns.push_back(v);
   };
   add(u);
-  for (int ring = 0, begin = 0; ring < rings; ++ring) {
-    const int end = columns.size();
-    for (; begin < end; ++begin) {
+  for (int ring = 0, begin = 0; ring < rings; ++ring)
+    for (const int end = columns.size(); begin < end; ++begin)
       m.for_each_outgoing(columns[begin], [&](int h) {
         add(m.tip(h));
         add(m.tail[prev(h)]);
       });
-    }
-  }
-  columns.resize(static_cast<int>(
-      std::remove_if(columns.begin(), columns.end(), [u](int v) { return v < u; }) -
-      columns.begin()));
   std::sort(columns.begin(), columns.end());
+  int below = 0;
+  while (columns[below] < u) ++below;
+  std::copy(columns.begin() + below, columns.end(), columns.begin());
+  columns.resize(columns.size() - below);
 }
 
 /// Upper pattern of the couplings within each surface up to a number of edges apart.
@@ -3449,106 +3732,103 @@ struct CouplingBlocks {
 
 /// Gradient and projected Hessian at one iterate, the memory of §5.3.
 struct QuadraticModel {
-  Eigen::VectorXd gradient;  // 2 entries per vertex
-  BlockValues within;        // on within_pattern(pair, 1)
+  Array<Vec2> gradient;  // per vertex
+  BlockValues within;    // on within_pattern(pair, 1)
   CouplingBlocks between;
-};
-
-/// What a polygon contributes besides its A-A part.
-struct PolygonTerm {
-  Mat6 ab = Mat6::Zero(), bb = Mat6::Zero();
-  Vec6 gradient_b = Vec6::Zero();
 };
 
 /// What a triangle contributes to a system: its own energy and that of its polygons.
 struct FaceTerm {
-  Mat6 hessian = Mat6::Zero();
-  Vec6 gradient = Vec6::Zero();
+  Mat2 hessian[3][3];
+  Vec2 gradient[3];
 };
+
+/// What a polygon contributes besides its A-A part.
+struct PolygonTerm {
+  Mat2 ab[3][3];
+  FaceTerm b;
+};
+
+inline void add_scaled(double weight, const FaceTerm& term, FaceTerm& sum) {
+  for (int i = 0; i < 3; ++i) {
+    sum.gradient[i] += weight * term.gradient[i];
+    for (int j = 0; j < 3; ++j) sum.hessian[i][j] += weight * term.hessian[i][j];
+  }
+}
 
 /// Adds the term of face f to a system in which the vertices of its mesh start at row `first`.
 inline void scatter(const HalfEdgeMesh& m, int f, int first, const FaceTerm& term,
-                    const BlockPattern& pattern, BlockValues& hessian, Eigen::VectorXd& gradient) {
+                    const BlockPattern& pattern, BlockValues& hessian, Array<Vec2>& gradient) {
   for (int i = 0; i < 3; ++i) {
     const int u = first + m.corner(f, i);
-    gradient.segment<2>(2 * u) += term.gradient.segment<2>(2 * i);
+    gradient[u] += term.gradient[i];
     for (int j = 0; j < 3; ++j) {
       const int v = first + m.corner(f, j);
-      if (u <= v) hessian[find_block(pattern, u, v)] += term.hessian.block<2, 2>(2 * i, 2 * j);
+      if (u <= v) hessian[find_block(pattern, u, v)] += term.hessian[i][j];
     }
   }
 }
 
-/// The symmetric Dirichlet energies of triangles begin to end - 1 of an embedding, projected (§4.4,
-/// §5.1). J(f) is the Jacobian of one of them.
-template <class JacobianOf>
-void embedding_terms(const Surface& s, int begin, int end, double epsilon, const JacobianOf& J,
-                     Array<FaceTerm>& terms) {
-  LaneMatrix<6> H;
+/// The symmetric Dirichlet energies, times a weight, of triangles begin to end - 1 of an embedding,
+/// with Hessians that are projected first (§4.4, §5.1).
+inline void embedding_terms(const Surface& s, const Points2& x, int begin, int end, double epsilon,
+                            double weight, Array<FaceTerm>& terms) {
+  TriangleBatch batch;
   for (; begin < end; begin += kLanes) {
     for (int lane = 0; lane < kLanes; ++lane) {
       const int f = (std::min)(begin + lane, end - 1);
-      const TriangleDerivatives d = triangle_derivatives(J(f), s.rest_inverse[f], s.area[f]);
-      terms[f].gradient = d.gradient;
-      for (int i = 0; i < 6; ++i)
-        for (int k = 0; k <= i; ++k) H(i, k)[lane] = d.hessian(i, k);
+      for (int k = 0; k < 3; ++k) {
+        const Vec2 p = row2(x, s.mesh.corner(f, k));
+        batch.x[2 * k][lane] = p.x;
+        batch.x[2 * k + 1][lane] = p.y;
+      }
+      for (int k = 0; k < 4; ++k) batch.rest_inverse[k][lane] = s.rest_inverse[f].entry[k];
+      batch.area[lane] = s.area[f];
     }
-    project_spd<3>(H, epsilon);
+    differentiate(batch);
+    project_spd<3>(batch.hessian, epsilon);
     for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
-      for (int i = 0; i < 6; ++i)
-        for (int k = 0; k < 6; ++k) terms[begin + lane].hessian(i, k) = H.symmetric(i, k)[lane];
+      for (int i = 0; i < 3; ++i) {
+        FaceTerm& term = terms[begin + lane];
+        term.gradient[i] =
+            weight * Vec2{batch.gradient[2 * i][lane], batch.gradient[2 * i + 1][lane]};
+        for (int j = 0; j < 3; ++j) term.hessian[i][j] = weight * batch.hessian.block(i, j, lane);
+      }
   }
 }
 
-/// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
-struct FaceGroups {
-  Array<int> start, item;
-};
-
-template <class FaceOf>
-FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces, FaceOf face_of) {
-  FaceGroups groups;
-  groups.start.assign(n_faces + 1, 0);
-  groups.item.resize(polygons.size());
-  for (const OverlayPolygon& p : polygons) ++groups.start[face_of(p) + 1];
-  for (int f = 0; f < n_faces; ++f) groups.start[f + 1] += groups.start[f];
-  Array<int> fill = groups.start;
-  for (int i = 0; i < polygons.size(); ++i) groups.item[fill[face_of(polygons[i])]++] = i;
-  return groups;
-}
-
-/// Computes the QuadraticModel of one iterate (Algorithm 1, lines 4 to 8), element by element.
+/// Computes the QuadraticModel of one iterate, element by element.
 class ModelBuilder {
  public:
   ModelBuilder(const SurfacePair& pair, const Weights& weights, const BlockPattern& within,
                const Executor& executor)
       : pair_(pair), weights_(weights), within_(within), executor_(executor) {}
 
-  /// Derivatives of all polygons and triangles, projected one by one (§5.1).
-  void differentiate(const Iterate& x) {
+  /// Derivatives of all polygons and triangles, projected one by one (Algorithm 1, lines 4 to 7).
+  void differentiate_elements(const Iterate& x) {
     const Array<OverlayPolygon>& polygons = x.overlay.polygons;
-    by_a_ = group_polygons(polygons, pair_.a.mesh.n_faces,
-                           [](const OverlayPolygon& p) { return p.ta; });
-    by_b_ = group_polygons(polygons, pair_.b.mesh.n_faces,
-                           [](const OverlayPolygon& p) { return p.tb; });
+    by_a_ = group_polygons(polygons, pair_.a.mesh.n_faces, &OverlayPolygon::ta);
+    by_b_ = group_polygons(polygons, pair_.b.mesh.n_faces, &OverlayPolygon::tb);
     term_.resize(polygons.size());
     face_a_.resize(pair_.a.mesh.n_faces);
     face_b_.resize(pair_.b.mesh.n_faces);
     executor_.run_blocks(face_a_.size(), kBlock, [&](int begin, int end) {
-      differentiate_barrier(pair_.a, x.jacobian_f, begin, end, face_a_);
+      embedding_terms(pair_.a, x.f, begin, end, weights_.epsilon, weights_.barrier, face_a_);
       differentiate_polygons(x, by_a_.start[begin], by_a_.start[end]);
     });
     executor_.run_blocks(face_b_.size(), kBlock, [&](int begin, int end) {
-      differentiate_barrier(pair_.b, x.jacobian_g, begin, end, face_b_);
-      for (int f = begin; f < end; ++f) gather_face_b(f);
+      embedding_terms(pair_.b, x.g, begin, end, weights_.epsilon, weights_.barrier, face_b_);
+      for (int f = begin; f < end; ++f)
+        for (int i = by_b_.start[f]; i < by_b_.start[f + 1]; ++i)
+          add_scaled(1, term_[by_b_.item[i]].b, face_b_[f]);
     });
   }
 
-  /// Sums the element terms of the last differentiate().
+  /// Sums the terms of the last differentiate_elements() (line 8).
   QuadraticModel assemble(const Iterate& x) const {
     QuadraticModel model;
-    model.gradient.setZero(2 * pair_.rows());
-    model.within.assign(within_.blocks(), Eigen::Matrix2d::Zero());
+    model.gradient.resize(pair_.rows());
+    model.within.resize(within_.blocks());
     for (int f = 0; f < face_a_.size(); ++f)
       scatter(pair_.a.mesh, f, 0, face_a_[f], within_, model.within, model.gradient);
     for (int f = 0; f < face_b_.size(); ++f)
@@ -3560,19 +3840,7 @@ class ModelBuilder {
  private:
   static constexpr int kBlock = 64;  // faces or rows per task
 
-  /// ω_R E_f or ω_R E_g of some faces.
-  void differentiate_barrier(const Surface& s, const Array<Eigen::Matrix2d>& J, int begin, int end,
-                             Array<FaceTerm>& faces) const {
-    embedding_terms(
-        s, begin, end, weights_.epsilon, [&](int f) -> const Eigen::Matrix2d& { return J[f]; },
-        faces);
-    for (int f = begin; f < end; ++f) {
-      faces[f].hessian *= weights_.barrier;
-      faces[f].gradient *= weights_.barrier;
-    }
-  }
-
-  /// Polygons begin to end - 1 of those grouped by the faces of A, projected one by one.
+  /// Polygons begin to end - 1 of those grouped by the faces of A.
   void differentiate_polygons(const Iterate& x, int begin, int end) {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
@@ -3581,7 +3849,7 @@ class ModelBuilder {
         load(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta], pair_.b.rest_inverse[p.tb],
              lane, *batch);
       }
-      detail::differentiate(*weights_.measure, weights_.kappa, *batch);
+      differentiate(*weights_.measure, weights_.kappa, *batch);
       project_spd<6>(batch->hessian, weights_.epsilon);
       for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
         store(x, by_a_.item[begin + lane], lane, *batch);
@@ -3591,25 +3859,19 @@ class ModelBuilder {
   void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
     PolygonTerm& term = term_[id];
     term = PolygonTerm();
-    if (batch.is_negligible[static_cast<std::size_t>(lane)]) return;
+    if (batch.is_negligible[lane]) return;
     FaceTerm& face = face_a_[x.overlay.polygons[id].ta];
-    for (int i = 0; i < 6; ++i) {
-      face.gradient[i] += batch.gradient[i][lane];
-      term.gradient_b[i] = batch.gradient[6 + i][lane];
-      for (int j = 0; j < 6; ++j) {
-        face.hessian(i, j) += batch.hessian.symmetric(i, j)[lane];
-        term.ab(i, j) = batch.hessian(6 + j, i)[lane];
-        term.bb(i, j) = batch.hessian.symmetric(6 + i, 6 + j)[lane];
+    const auto force = [&](int i) {
+      return Vec2{batch.gradient[2 * i][lane], batch.gradient[2 * i + 1][lane]};
+    };
+    for (int i = 0; i < 3; ++i) {
+      face.gradient[i] += force(i);
+      term.b.gradient[i] = force(3 + i);
+      for (int j = 0; j < 3; ++j) {
+        face.hessian[i][j] += batch.hessian.block(i, j, lane);
+        term.ab[i][j] = batch.hessian.block(i, 3 + j, lane);
+        term.b.hessian[i][j] = batch.hessian.block(3 + i, 3 + j, lane);
       }
-    }
-  }
-
-  void gather_face_b(int f) {
-    FaceTerm& face = face_b_[f];
-    for (int i = by_b_.start[f]; i < by_b_.start[f + 1]; ++i) {
-      const PolygonTerm& term = term_[by_b_.item[i]];
-      face.hessian += term.bb;
-      face.gradient += term.gradient_b;
     }
   }
 
@@ -3643,10 +3905,8 @@ class ModelBuilder {
     std::sort(rows.column.begin() + begin, rows.column.end());
     for (int i = begin; i < rows.column.size(); ++i) place[rows.column[i]] = i;
     rows.value.resize(rows.column.size());
-    for (int i = begin; i < rows.column.size(); ++i) rows.value[i].setZero();
-    for_each_corner([&](int corner, int id, int k, int v) {
-      rows.value[place[v]] += term_[id].ab.block<2, 2>(2 * corner, 2 * k);
-    });
+    for_each_corner(
+        [&](int corner, int id, int k, int v) { rows.value[place[v]] += term_[id].ab[corner][k]; });
     rows.start.push_back(rows.column.size());  // end of the row; shifted by concatenate()
   }
 
@@ -3657,7 +3917,7 @@ class ModelBuilder {
       const int shift = all.column.size();
       for (int end : part.start) all.start.push_back(shift + end);
       for (int v : part.column) all.column.push_back(v);
-      for (const Eigen::Matrix2d& block : part.value) all.value.push_back(block);
+      for (const Mat2& block : part.value) all.value.push_back(block);
     }
     return all;
   }
@@ -3671,73 +3931,74 @@ class ModelBuilder {
   Array<FaceTerm> face_a_, face_b_;
 };
 
-// ---- squared Laplacian (§5.4) ----
+// ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
 
 /// Cotangent of the angle at p between q and r, kept within ±100: angles below 0.6 degrees say
 /// more about the triangulation than about the surface.
 inline double cotangent(const Vec3& p, const Vec3& q, const Vec3& r) {
   const Vec3 u = q - p, v = r - p;
-  const double sine = u.cross(v).norm();
-  return (std::max)(-100.0, (std::min)(100.0, u.dot(v) / (std::max)(sine, 1e-300)));
+  const double sine = norm(cross(u, v));
+  return std::clamp(dot(u, v) / (std::max)(sine, 1e-300), -100.0, 100.0);
 }
 
 /// Voronoi areas of the vertices, safe for obtuse triangles [Meyer et al. 2003].
 inline Array<double> vertex_areas(const Surface& s) {
   Array<double> mass(s.mesh.n_vertices, 0);
   for (int f = 0; f < s.mesh.n_faces; ++f) {
-    std::array<Vec3, 3> p;
-    std::array<double, 3> cot;
-    for (int k = 0; k < 3; ++k)
-      p[static_cast<std::size_t>(k)] = s.vertices.row(s.mesh.corner(f, k));
-    for (std::size_t k = 0; k < 3; ++k) cot[k] = cotangent(p[k], p[(k + 1) % 3], p[(k + 2) % 3]);
+    const Vec3 p[3] = {s.corner(f, 0), s.corner(f, 1), s.corner(f, 2)};
+    double cot[3];
+    for (int k = 0; k < 3; ++k) cot[k] = cotangent(p[k], p[(k + 1) % 3], p[(k + 2) % 3]);
     const bool obtuse = cot[0] < 0 || cot[1] < 0 || cot[2] < 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
       const double voronoi =
-          (cot[i] * (p[k] - p[j]).squaredNorm() + cot[j] * (p[k] - p[i]).squaredNorm()) / 8;
-      mass[s.mesh.corner(f, static_cast<int>(k))] +=
-          !obtuse ? voronoi : s.area[f] * (cot[k] < 0 ? 0.5 : 0.25);
+          (cot[i] * squared_norm(p[k] - p[j]) + cot[j] * squared_norm(p[k] - p[i])) / 8;
+      mass[s.mesh.corner(f, k)] += !obtuse ? voronoi : s.area[f] * (cot[k] < 0 ? 0.5 : 0.25);
     }
   }
   return mass;
 }
 
-/// One row of a sparse matrix: (column, value), ascending.
-using SparseRow = std::vector<std::pair<int, double>>;
+/// An entry of a sparse row.
+struct RowEntry {
+  int column;
+  double value;
+};
 
-/// The cotangent Laplacian without the division by areas; rows sum to zero.
-inline Array<SparseRow> cotangent_matrix(const Surface& s) {
-  Array<SparseRow> rows(s.mesh.n_vertices);
-  const auto add = [&](int u, int v, double value) {
-    for (auto& entry : rows[u])
-      if (entry.first == v) return void(entry.second += value);
-    rows[u].push_back({v, value});
+/// Row u of the cotangent Laplacian C, without the division by areas; its sum is zero.
+inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
+  row.clear();
+  row.push_back({u, 0});
+  const auto add = [&](int v, double weight) {
+    row[0].value += weight;
+    for (RowEntry& entry : row)
+      if (entry.column == v) return void(entry.value -= weight);
+    row.push_back({v, -weight});
   };
-  for (int h = 0; h < s.mesh.tail.size(); ++h) {
-    const int u = s.mesh.tail[h], v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
-    const double half = 0.5 * cotangent(s.vertices.row(w), s.vertices.row(u), s.vertices.row(v));
-    add(u, v, -half), add(v, u, -half);
-    add(u, u, half), add(v, v, half);
-  }
-  for (SparseRow& row : rows) std::sort(row.begin(), row.end());
-  return rows;
+  s.mesh.for_each_outgoing(u, [&](int h) {
+    const int v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
+    const Vec3 p = row3(s.vertices, u), q = row3(s.vertices, v), r = row3(s.vertices, w);
+    add(v, 0.5 * cotangent(r, p, q));
+    add(w, 0.5 * cotangent(q, r, p));
+  });
 }
 
-/// Lᵀ M L = C M⁻¹ C on within_pattern(pair, 2), C the cotangent matrix; one number per block, both
-/// coordinates are treated alike. Scaled by the mean area, so that ω_L has no unit.
+/// Lᵀ M L = C M⁻¹ C on within_pattern(pair, 2); one number per block, both coordinates are treated
+/// alike. Scaled by the mean area, so that ω_L has no unit.
 inline Array<double> squared_laplacian(const SurfacePair& pair, const BlockPattern& pattern) {
   Array<double> Q(pattern.blocks(), 0);
+  Array<RowEntry> row;
   for (const Surface* s : {&pair.a, &pair.b}) {
     const int first = s == &pair.a ? 0 : pair.n_a();
-    const Array<SparseRow> C = cotangent_matrix(*s);
     const Array<double> mass = vertex_areas(*s);
-    const double scale = 0.5 * pair.total_area();
-    for (int k = 0; k < s->mesh.n_vertices; ++k)
-      for (const auto& u : C[k])
-        for (const auto& v : C[k])
-          if (u.first <= v.first)
-            Q[find_block(pattern, first + u.first, first + v.first)] +=
-                scale * u.second * v.second / mass[k];
+    for (int k = 0; k < s->mesh.n_vertices; ++k) {
+      cotangent_row(*s, k, row);
+      for (const RowEntry& u : row)
+        for (const RowEntry& v : row)
+          if (u.column <= v.column)
+            Q[find_block(pattern, first + u.column, first + v.column)] +=
+                0.5 * pair.total_area() * u.value * v.value / mass[k];
+    }
   }
   return Q;
 }
@@ -3747,12 +4008,14 @@ inline Array<double> squared_laplacian(const SurfacePair& pair, const BlockPatte
 /// H_+ and ω-independent part of the preconditioner on one pattern, and the right-hand side.
 struct LinearSystem {
   BlockPattern pattern;
-  BlockValues H, Q;
-  Eigen::VectorXd gradient;
+  BlockValues H, Q;  // Q is empty without a preconditioner
+  Array<Vec2> gradient;
+
+  ShiftedMatrix shifted(double omega) const { return {&H, Q.empty() ? nullptr : &Q, omega}; }
 };
 
 /// Blends the models of the last iterations, newest first, with weights decay^k (normalised), and
-/// adds the preconditioner's pattern.
+/// adds the preconditioner's pattern (Algorithm 1, lines 1 and 9).
 class SystemBuilder {
  public:
   SystemBuilder(const SurfacePair& pair, bool precondition, const Executor& executor)
@@ -3775,8 +4038,10 @@ class SystemBuilder {
     for (int k = 0; k < history.size(); ++k) sum += weight[k] = std::pow(decay, k);
     for (double& w : weight) w /= sum;
     LinearSystem system;
-    system.gradient.setZero(2 * (n_a_ + n_b_));
-    for (int k = 0; k < history.size(); ++k) system.gradient += weight[k] * history[k].gradient;
+    system.gradient.resize(n_a_ + n_b_);
+    for (int k = 0; k < history.size(); ++k)
+      for (int r = 0; r < n_a_ + n_b_; ++r)
+        system.gradient[r] += weight[k] * history[k].gradient[r];
     system.pattern = union_pattern(history);
     system.H.resize(system.pattern.blocks());
     system.Q.resize(laplacian_.empty() ? 0 : system.pattern.blocks());
@@ -3789,15 +4054,19 @@ class SystemBuilder {
  private:
   static constexpr int kBlock = 256;  // rows per task
 
+  /// Columns of consecutive rows, and where each row ends.
+  struct RowColumns {
+    Array<int> column, end;
+  };
+
   /// Row r: the fixed couplings within a mesh, then, for vertices of A, the union over the
   /// history of its couplings with B.
   BlockPattern union_pattern(const Array<QuadraticModel>& history) const {
     const int block = rows_per_task(n_a_, kBlock);
-    Array<Array<int>> columns((n_a_ + block - 1) / block), counts(columns.size());
+    Array<RowColumns> part((n_a_ + block - 1) / block);
     executor_.run_blocks(n_a_, block, [&](int begin, int end) {
       Array<int> mark(n_b_, -1);
-      for (int r = begin; r < end; ++r)
-        union_row(history, r, mark, columns[begin / block], counts[begin / block]);
+      for (int r = begin; r < end; ++r) union_row(history, r, mark, part[begin / block]);
     });
     BlockPattern pattern;
     pattern.start.push_back(0);
@@ -3805,10 +4074,9 @@ class SystemBuilder {
       for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
         pattern.column.push_back(within_.column[b]);
       if (r < n_a_) {
-        const Array<int>& ends = counts[r / block];
-        const int begin = r % block == 0 ? 0 : ends[r % block - 1];
-        for (int i = begin; i < ends[r % block]; ++i)
-          pattern.column.push_back(n_a_ + columns[r / block][i]);
+        const RowColumns& rows = part[r / block];
+        for (int i = r % block == 0 ? 0 : rows.end[r % block - 1]; i < rows.end[r % block]; ++i)
+          pattern.column.push_back(n_a_ + rows.column[i]);
       }
       pattern.start.push_back(pattern.blocks());
     }
@@ -3816,23 +4084,22 @@ class SystemBuilder {
   }
 
   static void union_row(const Array<QuadraticModel>& history, int r, Array<int>& mark,
-                        Array<int>& columns, Array<int>& ends) {
-    const int begin = columns.size();
+                        RowColumns& rows) {
+    const int begin = rows.column.size();
     for (const QuadraticModel& model : history)
       for (int b = model.between.start[r]; b < model.between.start[r + 1]; ++b) {
         const int v = model.between.column[b];
         if (mark[v] == r) continue;
         mark[v] = r;
-        columns.push_back(v);
+        rows.column.push_back(v);
       }
-    std::sort(columns.begin() + begin, columns.end());
-    ends.push_back(columns.size());
+    std::sort(rows.column.begin() + begin, rows.column.end());
+    rows.end.push_back(rows.column.size());
   }
 
   void fill_row(const Array<QuadraticModel>& history, const Array<double>& weight, int r,
                 LinearSystem& system) const {
-    const int begin = system.pattern.start[r], end = system.pattern.start[r + 1];
-    for (int b = begin; b < end; ++b) system.H[b].setZero();
+    const int begin = system.pattern.start[r];
     for (int k = 0; k < history.size(); ++k) {
       for (int b = one_ring_.start[r]; b < one_ring_.start[r + 1]; ++b)
         system.H[begin + place_[b]] += weight[k] * history[k].within[b];
@@ -3844,10 +4111,8 @@ class SystemBuilder {
         system.H[at] += weight[k] * between.value[b];
       }
     }
-    if (laplacian_.empty()) return;
-    for (int b = begin; b < end; ++b) system.Q[b].setZero();
-    for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
-      system.Q[begin + b - within_.start[r]].diagonal().setConstant(laplacian_[b]);
+    for (int b = within_.start[r]; b < within_.start[r + 1] && !laplacian_.empty(); ++b)
+      system.Q[begin + b - within_.start[r]] = diagonal(laplacian_[b]);
   }
 
   BlockPattern one_ring_;
@@ -3858,17 +4123,35 @@ class SystemBuilder {
   const Executor& executor_;
 };
 
-// ---- blocks that come in later ----
+}  // namespace detail
+}  // namespace ism
+
+// ==== [11] CONSTRAINTS (paper §4.5, §4.6) ========================================================
+//
+// Purpose:    what a vertex may not do, as a change of the linear system: a follower is a fixed
+//             combination of vertices of the other mesh (pins and exact landmarks, §4.5); a fixed
+//             coordinate does not move (held boundaries, fixed vertices, rigid motions, §4.6).
+// Invariants: with P the linear map from the unknowns that are left to all rows, the system becomes
+//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. What is left out keeps a unit row, so rows keep their
+//             numbers.
+// Fails:      never; entry points refuse constraints that contradict each other.
+
+namespace ism {
+namespace detail {
+
+// ---- blocks that come in beside those of the models ----
 
 /// A block of the upper triangle, row <= column, that is to be added to a system.
 struct ExtraBlock {
   int row, column;
-  Eigen::Matrix2d H, Q;
+  Mat2 H, Q;
+  bool operator<(const ExtraBlock& o) const {
+    return row != o.row ? row < o.row : column < o.column;
+  }
 };
 
 /// Appends a block to the row that is being written, or adds it to the last one if that is there.
-inline void append_block(int column, const Eigen::Matrix2d& H, const Eigen::Matrix2d* Q,
-                         LinearSystem& system) {
+inline void append_block(int column, const Mat2& H, const Mat2* Q, LinearSystem& system) {
   BlockPattern& pattern = system.pattern;
   if (pattern.start.back() < pattern.blocks() && pattern.column.back() == column) {
     system.H.back() += H;
@@ -3880,65 +4163,77 @@ inline void append_block(int column, const Eigen::Matrix2d& H, const Eigen::Matr
   if (Q != nullptr) system.Q.push_back(*Q);
 }
 
-/// Adds blocks to those of a system that keep(row, column).
-template <class Keep>
-void merge_blocks(const Array<ExtraBlock>& extra, const Keep& keep, LinearSystem& system) {
-  Array<int> order(extra.size());
-  for (int i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](int i, int j) {
-    return std::tie(extra[i].row, extra[i].column, i) < std::tie(extra[j].row, extra[j].column, j);
-  });
-  LinearSystem result;
-  result.gradient = system.gradient;
-  result.pattern.start.push_back(0);
+/// Adds blocks to a system, in which rows and columns of `dropped` vertices (if any) are emptied
+/// first.
+inline void merge_blocks(Array<ExtraBlock> extra, const Array<char>& dropped,
+                         LinearSystem& system) {
+  if (extra.empty()) return;
+  std::stable_sort(extra.begin(), extra.end());
   const bool has_Q = !system.Q.empty();
+  LinearSystem result;
+  result.pattern.start.push_back(0);
   int next = 0;
   for (int r = 0; r < system.pattern.rows(); ++r) {
     const auto append_extra = [&](int end) {
-      for (; next < order.size() && extra[order[next]].row == r; ++next) {
-        const ExtraBlock& block = extra[order[next]];
-        if (block.column >= end) return;
-        append_block(block.column, block.H, has_Q ? &block.Q : nullptr, result);
-      }
+      for (; next < extra.size() && extra[next].row == r && extra[next].column < end; ++next)
+        append_block(extra[next].column, extra[next].H, has_Q ? &extra[next].Q : nullptr, result);
     };
     for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
       const int c = system.pattern.column[b];
-      if (!keep(r, c)) continue;
+      if (!dropped.empty() && (dropped[r] || dropped[c])) continue;
       append_extra(c);
       append_block(c, system.H[b], has_Q ? &system.Q[b] : nullptr, result);
     }
     append_extra(system.pattern.rows());
     result.pattern.start.push_back(result.pattern.blocks());
   }
+  result.gradient = std::move(system.gradient);
   system = std::move(result);
 }
 
-// ---- constraints (§4.5, §4.6) ----
+// ---- followers ----
 
 /// Barycentric coordinates of p in a planar triangle of positive area.
-inline Vec3 barycentric(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
+inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
   const double area = cross(b - a, c - a);
   const double u = cross(b - p, c - p) / area, v = cross(c - p, a - p) / area;
-  return Vec3(u, v, 1 - u - v);
+  return {u, v, 1 - u - v};
 }
 
-/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k (§4.5). Masters
-/// do not follow others themselves.
+/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k. Masters do not
+/// follow others themselves.
 struct Follower {
   int row;
-  std::array<int, 3> master;
+  int master[3];
   Vec3 weight;
 };
 
-/// The linear map P from the unknowns that are left to all rows: where a row gets its position
-/// from.
+/// A vertex in a triangle of the mesh whose vertices start at row `first`.
+inline Follower follower_in(int row, const HalfEdgeMesh& m, int first, int face,
+                            const Vec3& weight) {
+  return {row,
+          {first + m.corner(face, 0), first + m.corner(face, 1), first + m.corner(face, 2)},
+          weight};
+}
+
+/// The vertex of A in a landmark on that of B, written as a point of a triangle around it.
+inline Follower landmark_follower(const SurfacePair& pair, const Landmark& l) {
+  const int h = pair.b.mesh.out[l.b];
+  return follower_in(l.a, pair.b.mesh, pair.n_a(), h / 3, unit3(h % 3));
+}
+
+/// The linear map P.
 class Substitution {
  public:
   Substitution(const Array<Follower>& followers, int rows)
-      : followers_(followers), follower_of_(rows, -1) {
-    for (int i = 0; i < followers.size(); ++i) follower_of_[followers[i].row] = i;
+      : followers_(followers), follower_of_(rows, -1), is_follower_(rows, 0) {
+    for (int i = 0; i < followers.size(); ++i) {
+      follower_of_[followers[i].row] = i;
+      is_follower_[followers[i].row] = 1;
+    }
   }
   bool is_follower(int row) const { return follower_of_[row] >= 0; }
+  const Array<char>& followers() const { return is_follower_; }
 
   /// visit(row, weight) for every unknown that the position of `row` depends on.
   template <class Visit>
@@ -3946,150 +4241,273 @@ class Substitution {
     if (!is_follower(row)) return visit(row, 1.0);
     const Follower& follower = followers_[follower_of_[row]];
     for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0)
-        visit(follower.master[static_cast<std::size_t>(k)], follower.weight[k]);
+      if (follower.weight[k] != 0) visit(follower.master[k], follower.weight[k]);
   }
 
  private:
   const Array<Follower>& followers_;
   Array<int> follower_of_;
+  Array<char> is_follower_;
 };
 
 /// The blocks of Pᵀ H P and Pᵀ Q P that do not lie where they lay in H and Q.
 inline Array<ExtraBlock> substituted_blocks(const Substitution& P, const LinearSystem& system) {
   Array<ExtraBlock> moved;
-  const auto add = [&](int i, int j, const Eigen::Matrix2d& H, const Eigen::Matrix2d& Q) {
+  const auto add = [&](int i, int j, const Mat2& H, const Mat2& Q) {
     if (i <= j) moved.push_back({i, j, H, Q});
   };
   for (int r = 0; r < system.pattern.rows(); ++r)
     for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
       const int c = system.pattern.column[b];
       if (!P.is_follower(r) && !P.is_follower(c)) continue;
-      const Eigen::Matrix2d& H = system.H[b];
-      const Eigen::Matrix2d Q = system.Q.empty() ? Eigen::Matrix2d::Zero() : system.Q[b];
+      const Mat2 H = system.H[b], Q = system.Q.empty() ? Mat2() : system.Q[b];
       P.for_each_source(r, [&](int i, double wi) {
         P.for_each_source(c, [&](int j, double wj) {
           add(i, j, wi * wj * H, wi * wj * Q);
-          if (r != c) add(j, i, wi * wj * H.transpose(), wi * wj * Q.transpose());
+          if (r != c) add(j, i, wi * wj * transposed(H), wi * wj * transposed(Q));
         });
       });
-      if (r == c) add(r, r, Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Zero());
+      if (r == c) add(r, r, diagonal(1), Mat2());
     }
   return moved;
 }
 
-/// Replaces x by P x in a system: Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Followers become unit rows.
+/// Replaces x by P x in a system. Followers become unit rows.
 inline void substitute(const Array<Follower>& followers, LinearSystem& system) {
   if (followers.empty()) return;
   const Substitution P(followers, system.pattern.rows());
-  merge_blocks(
-      substituted_blocks(P, system),
-      [&](int r, int c) { return !P.is_follower(r) && !P.is_follower(c); }, system);
+  merge_blocks(substituted_blocks(P, system), P.followers(), system);
   for (const Follower& follower : followers) {
-    const Vec2 force = system.gradient.segment<2>(2 * follower.row);
-    system.gradient.segment<2>(2 * follower.row).setZero();
+    const Vec2 force = system.gradient[follower.row];
+    system.gradient[follower.row] = {};
     P.for_each_source(follower.row, [&](int master, double weight) {
-      system.gradient.segment<2>(2 * master) += weight * force;
+      system.gradient[master] += weight * force;
     });
   }
 }
 
-/// Removes unknowns from a system (§4.6): unit rows and columns, so their step is 0. Coordinate c
-/// of row r is removed if is_fixed[2 r + c].
-inline void eliminate(const Array<char>& is_fixed, LinearSystem& system) {
-  for (int r = 0; r < system.pattern.rows(); ++r)
+/// P d: gives the followers the direction that their masters' say.
+inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
+  for (const Follower& follower : followers) {
+    Vec2 sum;
+    for (int k = 0; k < 3; ++k) sum += follower.weight[k] * d[follower.master[k]];
+    d[follower.row] = sum;
+  }
+}
+
+/// Puts the followers where their masters say.
+inline void place_followers(const Array<Follower>& followers, Points2& f, Points2& g) {
+  const int n_a = rows_of(f);
+  for (const Follower& follower : followers) {
+    Vec2 p;
+    for (int k = 0; k < 3; ++k) {
+      const int row = follower.master[k];
+      p += follower.weight[k] * (row < n_a ? row2(f, row) : row2(g, row - n_a));
+    }
+    if (follower.row < n_a)
+      set_row(f, follower.row, flush_tiny(p));
+    else
+      set_row(g, follower.row - n_a, flush_tiny(p));
+  }
+}
+
+/// The largest distance, on the surfaces, of a follower from where it is to be.
+inline double pin_residual(const SurfacePair& pair, const Array<Follower>& followers,
+                           const Points2& f, const Points2& g) {
+  const int n = pair.n_a();
+  double largest = 0;
+  for (const Follower& follower : followers) {
+    const bool on_b = follower.row < n;
+    const Vec2 p = on_b ? row2(f, follower.row) : row2(g, follower.row - n);
+    const Points3& vertices = on_b ? pair.b.vertices : pair.a.vertices;
+    Vec2 corner[3];
+    for (int k = 0; k < 3; ++k)
+      corner[k] = on_b ? row2(g, follower.master[k] - n) : row2(f, follower.master[k]);
+    const Vec3 off = barycentric(p, corner[0], corner[1], corner[2]) - follower.weight;
+    Vec3 distance;
+    for (int k = 0; k < 3; ++k)
+      distance += off[k] * row3(vertices, follower.master[k] - (on_b ? n : 0));
+    largest = (std::max)(largest, norm(distance));
+  }
+  return largest;
+}
+
+// ---- fixed coordinates ----
+
+/// Coordinates that do not move, two per row.
+struct FixedCoordinates {
+  Array<char> flag;
+  explicit FixedCoordinates(int rows = 0) : flag(2 * rows, 0) {}
+  char& operator()(int row, int c) { return flag[2 * row + c]; }
+  bool operator()(int row, int c) const { return flag[2 * row + c] != 0; }
+  void fix(int row) { flag[2 * row] = flag[2 * row + 1] = 1; }
+  bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
+};
+
+/// Takes fixed coordinates out of a system: unit rows and columns, so their step is 0.
+inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
+  for (int r = 0; r < system.pattern.rows(); ++r) {
     for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b)
       for (int c = 0; c < 2; ++c) {
         const int column = system.pattern.column[b];
         for (BlockValues* values : {&system.H, &system.Q}) {
           if (values->empty()) continue;
-          if (is_fixed[2 * r + c]) (*values)[b].row(c).setZero();
-          if (is_fixed[2 * column + c]) (*values)[b].col(c).setZero();
+          Mat2& block = (*values)[b];
+          if (is_fixed(r, c)) block(c, 0) = block(c, 1) = 0;
+          if (is_fixed(column, c)) block(0, c) = block(1, c) = 0;
         }
-        if (r == column && is_fixed[2 * r + c]) system.H[b](c, c) = 1;
+        if (r == column && is_fixed(r, c)) system.H[b](c, c) = 1;
       }
-  for (int i = 0; i < is_fixed.size(); ++i)
-    if (is_fixed[i]) system.gradient(i) = 0;
+    if (is_fixed(r, 0)) system.gradient[r].x = 0;
+    if (is_fixed(r, 1)) system.gradient[r].y = 0;
+  }
 }
 
 /// Fixes what a held boundary must not move. A vertex in a row with its neighbours, parallel to an
 /// axis, may slide along it.
-inline void hold_boundary(const HalfEdgeMesh& m, const Points2& x, Boundary boundary, int first,
-                          Array<char>& is_fixed) {
+inline void fix_boundary(const HalfEdgeMesh& m, const Points2& x, Boundary boundary, int first,
+                         FixedCoordinates& is_fixed) {
   if (boundary == Boundary::kFree) return;
   const int n = m.boundary.size();
   for (int i = 0; i < n; ++i) {
-    const int u = m.tail[m.boundary[(i + n - 1) % n]], v = m.tail[m.boundary[i]];
-    const int w = m.tip(m.boundary[i]);
-    for (int c = 0; c < 2; ++c) {
-      const bool in_a_row = x(u, 1 - c) == x(v, 1 - c) && x(v, 1 - c) == x(w, 1 - c);
-      is_fixed[2 * (first + v) + c] = boundary == Boundary::kFixed || !in_a_row;
-    }
+    const int v = m.tail[m.boundary[i]];
+    const Vec2 p = row2(x, m.tail[m.boundary[(i + n - 1) % n]]), q = row2(x, v);
+    const Vec2 r = row2(x, m.tip(m.boundary[i]));
+    const bool slides = boundary == Boundary::kSlide;
+    is_fixed(first + v, 0) = !(slides && p.y == q.y && q.y == r.y);
+    is_fixed(first + v, 1) = !(slides && p.x == q.x && q.x == r.x);
   }
 }
 
-/// P d, the direction of all rows from that of the unknowns.
-inline Eigen::VectorXd expanded(const Array<Follower>& followers, Eigen::VectorXd d) {
-  const Substitution P(followers, static_cast<int>(d.size()) / 2);
-  for (const Follower& follower : followers) {
-    Vec2 sum = Vec2::Zero();
-    P.for_each_source(follower.row,
-                      [&](int master, double weight) { sum += weight * d.segment<2>(2 * master); });
-    d.segment<2>(2 * follower.row) = sum;
-  }
-  return d;
+// ---- rigid motions (§4.6) ----
+
+struct RigidMotion {
+  Mat2 rotation = diagonal(1);
+  Vec2 translation;
+};
+
+inline Mat2 rotation_by(double angle) {
+  return {{std::cos(angle), std::sin(angle), -std::sin(angle), std::cos(angle)}};
 }
-
-/// Puts the followers where their masters say.
-inline void place_followers(const Array<Follower>& followers, Points2& f, Points2& g) {
-  const int n_a = static_cast<int>(f.rows());
-  const auto position = [&](int row) { return row < n_a ? row2(f, row) : row2(g, row - n_a); };
-  for (const Follower& follower : followers) {
-    Vec2 p = Vec2::Zero();
-    for (int k = 0; k < 3; ++k)
-      p += follower.weight[k] * position(follower.master[static_cast<std::size_t>(k)]);
-    p = Vec2(flush_tiny(p.x()), flush_tiny(p.y()));
-    if (follower.row < n_a)
-      f.row(follower.row) = p.transpose();
-    else
-      g.row(follower.row - n_a) = p.transpose();
-  }
-}
-
-// ---- rigid motions ----
-
-using RigidMotion = Eigen::Matrix<double, 2, 3>;  // rotation | translation
 
 /// The rotation by an angle that takes one point to another.
-inline RigidMotion rigid_motion(double angle, const Vec2& from, const Vec2& to) {
-  RigidMotion motion;
-  motion.leftCols<2>() << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
-  motion.col(2) = to - motion.leftCols<2>() * from;
-  return motion;
+inline RigidMotion rigid_motion(double angle, Vec2 from, Vec2 to) {
+  const Mat2 R = rotation_by(angle);
+  return {R, to - R * from};
 }
 
 inline Points2 transformed(const Points2& x, const RigidMotion& motion) {
-  const Points2 y = (x * motion.leftCols<2>().transpose()).rowwise() + motion.col(2).transpose();
-  return y.unaryExpr([](double c) { return flush_tiny(c); });
+  Points2 y(x.rows(), 2);
+  for (int i = 0; i < x.rows(); ++i)
+    set_row(y, i, flush_tiny(motion.rotation * row2(x, i) + motion.translation));
+  return y;
+}
+
+inline Vec2 centroid(const Points2& x) {
+  Vec2 sum;
+  for (int i = 0; i < x.rows(); ++i) sum += row2(x, i);
+  return 1 / static_cast<double>(x.rows()) * sum;
 }
 
 /// The motion that brings the rows of `from` closest to those of `to`.
 inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
-  const Vec2 c0 = from.colwise().mean().transpose(), c1 = to.colwise().mean().transpose();
+  const Vec2 c0 = centroid(from), c1 = centroid(to);
   double along = 0, across = 0;
   for (int i = 0; i < from.rows(); ++i) {
     const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
-    along += p.dot(q);
+    along += dot(p, q);
     across += cross(p, q);
   }
   return rigid_motion(std::atan2(across, along), c0, c1);
 }
 
-// ---- step bound (§5.2; Smith and Schaefer 2015) ----
+/// Numbers of edges from the boundary, breadth first.
+inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
+  Array<int> distance(m.n_vertices, -1), queue;
+  for (int h : m.boundary) {
+    distance[m.tail[h]] = 0;
+    queue.push_back(m.tail[h]);
+  }
+  for (int i = 0; i < queue.size(); ++i) {
+    const int u = queue[i];
+    m.for_each_outgoing(u, [&](int h) {
+      for (int v : {m.tip(h), m.tail[prev(h)]}) {
+        if (distance[v] >= 0) continue;
+        distance[v] = distance[u] + 1;
+        queue.push_back(v);
+      }
+    });
+  }
+  return distance;
+}
+
+/// Where g(B) is held to remove rigid motions: the most central vertex goes to the origin, a
+/// boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
+struct Anchors {
+  int center = 0;
+  int rim = 0;
+};
+
+inline Anchors choose_anchors(const SurfacePair& pair, const Array<Follower>& followers) {
+  const Surface& b = pair.b;
+  Array<int> distance = boundary_distances(b.mesh);
+  for (const Follower& follower : followers)
+    if (follower.row >= pair.n_a()) distance[follower.row - pair.n_a()] = -1;
+  Anchors anchors;
+  for (int v = 0; v < b.mesh.n_vertices; ++v)
+    if (distance[v] > distance[anchors.center]) anchors.center = v;
+  double farthest = -1;
+  for (int h : b.mesh.boundary) {
+    const int v = b.mesh.tail[h];
+    const double d = norm(row3(b.vertices, v) - row3(b.vertices, anchors.center));
+    if (v == anchors.center || distance[v] < 0 || d <= farthest) continue;
+    farthest = d;
+    anchors.rim = v;
+  }
+  return anchors;
+}
+
+/// Moves both planes rigidly so that the anchors are where they belong; leaves them, if rounding
+/// would cost the injectivity of so thin an embedding.
+inline void move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
+                            Points2& g) {
+  const Vec2 origin = row2(g, anchors.center), axis = row2(g, anchors.rim) - origin;
+  const RigidMotion motion = rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2());
+  Points2 new_f = transformed(f, motion), new_g = transformed(g, motion);
+  set_row(new_g, anchors.center, Vec2());
+  new_g(anchors.rim, 1) = 0;
+  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return;
+  f.swap(new_f);
+  g.swap(new_g);
+}
+
+}  // namespace detail
+}  // namespace ism
+
+// ==== [12] SCAFFOLD, STEP BOUND AND LINE SEARCH (paper §4.4, §5.2) ===============================
+//
+// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
+//             decision which of them are injective and improve E enough. The scaffold keeps the
+//             boundary of an embedding from meeting itself [Jiang, Schaefer and Panozzo 2017]: the
+//             space between it and a box around it is triangulated, and its triangles resist
+//             deformation, from the shape they have now, a little. Their energy is least where they
+//             are, so a step that lowers the sum of both energies lowers E; built anew in every
+//             iteration, it yields where the boundary wants to go, but never to a collision.
+// Invariants: an accepted candidate is injective, decided exactly on the rounded positions. The
+//             triangles of a scaffold are positive, exactly; while they are, the boundary is
+//             simple.
+// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
+//             boundaries are in each other's way. Where rounding leaves a triangle of a scaffold no
+//             area, it is left out, and the exact test of the boundary alone guards that place.
+
+namespace ism {
+namespace detail {
+
+// ---- step bound [Smith and Schaefer 2015] ----
 
 /// Smallest s > 0 at which the triangle p + s d loses its area: first root of
 /// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv).
-inline double triangle_max_step(const Vec2& u, const Vec2& v, const Vec2& du, const Vec2& dv) {
+inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
   const double c = cross(u, v), b = cross(u, dv) + cross(du, v), a = cross(du, dv);
   const double discriminant = b * b - 4 * a * c;
   if (!(discriminant >= 0)) return kInfinity;
@@ -4111,52 +4529,34 @@ inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Points2& d
 
 /// x + s d with tiny coordinates made zero, as the predicates want them.
 inline Points2 moved(const Points2& x, const Points2& d, double s) {
-  return (x + s * d).unaryExpr([](double c) { return flush_tiny(c); });
+  Points2 y(x.rows(), 2);
+  for (int i = 0; i < x.rows(); ++i) set_row(y, i, flush_tiny(row2(x, i) + s * row2(d, i)));
+  return y;
 }
 
-}  // namespace detail
-}  // namespace ism
+/// Vectors of consecutive rows.
+inline Points2 rows_from(const Array<Vec2>& d, int first, int count) {
+  Points2 x(count, 2);
+  for (int i = 0; i < count; ++i) set_row(x, i, d[first + i]);
+  return x;
+}
 
-// ==== [11] SCAFFOLD (paper §4.4; Jiang, Schaefer and Panozzo 2017) ===============================
-//
-// Purpose:    keeps the boundary of an embedding from meeting itself: the space between it and a
-//             box around it is triangulated, and its triangles resist deformation, from the shape
-//             they have now, a little. Their energy is least where they are, so a step that lowers
-//             the sum of both energies lowers E; built anew in every iteration, it yields where the
-//             boundary wants to go, but never to a collision.
-// Method:     ears are clipped off the space, cut open by a bridge to the box; flips make the
-//             result Delaunay, all but the edges of boundary and box.
-// Invariants: the triangles are positive, exactly. While they are, the boundary is simple.
-// Fails:      where rounding leaves a triangle no area, it is left out, and the exact test of the
-//             boundary alone guards that place.
-
-namespace ism {
-namespace detail {
+// ---- scaffold ----
 
 /// The space around an embedding in triangles. Vertex n + k, for n vertices of the mesh, is corner
 /// k of the box.
 struct Scaffold {
   int n_vertices = 0;
-  std::array<Vec2, 4> box;
+  Vec2 box[4];
   Array<std::array<int, 3>> triangle;
-  Array<Eigen::Matrix2d> rest_inverse;  // of the triangles as they were built
-  Array<double> weight;                 // of the triangles, in place of their areas
+  Array<Mat2> rest_inverse;  // of the triangles as they were built
+  Array<double> weight;      // of the triangles, in place of their areas
 
   Vec2 point(const Points2& x, int v) const {
-    return v < n_vertices ? row2(x, v) : box[static_cast<std::size_t>(v - n_vertices)];
+    return v < n_vertices ? row2(x, v) : box[v - n_vertices];
   }
-  Vec2 displacement(const Points2& d, int v) const {
-    return v < n_vertices ? row2(d, v) : Vec2::Zero();
-  }
+  Vec2 displacement(const Points2& d, int v) const { return v < n_vertices ? row2(d, v) : Vec2(); }
 };
-
-/// A box around an embedding with room on all sides, counter-clockwise from its lower left corner.
-inline std::array<Vec2, 4> roomy_box(const Points2& x) {
-  const Vec2 lo = x.colwise().minCoeff().transpose(), hi = x.colwise().maxCoeff().transpose();
-  const double room = 0.5 * (hi - lo).maxCoeff();
-  const Vec2 p = lo - Vec2::Constant(room), q = hi + Vec2::Constant(room);
-  return {p, Vec2(q.x(), p.y()), q, Vec2(p.x(), q.y())};
-}
 
 /// The space between boundary and box as one polygon, counter-clockwise: a bridge leads from the
 /// second corner of the box to the rightmost vertex of the boundary, which sees it, and back.
@@ -4188,32 +4588,34 @@ class EarClipper {
 
   /// The triangles; fewer than n - 2 if the polygon is not simple.
   Triangles run() {
-    Triangles triangles(polygon_.size() - 2, 3);
-    int row = 0, left = polygon_.size();
+    Array<int> corners;
+    int left = polygon_.size();
     for (int i = 0, misses = 0; left >= 3 && misses < left; i = next_[i]) {
       if (!is_ear(i)) {
         ++misses;
         continue;
       }
       misses = 0;
-      triangles.row(row++) << polygon_[prev_[i]], polygon_[i], polygon_[next_[i]];
+      for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
       next_[prev_[i]] = next_[i];
       prev_[next_[i]] = prev_[i];
       --left;
     }
-    return triangles.topRows(row);
+    Triangles triangles(corners.size() / 3, 3);
+    std::copy(corners.begin(), corners.end(), triangles.data());
+    return triangles;
   }
 
  private:
   /// True if the triangle at i is positive and empty of all other vertices that are left.
   bool is_ear(int i) const {
     const int a = prev_[i], c = next_[i];
-    const Vec2 &p = point_[a], &q = point_[i], &r = point_[c];
+    const Vec2 p = point_[a], q = point_[i], r = point_[c];
     if (!(orient2d(p, q, r) > 0)) return false;
-    const Vec2 lo = p.cwiseMin(q).cwiseMin(r), hi = p.cwiseMax(q).cwiseMax(r);
+    const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
     for (int k = next_[c]; k != a; k = next_[k]) {
-      const Vec2& s = point_[k];
-      if ((s.array() < lo.array()).any() || (s.array() > hi.array()).any()) continue;
+      const Vec2 s = point_[k];
+      if (s.x < lo.x || s.y < lo.y || s.x > hi.x || s.y > hi.y) continue;
       const int v = polygon_[k];  // the ends of the bridge are there twice
       if (v == polygon_[a] || v == polygon_[i] || v == polygon_[c]) continue;
       if (orient2d(p, q, s) >= 0 && orient2d(q, r, s) >= 0 && orient2d(r, p, s) >= 0) return false;
@@ -4228,7 +4630,7 @@ class EarClipper {
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
 inline void flip(HalfEdgeMesh& m, int h) {
-  const int t = m.twin[h], f = 3 * (h / 3), g = 3 * (t / 3);
+  const int t = m.twin[h], first = 3 * (h / 3), second = 3 * (t / 3);
   const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
   const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
   const int ad = m.twin[next(t)], db = m.twin[prev(t)];
@@ -4237,8 +4639,8 @@ inline void flip(HalfEdgeMesh& m, int h) {
     m.twin[half_edge] = twin;
     if (twin >= 0) m.twin[twin] = half_edge;
   };
-  set(f, a, ad), set(f + 1, d, g + 2), set(f + 2, c, ca);
-  set(g, d, db), set(g + 1, b, bc), set(g + 2, c, f + 1);
+  set(first, a, ad), set(first + 1, d, second + 2), set(first + 2, c, ca);
+  set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
 }
 
 /// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
@@ -4249,8 +4651,8 @@ inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMes
   const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
   if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
   // Exact signs: on a boundary that is straight up to rounding, areas round to 0.
-  const double cot_c = (a - c).dot(b - c) / orient2d(a, b, c);
-  const double cot_d = (b - d).dot(a - d) / orient2d(b, a, d);
+  const double cot_c = dot(a - c, b - c) / orient2d(a, b, c);
+  const double cot_d = dot(b - d, a - d) / orient2d(b, a, d);
   return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
 }
 
@@ -4264,44 +4666,43 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
     const int h = stack.back();
     stack.pop_back();
     if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
-    const int f = 3 * (h / 3), g = 3 * (m.twin[h] / 3);
+    const int first = 3 * (h / 3), second = 3 * (m.twin[h] / 3);
     flip(m, h);
     --left;
-    for (int outer : {f, f + 2, g, g + 1}) stack.push_back(outer);
+    for (int outer : {first, first + 2, second, second + 1}) stack.push_back(outer);
   }
 }
 
 /// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
-inline double height(const Vec2& p, const Vec2& q) {
+inline double height(Vec2 p, Vec2 q) {
   return cross(p, q) /
-         std::sqrt((std::max)({p.squaredNorm(), q.squaredNorm(), (q - p).squaredNorm()}));
+         std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
 }
 
-/// Triangulates the space around an embedding; `weight` is that of all its triangles together.
-/// Those in gaps that are next to closed get less, or they would be too stiff for the linear
-/// solver.
+/// Triangulates the space around an embedding, in a box with room on all sides; `weight` is that of
+/// all its triangles together. Those in gaps that are next to closed get less, or they would be too
+/// stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
   constexpr double kNarrow = 1e-10;  // of the size of the box
   Scaffold s;
   s.n_vertices = m.n_vertices;
-  s.box = roomy_box(x);
+  const std::array<Vec2, 2> tight = bounding_box(x);
+  const Vec2 size = tight[1] - tight[0];
+  const double room = 0.5 * (std::max)(size.x, size.y);
+  const Vec2 lo = tight[0] - Vec2{room, room}, hi = tight[1] + Vec2{room, room};
+  s.box[0] = lo, s.box[1] = {hi.x, lo.y}, s.box[2] = hi, s.box[3] = {lo.x, hi.y};
   HalfEdgeMesh space =
       build_half_edges(m.n_vertices + 4, EarClipper(s, x, space_around(m, x)).run());
   make_delaunay(s, x, space);
-  const double narrow = kNarrow * (s.box[2] - s.box[0]).norm();
+  const double narrow = kNarrow * norm(hi - lo);
   for (int f = 0; f < space.n_faces; ++f) {
+    const Vec2 a = s.point(x, space.corner(f, 0));
+    const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
+    const Mat2 R = columns(p, q), R_inverse = inverse(R);
+    if (!(determinant(R) > 0) || !is_finite(R_inverse)) continue;  // area in exact arithmetic only
+    const double openness = (std::min)(1.0, height(p, q) / narrow);
     s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
-    const Vec2 a = s.point(x, space.corner(f, 0)), b = s.point(x, space.corner(f, 1));
-    const Vec2 c = s.point(x, space.corner(f, 2));
-    Eigen::Matrix2d R;
-    R << b - a, c - a;
-    const Eigen::Matrix2d inverse = R.inverse();
-    if (!(R.determinant() > 0) || !inverse.allFinite()) {  // no area but for exact arithmetic
-      s.triangle.pop_back();
-      continue;
-    }
-    s.rest_inverse.push_back(inverse);
-    const double openness = (std::min)(1.0, height(b - a, c - a) / narrow);
+    s.rest_inverse.push_back(R_inverse);
     s.weight.push_back(weight / space.n_faces * openness * openness);
   }
   return s;
@@ -4312,8 +4713,8 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
 inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   double energy = 0;
   for (int t = 0; t < s.triangle.size(); ++t) {
-    const auto& v = s.triangle[t];
-    const Eigen::Matrix2d J =
+    const std::array<int, 3>& v = s.triangle[t];
+    const Mat2 J =
         jacobian(s.point(x, v[0]), s.point(x, v[1]), s.point(x, v[2]), s.rest_inverse[t]);
     energy += triangle_energy(J, s.weight[t]) - 4 * s.weight[t];
   }
@@ -4323,7 +4724,7 @@ inline double scaffold_energy(const Scaffold& s, const Points2& x) {
 /// The s at which the first triangle of the scaffold degenerates.
 inline double max_step(const Scaffold& s, const Points2& x, const Points2& d) {
   double least = kInfinity;
-  for (const auto& v : s.triangle) {
+  for (const std::array<int, 3>& v : s.triangle) {
     const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
     least = (std::min)(
         least, triangle_max_step(s.point(x, v[1]) - p, s.point(x, v[2]) - p,
@@ -4335,33 +4736,21 @@ inline double max_step(const Scaffold& s, const Points2& x, const Points2& d) {
 /// Adds the Hessian of the scaffold where it was built; its gradient is zero there. `first` is the
 /// row of the embedding's first vertex.
 inline void add_scaffold(const Scaffold& s, int first, Array<ExtraBlock>& blocks) {
+  const double identity[4] = {1, 0, 0, 1};
+  const TriangleDensity<double> w = triangle_density(identity);
   for (int t = 0; t < s.triangle.size(); ++t) {
-    const auto& v = s.triangle[t];
-    const Mat6 H =
-        triangle_derivatives(Eigen::Matrix2d::Identity(), s.rest_inverse[t], s.weight[t]).hessian;
+    const CornerWeights<double> B(s.rest_inverse[t].entry);
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) {
-        const int r = v[static_cast<std::size_t>(i)], c = v[static_cast<std::size_t>(j)];
+        const int r = s.triangle[t][static_cast<std::size_t>(i)];
+        const int c = s.triangle[t][static_cast<std::size_t>(j)];
         if (r <= c && c < s.n_vertices)
-          blocks.push_back(
-              {first + r, first + c, H.block<2, 2>(2 * i, 2 * j), Eigen::Matrix2d::Zero()});
+          blocks.push_back({first + r, first + c, s.weight[t] * point_hessian(w, B, i, j), {}});
       }
   }
 }
 
-}  // namespace detail
-}  // namespace ism
-
-// ==== [12] LINE SEARCH (paper §5.2; Smith and Schaefer 2015) =====================================
-//
-// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
-//             decision which of them are injective and improve E enough.
-// Invariants: an accepted candidate is injective, decided exactly on the rounded positions.
-// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
-//             boundaries are in each other's way.
-
-namespace ism {
-namespace detail {
+// ---- line search ----
 
 /// A direction of descent for one ω_L.
 struct Direction {
@@ -4372,10 +4761,15 @@ struct Direction {
   double first_step = 0;     // where backtracking starts
 };
 
-/// One trial of the line search.
-struct Trial {
+/// A step along one of several directions.
+struct Candidate {
   int direction = 0;
   double step = 0;
+};
+
+/// One trial of the line search.
+struct Trial {
+  Candidate candidate;
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
   bool collides = false;  // rejected because a boundary meets itself
@@ -4390,10 +4784,10 @@ struct StepRules {
   double least_area_a, least_area_b;        // that stays covered
 };
 
-/// The largest E of an acceptable trial (§5.2).
+/// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
-  return from.energy + kArmijo * t.step * d.slope - (std::max)(t.resistance, 0.0);
+  return from.energy + kArmijo * t.candidate.step * d.slope - (std::max)(t.resistance, 0.0);
 }
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
@@ -4405,7 +4799,7 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
          to.area_b > rules.least_area_b;
 }
 
-constexpr double kShrink = 0.8;  // §5.2
+constexpr double kShrink = 0.8;  // line 22
 
 /// A block of the line search covers eight ℓ of 0.8^ℓ, or some more for a stride that does not
 /// divide eight; of every `stride` of them, the one in the middle is tried.
@@ -4416,11 +4810,11 @@ inline int trials_per_block(int stride) {
 
 /// Adds the steps of a block, and s = 1 to those of the first one.
 inline void add_block(int direction, const Direction& d, int block, int stride,
-                      std::vector<std::pair<int, double>>& steps) {
+                      Array<Candidate>& candidates) {
   const int trials = trials_per_block(stride);
   for (int i = block * trials; i < (block + 1) * trials; ++i)
-    steps.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
-  if (block == 0 && d.first_step > 1) steps.push_back({direction, 1.0});
+    candidates.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
+  if (block == 0 && d.first_step > 1) candidates.push_back({direction, 1.0});
 }
 
 /// True if triangles are positive, but a boundary meets itself.
@@ -4441,15 +4835,15 @@ struct SearchProblem {
   int stride;  // Options::search_stride
 };
 
-/// Takes the step of a trial and decides whether it is acceptable. A trial gives up as soon as it
-/// cannot be, or cannot have a value below `best`.
+/// Takes the step of a trial and decides whether it is acceptable (lines 18 to 21). A trial gives
+/// up as soon as it cannot be, or cannot have a value below `best`.
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const SurfacePair& pair = problem.pair;
-  const Direction& d = problem.directions[t.direction];
+  const Direction& d = problem.directions[t.candidate.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.f = moved(problem.from.f, d.f, t.step);
-  t.x.g = moved(problem.from.g, d.g, t.step);
+  t.x.f = moved(problem.from.f, d.f, t.candidate.step);
+  t.x.g = moved(problem.from.g, d.g, t.candidate.step);
   place_followers(problem.followers, t.x.f, t.x.g);
   t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
   t.collides = !t.accepted && collides(pair, t.x);
@@ -4469,17 +4863,16 @@ struct SearchResult {
   bool collided = false;  // a trial failed because a boundary meets itself
 };
 
-/// Tries steps side by side, in trials from `first` on.
-inline void try_steps(const SearchProblem& problem, const Executor& executor, int first,
-                      const std::vector<std::pair<int, double>>& steps, Array<Trial>& trials,
-                      SearchResult& result) {
-  const int n = static_cast<int>(steps.size());
+/// Tries candidates side by side, in trials from `first` on.
+inline void try_candidates(const SearchProblem& problem, const Executor& executor, int first,
+                           const Array<Candidate>& candidates, Array<Trial>& trials,
+                           SearchResult& result) {
+  const int n = candidates.size();
   if (trials.size() < first + n) trials.resize(first + n);
   const double best = result.best < 0 ? kInfinity : trials[result.best].value();
   executor.run(n, [&](int i) {
-    Trial& trial = trials[first + i];
-    std::tie(trial.direction, trial.step) = steps[static_cast<std::size_t>(i)];
-    evaluate_trial(problem, best, trial);
+    trials[first + i].candidate = candidates[i];
+    evaluate_trial(problem, best, trials[first + i]);
   });
   for (int i = first; i < first + n; ++i) {
     const Trial& t = trials[i];
@@ -4489,23 +4882,25 @@ inline void try_steps(const SearchProblem& problem, const Executor& executor, in
 }
 
 /// Tries all directions, block by block, and where not all steps are tried, the neighbours of the
-/// best acceptable one (Algorithm 1, lines 17 to 24).
+/// best acceptable one (lines 17 to 23).
 inline SearchResult line_search(const SearchProblem& problem, const Executor& executor,
                                 Array<Trial>& trials) {
   constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
   const int covered = trials_per_block(problem.stride) * problem.stride;
   SearchResult result;
   for (int block = 0; block * covered < kMost && result.best < 0; ++block) {
-    std::vector<std::pair<int, double>> steps;
+    Array<Candidate> candidates;
     for (int k = 0; k < problem.directions.size(); ++k)
-      add_block(k, problem.directions[k], block, problem.stride, steps);
-    try_steps(problem, executor, 0, steps, trials, result);
+      add_block(k, problem.directions[k], block, problem.stride, candidates);
+    try_candidates(problem, executor, 0, candidates, trials, result);
     if (result.best < 0 || problem.stride == 1) continue;
-    const int k = trials[result.best].direction;
-    const double step = trials[result.best].step;
-    const double longer = (std::min)(step / kShrink, problem.directions[k].first_step);
-    try_steps(problem, executor, static_cast<int>(steps.size()), {{k, longer}, {k, step * kShrink}},
-              trials, result);
+    const Candidate best = trials[result.best].candidate;
+    const int tried = candidates.size();
+    const double longest = problem.directions[best.direction].first_step;
+    candidates.clear();
+    candidates.push_back({best.direction, (std::min)(best.step / kShrink, longest)});
+    candidates.push_back({best.direction, best.step * kShrink});
+    try_candidates(problem, executor, tried, candidates, trials, result);
   }
   return result;
 }
@@ -4515,105 +4910,37 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
-// Purpose:    minimises E from an injective start. Beyond the paper: the terms of Options that its
-//             preset switches off; bounds on the displacement and on the loss of covered area in a
-//             step; s = 1 is tried where it is within these bounds; Armijo's slope is that of the
-//             newest gradient, so that E never grows; history weights add up to 1, so that ω_L
-//             means the same in the first iterations; where only a short step is found, the newest
-//             derivatives alone are tried too. For speed, one matrix is factorised, and conjugate
-//             gradients use its factor for the other ω_L; and of the steps of the line search some
-//             are tried, then the neighbours of the best.
+// Purpose:    minimises E from an injective start.
+//
+//   line of Algorithm 1                     function
+//   1       Laplacian and mass matrix       SystemBuilder (squared_laplacian), once per Optimizer
+//   2       for all iterations              Optimizer::run
+//   3, 19   meta mesh polygons              compute_overlay, in evaluate(); line 3 reads what the
+//                                           accepted trial computed as line 19
+//   4 to 7  derivatives and projection      ModelBuilder::differentiate_elements
+//   8       assembly                        ModelBuilder::assemble
+//   9       memory                          Optimizer::remember, SystemBuilder::blend
+//   10 to 12  solve for each ω              Optimizer::solve
+//   13, 14  descent, or reset               Optimizer::find_directions
+//   15, 16  largest step                    Optimizer::set_direction
+//   17 to 23  line search                   line_search, evaluate_trial
+//   24, 25  the best trial                  Optimizer::accept
+//
+// Beyond the paper, each by the name of its function or option: coverage κ (evaluate); bounds on
+// the displacement (set_direction) and on the loss of covered area (is_acceptable); s = 1 is tried
+// where it is within these bounds (add_block); Armijo's slope is that of the newest gradient, so
+// that E never grows (set_direction); history weights add up to 1, so that ω_L means the same in
+// the first iterations (blend); scaffolds where a boundary was met (notice_collision); where only a
+// short step is found, the newest derivatives alone are tried too (try_newest); where none is
+// found, what smooths the direction is let go (recover); stopping rules (has_settled). For speed,
+// one matrix is factorised, and conjugate gradients use its factor for the other ω_L (solve); and
+// of the steps of the line search some are tried, then the neighbours of the best (line_search).
+//
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
 
 namespace ism {
 namespace detail {
-
-/// Numbers of edges from the boundary, breadth first.
-inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
-  Array<int> distance(m.n_vertices, -1);
-  std::vector<int> queue;
-  for (int h : m.boundary) {
-    distance[m.tail[h]] = 0;
-    queue.push_back(m.tail[h]);
-  }
-  for (std::size_t i = 0; i < queue.size(); ++i) {
-    const int u = queue[i];
-    m.for_each_outgoing(u, [&](int h) {
-      for (int v : {m.tip(h), m.tail[prev(h)]}) {
-        if (distance[v] >= 0) continue;
-        distance[v] = distance[u] + 1;
-        queue.push_back(v);
-      }
-    });
-  }
-  return distance;
-}
-
-/// Where g(B) is held to remove rigid motions (§4.6): the most central vertex goes to the origin,
-/// a boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
-struct Anchors {
-  int center = 0;
-  int rim = 0;
-};
-
-inline Anchors choose_anchors(const SurfacePair& pair, const Array<Follower>& followers) {
-  const Surface& b = pair.b;
-  Array<int> distance = boundary_distances(b.mesh);
-  for (const Follower& follower : followers)
-    if (follower.row >= pair.n_a()) distance[follower.row - pair.n_a()] = -1;
-  Anchors anchors;
-  for (int v = 0; v < b.mesh.n_vertices; ++v)
-    if (distance[v] > distance[anchors.center]) anchors.center = v;
-  double farthest = -1;
-  for (int h : b.mesh.boundary) {
-    const int v = b.mesh.tail[h];
-    const double d = (b.vertices.row(v) - b.vertices.row(anchors.center)).norm();
-    if (v == anchors.center || distance[v] < 0 || d <= farthest) continue;
-    farthest = d;
-    anchors.rim = v;
-  }
-  return anchors;
-}
-
-/// Moves both planes rigidly so that the anchors are where they belong; false, and unchanged
-/// positions, if rounding would cost the injectivity of so thin an embedding.
-inline bool move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
-                            Points2& g) {
-  const Vec2 origin = row2(g, anchors.center), axis = row2(g, anchors.rim) - origin;
-  const RigidMotion motion = rigid_motion(-std::atan2(axis.y(), axis.x()), origin, Vec2::Zero());
-  const Points2 new_f = transformed(f, motion);
-  Points2 new_g = transformed(g, motion);
-  new_g.row(anchors.center).setZero();
-  new_g(anchors.rim, 1) = 0;
-  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return false;
-  f = new_f;
-  g = new_g;
-  return true;
-}
-
-/// The largest distance, on the surfaces, of a pinned vertex from where it is pinned.
-inline double pin_residual(const SurfacePair& pair, const Array<Follower>& followers,
-                           const Points2& f, const Points2& g) {
-  const int n = pair.n_a();
-  double largest = 0;
-  for (const Follower& follower : followers) {
-    const bool on_b = follower.row < n;
-    const Vec2 p = on_b ? row2(f, follower.row) : row2(g, follower.row - n);
-    std::array<Vec2, 3> corner;
-    for (std::size_t k = 0; k < 3; ++k)
-      corner[k] = on_b ? row2(g, follower.master[k] - n) : row2(f, follower.master[k]);
-    const Vec3 off = barycentric(p, corner[0], corner[1], corner[2]) - follower.weight;
-    const Points3& vertices = on_b ? pair.b.vertices : pair.a.vertices;
-    Vec3 distance = Vec3::Zero();
-    for (int k = 0; k < 3; ++k)
-      distance +=
-          off[k] *
-          vertices.row(follower.master[static_cast<std::size_t>(k)] - (on_b ? n : 0)).transpose();
-    largest = (std::max)(largest, distance.norm());
-  }
-  return largest;
-}
 
 inline void describe(const SurfacePair& pair, const Array<Follower>& followers, const Iterate& x,
                      IterationLog& log) {
@@ -4630,9 +4957,8 @@ inline void describe(const SurfacePair& pair, const Array<Follower>& followers, 
 
 /// Half the diagonal of the box around both embeddings.
 inline double domain_radius(const Points2& f, const Points2& g) {
-  const Vec2 lo = f.colwise().minCoeff().cwiseMin(g.colwise().minCoeff()).transpose();
-  const Vec2 hi = f.colwise().maxCoeff().cwiseMax(g.colwise().maxCoeff()).transpose();
-  return 0.5 * (hi - lo).norm();
+  const std::array<Vec2, 2> a = bounding_box(f), b = bounding_box(g);
+  return 0.5 * norm(upper(a[1], b[1]) - lower(a[0], b[0]));
 }
 
 class Optimizer {
@@ -4644,32 +4970,37 @@ class Optimizer {
         weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
                  &options.measure},
         executor_(options),
-        systems_(pair, options.variant == Variant::kFull, executor_),
+        systems_(pair, options.omega_start > 0, executor_),  // line 1
         models_(pair, weights_, systems_.one_ring(), executor_),
-        history_length_(options.variant == Variant::kProjectedNewton ? 1 : options.history_length),
-        omega_(options.variant == Variant::kFull ? options.omega_start : 0) {}
+        omega_(options.omega_start) {}
 
   /// Algorithm 1. `result.f`, `result.g` hold the injective start.
   void run(Result& result) {
     start(result);
     while (result.status == Status::kIterationLimit &&
-           static_cast<int>(result.log.size()) < options_.max_iterations) {
-      if (!iterate(result))
-        result.status = stationary_  ? Status::kConverged
-                        : factor_.ok ? without_step(result)
-                                     : Status::kNumericalFailure;
-      else if (!report(result))
-        result.status = Status::kCancelled;
-      else if (has_settled(result, options_.window))
-        result.status = Status::kConverged;
+           static_cast<int>(result.log.size()) < options_.max_iterations) {  // line 2
+      IterationLog log;
+      Timer timer;
+      models_.differentiate_elements(x_);  // lines 3 to 7
+      log.seconds_derivatives = timer.lap();
+      remember(models_.assemble(x_));  // lines 8 and 9
+      log.seconds_assembly = timer.lap();
+      if (choose_step(log)) {  // lines 9 to 23
+        accept(log, result);   // lines 24 and 25
+        result.status = status_after_step(result);
+      } else {
+        result.status = status_without_step(result);
+      }
     }
     result.f = x_.f;
     result.g = x_.g;
   }
 
  private:
+  static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
+
   void start(Result& result) {
-    fix(result);
+    fix_unknowns(result);
     place_followers(followers_, result.f, result.g);
     const bool is_valid = followers_.empty() || (is_injective(pair_.a.mesh, result.f) &&
                                                  is_injective(pair_.b.mesh, result.g));
@@ -4688,61 +5019,141 @@ class Optimizer {
     if (!is_valid) result.status = Status::kInvalidPins;
   }
 
-  /// Removes what the constraints hold from the unknowns, or else rigid motions (§4.6).
-  void fix(Result& result) {
+  /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
+  /// both planes are moved.
+  void fix_unknowns(Result& result) {
     const int n = pair_.n_a();
-    is_fixed_.assign(2 * pair_.rows(), 0);
-    hold_boundary(pair_.a.mesh, result.f, options_.boundary, 0, is_fixed_);
-    hold_boundary(pair_.b.mesh, result.g, options_.boundary, n, is_fixed_);
-    for (int c = 0; c < 2; ++c) {
-      for (int v : options_.fixed_a) is_fixed_[2 * v + c] = 1;
-      for (int v : options_.fixed_b) is_fixed_[2 * (n + v) + c] = 1;
-    }
+    is_fixed_ = FixedCoordinates(pair_.rows());
+    fix_boundary(pair_.a.mesh, result.f, options_.boundary, 0, is_fixed_);
+    fix_boundary(pair_.b.mesh, result.g, options_.boundary, n, is_fixed_);
+    for (int v : options_.fixed_a) is_fixed_.fix(v);
+    for (int v : options_.fixed_b) is_fixed_.fix(n + v);
     for (const Follower& follower : followers_)  // what holds a landmark of A holds that of B
       for (int k = 0; k < 3; ++k)
         for (int c = 0; c < 2; ++c)
-          if (follower.weight[k] == 1 && is_fixed_[2 * follower.row + c])
-            is_fixed_[2 * follower.master[static_cast<std::size_t>(k)] + c] = 1;
-    if (std::find(is_fixed_.begin(), is_fixed_.end(), 1) != is_fixed_.end()) return;
+          if (follower.weight[k] == 1 && is_fixed_(follower.row, c))
+            is_fixed_(follower.master[k], c) = 1;
+    if (is_fixed_.any()) return;
     const Anchors anchors = choose_anchors(pair_, followers_);
     move_to_anchors(pair_, anchors, result.f, result.g);
-    is_fixed_[2 * (n + anchors.center)] = 1;
-    is_fixed_[2 * (n + anchors.center) + 1] = 1;
-    is_fixed_[2 * (n + anchors.rim) + 1] = 1;
+    is_fixed_.fix(n + anchors.center);
+    is_fixed_(n + anchors.rim, 1) = 1;
   }
 
-  /// One iteration; false if no step was found or none is left to find.
-  bool iterate(Result& result) {
-    IterationLog log;
-    Timer timer;
-    models_.differentiate(x_);  // lines 4 to 7
-    log.seconds_derivatives = timer.lap();
-    remember(models_.assemble(x_));  // lines 8 and 9
+  /// Adds the newest derivatives to the memory (§5.3).
+  void remember(QuadraticModel model) {
+    if (history_.size() < options_.history_length) history_.push_back({});
+    for (int k = history_.size() - 1; k > 0; --k) history_[k] = std::move(history_[k - 1]);
+    history_[0] = std::move(model);
     if (is_scaffolded_) build_scaffolds();
-    log.seconds_assembly += timer.lap();
+  }
+
+  void reset_history(IterationLog& log) {
+    history_.resize(1);
+    log.history_reset = true;
+  }
+
+  /// Finds the next iterate; false if no step was found or none is left to find.
+  bool choose_step(IterationLog& log) {
+    constexpr double kRounding = 1e-14;
     while (true) {
-      const Array<Direction> directions = find_directions(log);  // lines 10 to 16
-      constexpr double kRounding = 1e-14;
-      stationary_ = promise_little(directions, kRounding);
-      if (stationary_ || directions.empty()) return false;
-      const SearchResult found = search(directions, log);  // lines 17 to 24
-      const bool is_new = options_.scaffold && found.collided && !is_scaffolded_;
-      if (is_new) is_scaffolded_ = true;
+      const Array<Direction> directions = find_directions(log);  // lines 9 to 16
+      is_stationary_ = promise_little(directions, kRounding);
+      if (is_stationary_ || directions.empty()) return false;
+      const SearchResult found = search(directions, log);  // lines 17 to 23
+      const bool is_new = notice_collision(found);
       if (found.best >= 0) {
         std::swap(chosen_, trials_[found.best]);
-        if (chosen_.step < options_.short_step && history_.size() > 1) try_newest(log);
-        accept(log, result);
+        try_newest(log);
         return true;
       }
-      if (is_new)
-        build_scaffolds();
-      else if (history_.size() > 1)
-        reset_history(log);
-      else if (!release()) {
-        stationary_ = promise_little(directions, options_.tolerance);
-        return false;
-      }
+      if (recover(is_new, log)) continue;
+      is_stationary_ = promise_little(directions, options_.tolerance);
+      return false;
     }
+  }
+
+  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
+  /// newest derivatives alone. At last those that do are left.
+  Array<Direction> find_directions(IterationLog& log) {
+    while (true) {
+      Timer timer;
+      LinearSystem system = systems_.blend(history_, options_.history_decay);  // line 9
+      constrain(system);
+      log.seconds_assembly += timer.lap();
+      const Array<Direction> all = solve(system);  // lines 10 to 12
+      log.seconds_solve += timer.lap();
+      Array<Direction> descending;
+      bool all_descend = true;
+      for (const Direction& d : all) {
+        all_descend = all_descend && d.slope < 0;
+        if (d.slope <= 0) descending.push_back(d);
+      }
+      if (all_descend || history_.size() == 1) return descending;
+      reset_history(log);  // lines 13 and 14
+    }
+  }
+
+  /// Scaffolds, followers and fixed coordinates in the system.
+  void constrain(LinearSystem& system) const {
+    Array<ExtraBlock> blocks;
+    for (int k = 0; k < scaffolds_.size(); ++k)
+      add_scaffold(scaffolds_[k], k == 0 ? 0 : pair_.n_a(), blocks);
+    merge_blocks(std::move(blocks), {}, system);
+    substitute(followers_, system);
+    eliminate(is_fixed_, system);
+  }
+
+  /// (H + ω Lᵀ M L) d = -g for ω, ω/α and α ω (§5.4).
+  Array<Direction> solve(const LinearSystem& system) {
+    Array<double> omegas(1, omega_);
+    if (!system.Q.empty()) {
+      const double smaller = omega_ / options_.omega_factor;
+      if (smaller >= options_.omega_least) omegas.push_back(smaller);
+      omegas.push_back(omega_ * options_.omega_factor);
+    }
+    const LdltSymbolic symbolic =
+        NestedDissection(system.pattern, all_positions(), executor_).build();
+    ldlt_factorize(symbolic, system.shifted(omega_), executor_, factor_);
+    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
+    const Array<Vec2> right = negated(system.gradient);
+    Array<Direction> directions(omegas.size());
+    executor_.run(omegas.size(), [&](int k) {
+      directions[k].omega = omegas[k];
+      if (!factor_.ok) return;
+      Array<Vec2> d =
+          k == 0 ? ldlt_solve(symbolic, factor_, right)
+                 : solve_with_neighbour(symbolic, factor_, system.pattern,
+                                        system.shifted(omegas[k]), right, options_.solve_tolerance);
+      expand_direction(followers_, d);
+      set_direction(d, directions[k]);
+    });
+    return directions;
+  }
+
+  /// The rows of x.
+  Points2 all_positions() const {
+    Points2 x(pair_.rows(), 2);
+    std::copy(x_.f.data(), x_.f.data() + x_.f.size(), x.data());
+    std::copy(x_.g.data(), x_.g.data() + x_.g.size(), x.data() + x_.f.size());
+    return x;
+  }
+
+  /// Slope and steps of a direction (lines 13, 15 and 16).
+  void set_direction(const Array<Vec2>& d, Direction& direction) const {
+    direction.f = rows_from(d, 0, pair_.n_a());
+    direction.g = rows_from(d, pair_.n_a(), pair_.n_b());
+    direction.slope = dot(history_[0].gradient, d);
+    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
+                                    max_step(pair_.b.mesh, x_.g, direction.g));
+    if (!scaffolds_.empty())
+      direction.max_step =
+          (std::min)({direction.max_step, max_step(scaffolds_[0], x_.f, direction.f),
+                      max_step(scaffolds_[1], x_.g, direction.g)});
+    double longest = 0;
+    for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
+    direction.first_step = (std::min)(0.99 * direction.max_step,
+                                      options_.max_displacement * radius_ / std::sqrt(longest));
   }
 
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
@@ -4754,16 +5165,33 @@ class Optimizer {
     return found;
   }
 
-  /// Searches along the directions of the newest derivatives alone (Options::short_step). The
-  /// memory is kept, as it is what overcomes the next kinks.
-  void try_newest(IterationLog& log) {
-    Array<QuadraticModel> memory = std::move(history_);
-    history_ = Array<QuadraticModel>(1, memory[0]);
-    const Array<Direction> directions = find_directions(log);
-    const SearchResult found = search(directions, log);
-    if (found.best >= 0 && trials_[found.best].value() < chosen_.value())
-      std::swap(chosen_, trials_[found.best]);
-    history_ = std::move(memory);
+  void accept(IterationLog& log, Result& result) {
+    std::swap(x_, chosen_.x);
+    omega_ = chosen_.omega;
+    describe(pair_, followers_, x_, log);
+    log.iteration = static_cast<int>(result.log.size()) + 1;
+    log.omega = chosen_.omega;
+    log.step = chosen_.candidate.step;
+    log.max_step = chosen_.max_step;
+    result.log.push_back(log);
+  }
+
+  // ---- beyond the paper ----
+
+  /// True if all directions promise to lower E by less than a fraction of its parts.
+  bool promise_little(const Array<Direction>& directions, double fraction) const {
+    const double scale = x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b);
+    for (const Direction& d : directions)
+      if (!(-d.slope <= fraction * scale)) return false;
+    return !directions.empty();
+  }
+
+  /// From the first step on that would make a boundary meet itself, there are scaffolds. True if
+  /// this is it.
+  bool notice_collision(const SearchResult& found) {
+    if (is_scaffolded_ || !options_.scaffold || !found.collided) return false;
+    is_scaffolded_ = true;
+    return true;
   }
 
   /// The space around both embeddings, with the weight of E_f and E_g.
@@ -4773,154 +5201,61 @@ class Optimizer {
     scaffolds_.push_back(build_scaffold(pair_.b.mesh, x_.g, weights_.barrier * pair_.b.total_area));
   }
 
-  /// True if all directions promise to lower E by less than a fraction of its parts.
-  bool promise_little(const Array<Direction>& directions, double fraction) const {
-    const double scale = x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b);
-    return !directions.empty() &&
-           std::all_of(directions.begin(), directions.end(),
-                       [&](const Direction& d) { return -d.slope <= fraction * scale; });
-  }
-
-  void remember(QuadraticModel model) {
-    if (history_.size() == history_length_) history_.pop_back();
-    history_.insert_front(std::move(model));
-  }
-
-  void reset_history(IterationLog& log) {
-    history_.resize(1);
-    log.history_reset = true;
-  }
-
-  /// Lowers ω_L at once where no step is found: at a kink of E, as when both planes are the same, a
-  /// direction that is smoothed too much may climb. False if it hardly acts any more.
-  bool release() {
-    constexpr double kRelease = 16;
-    if (omega_ <= kReleased || omega_ <= options_.omega_least) return false;
-    omega_ = (std::max)(omega_ / kRelease, options_.omega_least);
+  /// Changes one thing where no step is found: scaffolds come in, the memory is emptied, or ω_L is
+  /// lowered at once: at a kink of E, as when both planes are the same, a direction that is
+  /// smoothed too much may climb. False if nothing is left to change.
+  bool recover(bool needs_scaffolds, IterationLog& log) {
+    constexpr double kDrop = 16;
+    if (needs_scaffolds) return build_scaffolds(), true;
+    if (history_.size() > 1) return reset_history(log), true;
+    if (omega_ <= kHardlyActs || omega_ <= options_.omega_least) return false;
+    omega_ = (std::max)(omega_ / kDrop, options_.omega_least);
     return true;
   }
 
-  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
-  /// newest derivatives alone.
-  Array<Direction> find_directions(IterationLog& log) {
-    while (true) {
-      Timer timer;
-      LinearSystem system = systems_.blend(history_, options_.history_decay);
-      add_scaffolds(system);
-      substitute(followers_, system);
-      eliminate(is_fixed_, system);
-      log.seconds_assembly += timer.lap();
-      const Array<Direction> directions = solve(system);
-      log.seconds_solve += timer.lap();
-      const bool descend = std::all_of(directions.begin(), directions.end(),
-                                       [](const Direction& d) { return d.slope < 0; });
-      if (descend || history_.size() == 1) return descend ? directions : descending(directions);
-      reset_history(log);
-    }
+  /// After a short step, searches along the directions of the newest derivatives alone
+  /// (Options::short_step). The memory is kept, as it is what overcomes the next kinks.
+  void try_newest(IterationLog& log) {
+    if (chosen_.candidate.step >= options_.short_step || history_.size() == 1) return;
+    Array<QuadraticModel> memory = std::move(history_);
+    history_ = Array<QuadraticModel>(1, memory[0]);
+    const Array<Direction> directions = find_directions(log);
+    const SearchResult found = search(directions, log);
+    if (found.best >= 0 && trials_[found.best].value() < chosen_.value())
+      std::swap(chosen_, trials_[found.best]);
+    history_ = std::move(memory);
   }
 
-  void add_scaffolds(LinearSystem& system) const {
-    if (scaffolds_.empty()) return;
-    Array<ExtraBlock> blocks;
-    add_scaffold(scaffolds_[0], 0, blocks);
-    add_scaffold(scaffolds_[1], pair_.n_a(), blocks);
-    merge_blocks(
-        blocks, [](int, int) { return true; }, system);
-  }
-
-  static Array<Direction> descending(const Array<Direction>& directions) {
-    Array<Direction> result;
-    for (const Direction& d : directions)
-      if (d.slope <= 0) result.push_back(d);
-    return result;
-  }
-
-  /// (H + ω Lᵀ M L) d = -g for ω/α, ω and α ω (§5.4).
-  Array<Direction> solve(const LinearSystem& system) {
-    Array<double> omegas(1, omega_);
-    if (options_.variant == Variant::kFull) {
-      const double smaller = omega_ / options_.omega_factor;
-      if (smaller >= options_.omega_least) omegas.push_back(smaller);
-      omegas.push_back(omega_ * options_.omega_factor);
-    }
-    const auto matrix = [&](double omega) {
-      return ShiftedMatrix{&system.H, system.Q.empty() ? nullptr : &system.Q, omega};
-    };
-    Points2 positions(pair_.rows(), 2);
-    positions << x_.f, x_.g;
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
-    ldlt_factorize(symbolic, matrix(omega_), executor_, factor_);
-    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
-    Array<Direction> directions(omegas.size());
-    executor_.run(omegas.size(), [&](int k) {
-      directions[k].omega = omegas[k];
-      if (!factor_.ok) return;
-      const Eigen::VectorXd d =
-          k == 0 ? ldlt_solve(symbolic, factor_, -system.gradient)
-                 : solve_with_neighbour(symbolic, factor_, system.pattern, matrix(omegas[k]),
-                                        -system.gradient, options_.solve_tolerance);
-      set_direction(expanded(followers_, d), directions[k]);
-    });
-    return directions;
-  }
-
-  void set_direction(const Eigen::VectorXd& d, Direction& direction) const {
-    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
-                                                                             d.size() / 2);
-    direction.f = columns.leftCols(pair_.n_a()).transpose();
-    direction.g = columns.rightCols(pair_.n_b()).transpose();
-    direction.slope = history_[0].gradient.dot(d);
-    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
-                                    max_step(pair_.b.mesh, x_.g, direction.g));
-    if (!scaffolds_.empty())
-      direction.max_step =
-          (std::min)({direction.max_step, max_step(scaffolds_[0], x_.f, direction.f),
-                      max_step(scaffolds_[1], x_.g, direction.g)});
-    const double longest = std::sqrt(columns.colwise().squaredNorm().maxCoeff());
-    direction.first_step =
-        (std::min)(0.99 * direction.max_step, options_.max_displacement * radius_ / longest);
-  }
-
-  void accept(IterationLog& log, Result& result) {
-    std::swap(x_, chosen_.x);
-    omega_ = chosen_.omega;
-    describe(pair_, followers_, x_, log);
-    log.iteration = static_cast<int>(result.log.size()) + 1;
-    log.omega = chosen_.omega;
-    log.step = chosen_.step;
-    log.max_step = chosen_.max_step;
-    result.log.push_back(log);
-  }
-
-  bool report(const Result& result) const {
-    if (!options_.progress) return true;
-    Progress progress;
-    progress.phase = Progress::Phase::kOptimization;
-    progress.what = "optimising the map";
-    progress.iteration = &result.log.back();
-    return options_.progress(progress);
-  }
-
-  /// Options::tolerance: so little did E fall over the last iterations that with them the mean over
-  /// the window is below the bound. One that finds no step is the last of its window.
+  /// The stopping rule of Options::tolerance: over this many last iterations, E fell by less than
+  /// what it would have to fall over a whole window.
   bool has_settled(const Result& result, int iterations) const {
     const int n = static_cast<int>(result.log.size());
     if (n < iterations) return false;
     const IterationLog& now = result.final_state();
     const IterationLog& before =
         n == iterations ? result.initial : result.log[static_cast<std::size_t>(n - 1 - iterations)];
-    if (now.omega < before.omega && now.omega > kReleased) return false;
+    if (now.omega < before.omega && now.omega > kHardlyActs) return false;
     const double scale = now.energy + weights_.kappa * pair_.total_area();
     return before.energy - now.energy < options_.window * options_.tolerance * scale;
   }
 
-  /// How a run ends that finds no step: where E hardly fell before either, it has arrived.
-  Status without_step(const Result& result) const {
+  Status status_after_step(const Result& result) const {
+    Progress progress;
+    progress.phase = Progress::Phase::kOptimization;
+    progress.what = "optimising the map";
+    progress.iteration = &result.log.back();
+    if (options_.progress && !options_.progress(progress)) return Status::kCancelled;
+    return has_settled(result, options_.window) ? Status::kConverged : Status::kIterationLimit;
+  }
+
+  /// How a run ends that finds no step: that counts as an iteration of the window in which E did
+  /// not fall, so where it hardly fell before either, the run has arrived.
+  Status status_without_step(const Result& result) const {
+    if (is_stationary_) return Status::kConverged;
+    if (!factor_.ok) return Status::kNumericalFailure;
     const int before = (std::max)(1, options_.window - 1);
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
-
-  static constexpr double kReleased = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   const SurfacePair& pair_;
   const Options& options_;
@@ -4930,11 +5265,10 @@ class Optimizer {
   Executor executor_;
   SystemBuilder systems_;
   ModelBuilder models_;
-  int history_length_;
   double omega_;
   double radius_ = 1;
-  bool stationary_ = false;
-  Array<char> is_fixed_;  // two per row
+  bool is_stationary_ = false;
+  FixedCoordinates is_fixed_;
   Iterate x_;
   Array<QuadraticModel> history_;  // newest first
   LdltFactor factor_;
@@ -4950,20 +5284,35 @@ class Optimizer {
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
-//             landmarks near each other. Tutte's embedding of a whole limb shrinks exponentially,
-//             below what doubles resolve; so the mesh is decimated, the coarse mesh is embedded by
-//             Tutte's theorem, and its vertices return in the reverse order, relaxed on the way
-//             [Hormann and Greiner 2000; Tutte 1963]. Where a long outline gets in its own way or a
-//             fold has no good coarse shape, once more without regard to shape: the boundary on a
-//             circle and all edges alike until every vertex is back, then step by step to their
-//             own lengths.
+//             landmarks near each other. It stands behind the loop, which it calls to try
+//             rotations.
+// Method:     Tutte's embedding of a whole limb shrinks exponentially, below what doubles resolve;
+//             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
+//             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
+//             Tutte 1963]. There are two approaches, tried in this order:
+//               by shape: triangles are to keep the shape they have on the surface, the boundary is
+//               free. Fails or strains where a long outline gets in its own way or a fold has no
+//               good coarse shape.
+//               by connectivity: all edges alike, the boundary on a circle, until every vertex is
+//               back; then step by step to their own lengths. The uniform triangles leave room
+//               everywhere.
+// Parts:      decimation · planar Newton · one surface across all resolutions · both boundaries
+//             on one square · both surfaces · exact landmarks · which of them a call needs
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
 namespace ism {
 namespace detail {
 
-// ---- decimation by half-edge collapses ----
+/// What the levels of an embedding are relaxed to.
+enum class Approach { kShape, kConnectivity };
+
+// ---- decimation ----
+//
+// Purpose:    which vertices go, by half-edge collapses, and how they come back.
+// Source:     error quadrics [Garland and Heckbert 1997], the link condition [Dey et al. 1999].
+// Invariants: the mesh is a disk after every collapse; undo() restores it exactly.
+// Fails:      never; it stops where no collapse is left.
 
 /// Vertex u was moved onto its neighbour v. Undone by giving the changed faces back to u and
 /// reviving the dead ones.
@@ -5006,8 +5355,7 @@ struct DynamicMesh {
     for (int f : faces_of[u])
       for (int v : face[f])
         if (v != u) ring.push_back(v);
-    std::sort(ring.begin(), ring.end());
-    ring.resize(static_cast<int>(std::unique(ring.begin(), ring.end()) - ring.begin()));
+    sort_unique(ring);
     return ring;
   }
 
@@ -5016,10 +5364,12 @@ struct DynamicMesh {
     const bool along = boundary_next[u] == v || boundary_prev[u] == v;
     if (on_boundary(u) && (!along || boundary_length <= 3)) return false;
     const Array<int> ring_v = neighbours(v);
-    Array<int> common;
-    std::set_intersection(ring_u.begin(), ring_u.end(), ring_v.begin(), ring_v.end(),
-                          std::back_inserter(common));
-    return common.size() == (along ? 1 : 2);
+    int common = 0;
+    for (int i = 0, k = 0; i < ring_u.size() && k < ring_v.size();) {
+      common += ring_u[i] == ring_v[k];
+      ring_u[i] < ring_v[k] ? ++i : ++k;
+    }
+    return common == (along ? 1 : 2);
   }
 
   Collapse collapse(int u, int v) {
@@ -5029,7 +5379,7 @@ struct DynamicMesh {
     for (int f : c.dead) {
       alive[f] = 0;
       for (int w : face[f])
-        if (w != u) erase(faces_of[w], f);
+        if (w != u) remove_value(faces_of[w], f);
     }
     for (int f : c.changed) {
       std::replace(face[f].begin(), face[f].end(), u, v);
@@ -5042,7 +5392,7 @@ struct DynamicMesh {
 
   void undo(const Collapse& c) {
     for (int f : c.changed) {
-      erase(faces_of[c.v], f);
+      remove_value(faces_of[c.v], f);
       std::replace(face[f].begin(), face[f].end(), c.v, c.u);
       faces_of[c.u].push_back(f);
     }
@@ -5058,28 +5408,41 @@ struct DynamicMesh {
 
  private:
   void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
-  static void erase(Array<int>& faces, int f) {
-    faces.resize(static_cast<int>(std::remove(faces.begin(), faces.end(), f) - faces.begin()));
+};
+
+/// The squared distances of a point from weighted planes, summed.
+struct Quadric {
+  double entry[4][4] = {};
+
+  void add_plane(const Vec3& normal, const Vec3& p, double weight) {
+    const double plane[4] = {normal.x, normal.y, normal.z, -dot(normal, p)};
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) entry[i][j] += weight * plane[i] * plane[j];
+  }
+  void add(const Quadric& other) {
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) entry[i][j] += other.entry[i][j];
+  }
+  double at(const Vec3& p) const {
+    const double x[4] = {p.x, p.y, p.z, 1};
+    double sum = 0;
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) sum += x[i] * entry[i][j] * x[j];
+    return sum;
   }
 };
 
-/// The lengths that the levels of an embedding are relaxed to.
-enum class Metric {
-  kSurface,  // of the surface, the boundary is free
-  kUniform   // all edges alike, the boundary is held on a circle: connectivity alone counts
-};
-
-/// Chooses the collapses, cheapest first. In the metric of the surface the cost is the error
-/// quadric of Garland and Heckbert 1997 plus a little of the edge length, and protected vertices go
-/// as late as the shape of triangles allows. In the uniform metric it is the number of vertices
-/// that are then merged into one, times its valence, so that every level is as even as the full
-/// mesh.
+/// Chooses the collapses, cheapest first. By shape the cost is the error quadric plus a little of
+/// the edge length, and protected vertices go as late as the shape of triangles allows. By
+/// connectivity it is the number of vertices that are then merged into one, times its valence, so
+/// that every level is as even as the full mesh.
 class Decimation {
  public:
-  Decimation(const Surface& s, const Array<char>& is_protected, Metric metric, DynamicMesh& mesh)
+  Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
+             DynamicMesh& mesh)
       : s_(s),
         protected_(is_protected),
-        metric_(metric),
+        approach_(approach),
         mesh_(mesh),
         version_(s.mesh.n_vertices, 0),
         merged_(s.mesh.n_vertices, 1) {
@@ -5093,18 +5456,19 @@ class Decimation {
     int active = s_.mesh.n_vertices;
     for (bool keep_shape : {true, false}) {
       keep_shape_ = keep_shape;
-      queue_ = {};
+      heap_.clear();
       for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
-      while (active > target && !queue_.empty()) {
-        const Candidate c = queue_.top();
-        queue_.pop();
+      while (active > target && !heap_.empty()) {
+        std::pop_heap(heap_.begin(), heap_.end());
+        const Candidate c = heap_.back();
+        heap_.pop_back();
         if (c.version != version_[c.u]) continue;
         const Array<int> ring = mesh_.neighbours(c.u);
         if (!mesh_.may_collapse(c.u, c.v, ring)) {  // the ring of v has changed since
           push(c.u);
           continue;
         }
-        quadric_[c.v] += quadric_[c.u];
+        quadric_[c.v].add(quadric_[c.u]);
         merged_[c.v] += merged_[c.u];
         collapses.push_back(mesh_.collapse(c.u, c.v));
         ++version_[c.u];
@@ -5119,30 +5483,23 @@ class Decimation {
   struct Candidate {
     double cost;
     int u, v, version;
-    bool operator<(const Candidate& o) const {  // a priority queue gives the largest first
+    bool operator<(const Candidate& o) const {  // a heap gives the largest first
       return cost != o.cost ? cost > o.cost : u > o.u;
     }
   };
-  using Quadric = Eigen::Matrix4d;
 
-  Vec3 point(int v) const { return s_.vertices.row(v); }
-
-  void add_plane(int v, const Vec3& normal, const Vec3& p, double weight) {
-    Eigen::Vector4d plane;
-    plane << normal, -normal.dot(p);
-    quadric_[v] += weight * plane * plane.transpose();
-  }
+  Vec3 point(int v) const { return row3(s_.vertices, v); }
 
   void compute_quadrics() {
     const HalfEdgeMesh& m = s_.mesh;
-    quadric_.assign(m.n_vertices, Quadric::Zero());
+    quadric_.resize(m.n_vertices);
     for (int h = 0; h < m.tail.size(); ++h) {
       const Vec3 p = point(m.tail[h]), q = point(m.tip(h)), r = point(m.tail[prev(h)]);
-      const Vec3 normal = (q - p).cross(r - p).normalized();
-      add_plane(m.tail[h], normal, p, s_.area[h / 3]);
+      const Vec3 normal = normalized(cross(q - p, r - p));
+      quadric_[m.tail[h]].add_plane(normal, p, s_.area[h / 3]);
       if (m.twin[h] >= 0) continue;
-      const Vec3 side = normal.cross(q - p).normalized();
-      for (int v : {m.tail[h], m.tip(h)}) add_plane(v, side, p, (q - p).squaredNorm());
+      const Vec3 side = normalized(cross(normal, q - p));
+      for (int v : {m.tail[h], m.tip(h)}) quadric_[v].add_plane(side, p, squared_norm(q - p));
     }
   }
 
@@ -5150,31 +5507,31 @@ class Decimation {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
     const Array<int> ring = mesh_.neighbours(u);
+    const bool by_shape = approach_ == Approach::kShape;
     for (int v : ring) {
-      const bool is_uniform = metric_ == Metric::kUniform;
-      const double cost = is_uniform ? merging_cost(u, v) : collapse_cost(u, v);
-      if (cost < best.cost && mesh_.may_collapse(u, v, ring) &&
-          (is_uniform || shape_allows(u, v))) {
+      const double cost = by_shape ? shape_cost(u, v) : connectivity_cost(u, v);
+      if (cost < best.cost && mesh_.may_collapse(u, v, ring) && (!by_shape || shape_allows(u, v))) {
         best.cost = cost;
         best.v = v;
       }
     }
-    if (best.v >= 0) queue_.push(best);
+    if (best.v < 0) return;
+    heap_.push_back(best);
+    std::push_heap(heap_.begin(), heap_.end());
   }
 
-  double merging_cost(int u, int v) const {
+  double connectivity_cost(int u, int v) const {
     constexpr int kRegular = 6;
     const int dead = mesh_.on_boundary(u) ? 1 : 2;
     const int valence = mesh_.faces_of[u].size() + mesh_.faces_of[v].size() - 2 * dead;
     return static_cast<double>(merged_[u] + merged_[v]) * (std::max)(valence, kRegular);
   }
 
-  double collapse_cost(int u, int v) const {
+  double shape_cost(int u, int v) const {
     constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
     constexpr double kProtected = 1e6;  // times the squared area of the surface
-    const Eigen::Vector4d target = point(v).homogeneous();
-    const double length2 = (point(u) - point(v)).squaredNorm();
-    const double cost = target.dot(quadric_[u] * target) + kLength * length2 * length2;
+    const double length2 = squared_norm(point(u) - point(v));
+    const double cost = quadric_[u].at(point(v)) + kLength * length2 * length2;
     return cost + (protected_[u] ? kProtected * s_.total_area * s_.total_area : 0);
   }
 
@@ -5192,34 +5549,41 @@ class Decimation {
       const double q1 = quality(after);
       if (q1 < kThinnest) return false;
       if (!keep_shape_) continue;
-      if (n0.dot(n1) < kTurn * n0.norm() * n1.norm() || q1 < (std::min)(kQuality, q0)) return false;
+      if (dot(n0, n1) < kTurn * norm(n0) * norm(n1) || q1 < (std::min)(kQuality, q0)) return false;
     }
     return true;
   }
 
   Vec3 normal(const std::array<int, 3>& t) const {
-    return (point(t[1]) - point(t[0])).cross(point(t[2]) - point(t[0]));
+    return cross(point(t[1]) - point(t[0]), point(t[2]) - point(t[0]));
   }
 
   double quality(const std::array<int, 3>& t) const {
-    const double sum = (point(t[1]) - point(t[0])).squaredNorm() +
-                       (point(t[2]) - point(t[1])).squaredNorm() +
-                       (point(t[0]) - point(t[2])).squaredNorm();
-    return 2 * std::sqrt(3.0) * normal(t).norm() / sum;
+    const double sum = squared_norm(point(t[1]) - point(t[0])) +
+                       squared_norm(point(t[2]) - point(t[1])) +
+                       squared_norm(point(t[0]) - point(t[2]));
+    return 2 * std::sqrt(3.0) * norm(normal(t)) / sum;
   }
 
   const Surface& s_;
   const Array<char>& protected_;
-  const Metric metric_;
+  const Approach approach_;
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
   Array<int> version_;
   Array<int> merged_;  // per vertex, those it stands for
-  std::priority_queue<Candidate> queue_;
+  Array<Candidate> heap_;
   bool keep_shape_ = true;
 };
 
-// ---- symmetric Dirichlet energy of one or two embeddings, minimised by projected Newton ----
+// ---- planar Newton ----
+//
+// Purpose:    minimises the symmetric Dirichlet energies of one or two embeddings, and springs
+//             between them: Algorithm 1 without the map, its memory and its preconditioner.
+// Source:     projected Newton with backtracking (§5.1, §5.2). A driver of its own, as its trials
+//             are taken one after the other, longest first, until one is good enough.
+// Invariants: every accepted step is injective, exactly, and lowers the energy.
+// Fails:      by ending where no step is found.
 
 /// A penalty weight · |p - q|² between vertex a of the first and b of the second surface.
 struct Spring {
@@ -5260,30 +5624,31 @@ class FlatNewton {
     fix_boundaries(x);
     assemble(x);
     LinearSystem system = system_;
-    Eigen::VectorXd prescribed = Eigen::VectorXd::Zero(system.gradient.size());
+    Array<Vec2> prescribed(m.n_vertices);
     for (int h : m.boundary)
-      prescribed.segment<2>(2 * m.tail[h]) = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
-    add_product(system.pattern, {&system.H, nullptr, 0}, prescribed, system.gradient);
+      prescribed[m.tail[h]] = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
+    add_product(system.pattern, system.shifted(0), prescribed, system.gradient);
     eliminate(is_fixed_, system);
-    const Eigen::VectorXd d = solve(system, x) + prescribed;
-    if (!d.allFinite()) return false;
+    Array<Vec2> d;
+    if (!solve(system, x, d)) return false;
+    for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
     const std::vector<Points2> direction = per_surface(d, x);
     if (first_step(x, direction) < 1) return false;
     std::vector<Points2> y = {moved(x[0], direction[0], 1)};
-    for (int h : m.boundary) y[0].row(m.tail[h]) = target.row(m.tail[h]);
+    for (int h : m.boundary) set_row(y[0], m.tail[h], row2(target, m.tail[h]));
     if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) return false;
-    x = y;
+    x.swap(y);
     return true;
   }
 
   double value(const std::vector<Points2>& x) const {
     double energy = 0;
-    Array<Eigen::Matrix2d> J;
+    Array<Mat2> J;
     for (std::size_t k = 0; k < x.size(); ++k)
       energy += embedding_energy(*problem_.surfaces[k], x[k], J);
     if (x.size() < 2) return energy;
     for (const Spring& s : problem_.springs)
-      energy += s.weight * (row2(x[0], s.a) - row2(x[1], s.b)).squaredNorm();
+      energy += s.weight * squared_norm(row2(x[0], s.a) - row2(x[1], s.b));
     return energy;
   }
 
@@ -5293,9 +5658,9 @@ class FlatNewton {
   int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
 
   void fix_boundaries(const std::vector<Points2>& x) {
-    is_fixed_.assign(2 * system_.pattern.rows(), 0);
+    is_fixed_ = FixedCoordinates(system_.pattern.rows());
     for (std::size_t k = 0; k < x.size(); ++k)
-      hold_boundary(problem_.surfaces[k]->mesh, x[k], problem_.boundary, first_row(k), is_fixed_);
+      fix_boundary(problem_.surfaces[k]->mesh, x[k], problem_.boundary, first_row(k), is_fixed_);
   }
 
   /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
@@ -5323,14 +5688,13 @@ class FlatNewton {
   bool descend(std::vector<Points2>& x, double& energy, bool& collided) {
     constexpr int kMostTrials = 30;
     LinearSystem system = system_;
-    merge_blocks(
-        extra_blocks(), [](int, int) { return true; }, system);
+    merge_blocks(extra_blocks(), {}, system);
     substitute(problem_.followers, system);
     eliminate(is_fixed_, system);
-    Eigen::VectorXd d = solve(system, x);
-    if (!d.allFinite()) return false;
-    d = expanded(problem_.followers, d);
-    const double slope = system_.gradient.dot(d);
+    Array<Vec2> d;
+    if (!solve(system, x, d)) return false;
+    expand_direction(problem_.followers, d);
+    const double slope = dot(system_.gradient, d);
     if (!(slope < 0)) return false;
     const std::vector<Points2> direction = per_surface(d, x);
     double s = first_step(x, direction);
@@ -5343,23 +5707,24 @@ class FlatNewton {
     return false;
   }
 
-  /// The solution of a system, not finite if there is none.
-  Eigen::VectorXd solve(const LinearSystem& system, const std::vector<Points2>& x) {
+  /// d = -H⁻¹ g; false if there is none that is finite.
+  bool solve(const LinearSystem& system, const std::vector<Points2>& x, Array<Vec2>& d) {
     Points2 positions(system.pattern.rows(), 2);
     for (std::size_t k = 0; k < x.size(); ++k)
-      positions.middleRows(first_row(k), x[k].rows()) = x[k];
+      std::copy(x[k].data(), x[k].data() + x[k].size(), positions.data() + 2 * first_row(k));
     const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
-    ldlt_factorize(symbolic, {&system.H, nullptr, 0}, executor_, factor_);
-    if (!factor_.ok) return Eigen::VectorXd::Constant(system.gradient.size(), kInfinity);
-    return ldlt_solve(symbolic, factor_, -system.gradient);
+    ldlt_factorize(symbolic, system.shifted(0), executor_, factor_);
+    if (!factor_.ok) return false;
+    d = ldlt_solve(symbolic, factor_, negated(system.gradient));
+    for (Vec2 move : d)
+      if (!std::isfinite(move.x) || !std::isfinite(move.y)) return false;
+    return true;
   }
 
-  std::vector<Points2> per_surface(const Eigen::VectorXd& d, const std::vector<Points2>& x) const {
-    const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> columns(d.data(), 2,
-                                                                             d.size() / 2);
+  std::vector<Points2> per_surface(const Array<Vec2>& d, const std::vector<Points2>& x) const {
     std::vector<Points2> parts;
     for (std::size_t k = 0; k < x.size(); ++k)
-      parts.push_back(columns.middleCols(first_row(k), x[k].rows()).transpose());
+      parts.push_back(rows_from(d, first_row(k), rows_of(x[k])));
     return parts;
   }
 
@@ -5389,19 +5754,19 @@ class FlatNewton {
     for (std::size_t k = 0; is_scaffolded_ && k < x.size(); ++k)
       resistance += scaffold_energy(scaffolds_[static_cast<int>(k)], y[k]);
     if (!(e + resistance <= energy + 1e-4 * s * slope)) return Outcome::kRejected;
-    x = y;
+    x.swap(y);
     energy = e;
     return Outcome::kAccepted;
   }
 
   void assemble(const std::vector<Points2>& x) {
-    system_.gradient.setZero(2 * system_.pattern.rows());
-    system_.H.assign(system_.pattern.blocks(), Eigen::Matrix2d::Zero());
+    system_.gradient.assign(system_.pattern.rows(), {});
+    system_.H.assign(system_.pattern.blocks(), {});
     for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
     for (const Spring& s : problem_.springs) {
       const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
-      system_.gradient.segment<2>(2 * s.a) += force;
-      system_.gradient.segment<2>(2 * (first_row(1) + s.b)) -= force;
+      system_.gradient[s.a] += force;
+      system_.gradient[first_row(1) + s.b] -= force;
     }
   }
 
@@ -5410,10 +5775,9 @@ class FlatNewton {
     Array<ExtraBlock> blocks;
     for (const Spring& s : problem_.springs) {
       const int i = s.a, j = first_row(1) + s.b;
-      const Eigen::Matrix2d stiffness = 2 * s.weight * Eigen::Matrix2d::Identity();
-      blocks.push_back({i, i, stiffness, Eigen::Matrix2d::Zero()});
-      blocks.push_back({j, j, stiffness, Eigen::Matrix2d::Zero()});
-      blocks.push_back({i, j, -stiffness, Eigen::Matrix2d::Zero()});
+      blocks.push_back({i, i, diagonal(2 * s.weight), {}});
+      blocks.push_back({j, j, diagonal(2 * s.weight), {}});
+      blocks.push_back({i, j, diagonal(-2 * s.weight), {}});
     }
     for (int k = 0; is_scaffolded_ && k < scaffolds_.size(); ++k)
       add_scaffold(scaffolds_[k], first_row(static_cast<std::size_t>(k)), blocks);
@@ -5425,8 +5789,7 @@ class FlatNewton {
     const Surface& s = *problem_.surfaces[k];
     terms_.resize(s.mesh.n_faces);
     executor_.run_blocks(s.mesh.n_faces, 256, [&](int begin, int end) {
-      embedding_terms(
-          s, begin, end, kEpsilon, [&](int f) { return triangle_jacobian(s, x, f); }, terms_);
+      embedding_terms(s, x, begin, end, kEpsilon, 1, terms_);
     });
     for (int f = 0; f < s.mesh.n_faces; ++f)
       scatter(s.mesh, f, first_row(k), terms_[f], system_.pattern, system_.H, system_.gradient);
@@ -5435,7 +5798,7 @@ class FlatNewton {
   const FlatProblem& problem_;
   const Executor& executor_;
   LinearSystem system_;
-  Array<char> is_fixed_;  // two per row
+  FixedCoordinates is_fixed_;
   Array<FaceTerm> terms_;
   LdltFactor factor_;
   Array<Scaffold> scaffolds_;  // of each surface, where x was when they were built
@@ -5443,6 +5806,11 @@ class FlatNewton {
 };
 
 // ---- one surface across all resolutions ----
+//
+// Purpose:    embeds the coarsest mesh and brings the vertices back, one by one.
+// Source:     Tutte 1963; Hormann and Greiner 2000.
+// Invariants: after every vertex that returns, all triangles are positive and the boundary simple.
+// Fails:      where rounding leaves a vertex no room; refine() returns its id.
 
 /// The vertices and faces present at one resolution, renumbered.
 struct Level {
@@ -5458,30 +5826,25 @@ inline Surface softened(const Surface& s, double t, double total_area) {
   Surface soft = s;
   soft.total_area = 0;
   for (int f = 0; f < s.mesh.n_faces; ++f) {
-    std::array<double, 3> length;
-    for (int k = 0; k < 3; ++k) {
-      const int u = s.mesh.corner(f, k), v = s.mesh.corner(f, (k + 1) % 3);
-      const double l = (s.vertices.row(v) - s.vertices.row(u)).norm();
-      length[static_cast<std::size_t>(k)] = std::pow(l, t);
-    }
-    const Eigen::Matrix2d R = rest_frame(length);
-    soft.area[f] = 0.5 * R.determinant();
-    soft.rest_inverse[f] = R.inverse();
+    const auto length = [&](int k) { return std::pow(s.edge_length(3 * f + k), t); };
+    const Mat2 R = rest_frame(length(0), length(1), length(2));
+    soft.area[f] = 0.5 * determinant(R);
+    soft.rest_inverse[f] = inverse(R);
     soft.total_area += soft.area[f];
   }
   const double scale = total_area / soft.total_area;
   for (int f = 0; f < s.mesh.n_faces; ++f) {
     soft.area[f] *= scale;
-    soft.rest_inverse[f] /= std::sqrt(scale);
+    soft.rest_inverse[f] = 1 / std::sqrt(scale) * soft.rest_inverse[f];
   }
   soft.total_area = total_area;
   return soft;
 }
 
 /// Clips a convex polygon by the half-plane left of p → q.
-inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, const Vec2& q) {
-  std::vector<Vec2> result;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
+inline Array<Vec2> clip(const Array<Vec2>& polygon, Vec2 p, Vec2 q) {
+  Array<Vec2> result;
+  for (int i = 0; i < polygon.size(); ++i) {
     const Vec2 a = polygon[i], b = polygon[(i + 1) % polygon.size()];
     const double side_a = cross(q - p, a - p), side_b = cross(q - p, b - p);
     if (side_a >= 0) result.push_back(a);
@@ -5489,6 +5852,17 @@ inline std::vector<Vec2> clip(const std::vector<Vec2>& polygon, const Vec2& p, c
       result.push_back(a + side_a / (side_a - side_b) * (b - a));
   }
   return result;
+}
+
+/// A symmetric matrix with its eigenvalues raised to at least ε.
+inline Mat2 raised(const Mat2& H, double epsilon) {
+  const double mean = 0.5 * (H(0, 0) + H(1, 1));
+  const double radius = std::hypot(0.5 * (H(0, 0) - H(1, 1)), H(0, 1));
+  if (mean - radius >= epsilon) return H;
+  const double largest = (std::max)(mean + radius, epsilon);
+  Mat2 axis;  // 1 and -1 along the eigenvectors
+  if (radius > 0) axis = 1 / radius * (H + diagonal(-mean));
+  return diagonal(0.5 * (largest + epsilon)) + 0.5 * (largest - epsilon) * axis;
 }
 
 /// Places on a circle for the boundary vertices of a mesh, at even distances.
@@ -5503,15 +5877,15 @@ class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
-  /// `angle`: where boundary vertices go on the circle, in the uniform metric.
-  Hierarchy(const Surface& s, const Array<char>& is_protected, Metric metric,
+  /// `angle`: where boundary vertices go on the circle, by connectivity.
+  Hierarchy(const Surface& s, const Array<char>& is_protected, Approach approach,
             const Array<double>& angle)
       : s_(s),
-        metric_(metric),
+        approach_(approach),
         angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, metric, mesh_).run(kBase);
+    collapses_ = Decimation(s, is_protected, approach, mesh_).run(kBase);
   }
 
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
@@ -5520,26 +5894,37 @@ class Hierarchy {
 
   /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
   /// mean of its neighbours.
-  bool embed_base() {
+  bool embed_base(const Executor& executor) {
     const Level level = current();
     const HalfEdgeMesh& m = level.surface.mesh;
-    Eigen::MatrixXd L = Eigen::MatrixXd::Zero(m.n_vertices, m.n_vertices);
-    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(m.n_vertices, 2);
-    for (int h = 0; h < m.tail.size(); ++h) {
-      const int u = m.tail[h], v = m.tip(h);
-      if (m.on_boundary(u)) continue;
-      L(u, u) += 1;
-      L(u, v) -= 1;
-    }
+    LinearSystem system;
+    system.pattern = within_pattern({&level.surface}, 1);
+    system.H.resize(system.pattern.blocks());
+    system.gradient.resize(m.n_vertices);
+    Points2 x = Points2::Zero(m.n_vertices, 2);
     const double radius = std::sqrt(s_.total_area / kPi);
     for (int i = 0; i < m.boundary.size(); ++i) {
       const int u = m.tail[m.boundary[i]];
-      const double angle =
-          metric_ == Metric::kUniform ? angle_[level.vertex[u]] : 2 * kPi * i / m.boundary.size();
-      L(u, u) = 1;
-      rhs.row(u) << radius * std::cos(angle), radius * std::sin(angle);
+      const double angle = approach_ == Approach::kConnectivity ? angle_[level.vertex[u]]
+                                                                : 2 * kPi * i / m.boundary.size();
+      set_row(x, u, {radius * std::cos(angle), radius * std::sin(angle)});
+      system.gradient[u] = row2(x, u);
+      system.H[system.pattern.start[u]] = diagonal(1);
     }
-    const Points2 x = L.partialPivLu().solve(rhs);
+    for (int h = 0; h < m.tail.size(); ++h) {
+      const int u = m.tail[h], v = m.tip(h);
+      if (m.on_boundary(u)) continue;
+      system.H[system.pattern.start[u]] += diagonal(1);
+      if (m.on_boundary(v))
+        system.gradient[u] += row2(x, v);
+      else if (u < v)
+        system.H[find_block(system.pattern, u, v)] = diagonal(-1);
+    }
+    const LdltSymbolic symbolic = NestedDissection(system.pattern, x, executor).build();
+    LdltFactor factor;
+    ldlt_factorize(symbolic, system.shifted(0), executor, factor);
+    if (!factor.ok) return false;
+    x = rows_from(ldlt_solve(symbolic, factor, system.gradient), 0, m.n_vertices);
     if (!is_injective(m, x)) return false;
     set(level, x);
     return true;
@@ -5553,30 +5938,26 @@ class Hierarchy {
       level.place[v] = level.vertex.size();
       level.vertex.push_back(v);
     }
-    int n_faces = 0;
-    for (char alive : mesh_.alive) n_faces += alive;
-    TriangleMesh compact;
-    compact.vertices.resize(level.vertex.size(), 3);
-    compact.triangles.resize(n_faces, 3);
+    Points3 vertices(level.vertex.size(), 3);
     for (int i = 0; i < level.vertex.size(); ++i)
-      compact.vertices.row(i) = s_.vertices.row(level.vertex[i]);
-    for (int f = 0, row = 0; f < mesh_.face.size(); ++f)
-      if (mesh_.alive[f]) {
-        for (int k = 0; k < 3; ++k)
-          compact.triangles(row, k) = level.place[mesh_.face[f][static_cast<std::size_t>(k)]];
-        ++row;
-      }
-    level.surface = build_surface(compact, true);
+      set_row(vertices, i, row3(s_.vertices, level.vertex[i]));
+    Array<int> corners;
+    for (int f = 0; f < mesh_.face.size(); ++f)
+      if (mesh_.alive[f])
+        for (int v : mesh_.face[f]) corners.push_back(level.place[v]);
+    Triangles triangles(corners.size() / 3, 3);
+    std::copy(corners.begin(), corners.end(), triangles.data());
+    level.surface = build_surface(build_half_edges(level.vertex.size(), triangles), vertices, true);
     return level;
   }
 
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
-    for (int i = 0; i < level.vertex.size(); ++i) x.row(i) = x_.row(level.vertex[i]);
+    for (int i = 0; i < level.vertex.size(); ++i) set_row(x, i, row2(x_, level.vertex[i]));
     return x;
   }
   void set(const Level& level, const Points2& x) {
-    for (int i = 0; i < level.vertex.size(); ++i) x_.row(level.vertex[i]) = x.row(i);
+    for (int i = 0; i < level.vertex.size(); ++i) set_row(x_, level.vertex[i], row2(x, i));
   }
   const Points2& positions() const { return x_; }
   double total_area() const { return s_.total_area; }
@@ -5588,12 +5969,12 @@ class Hierarchy {
   }
 
   /// The mean position of the present vertices.
-  Vec2 center() const { return positions(current()).colwise().mean().transpose(); }
+  Vec2 center() const { return centroid(positions(current())); }
 
   /// Brings vertices back until `target` are present; the id of one without room, or -1.
   int refine(int target) {
     while (!is_full() && active() < target) {
-      const Collapse c = collapses_.back();
+      const Collapse c = std::move(collapses_.back());
       collapses_.pop_back();
       local_metric_ = local_metric(c.changed);
       mesh_.undo(c);
@@ -5603,38 +5984,39 @@ class Hierarchy {
   }
 
  private:
-  /// The opposite edge p → q of vertex u in a face.
-  std::pair<int, int> opposite(int f, int u) const {
-    const auto& t = mesh_.face[f];
-    const std::size_t k = t[0] == u ? 0 : t[1] == u ? 1 : 2;
-    return {t[(k + 1) % 3], t[(k + 2) % 3]};
+  /// An edge p → q opposite a vertex.
+  struct Opposite {
+    int p, q;
+  };
+  Opposite opposite(int f, int u) const {
+    const std::array<int, 3>& t = mesh_.face[f];
+    if (t[0] == u) return {t[1], t[2]};
+    return t[1] == u ? Opposite{t[2], t[0]} : Opposite{t[0], t[1]};
   }
 
-  Eigen::Matrix2d rest(int a, int b, int c) const {
-    if (metric_ == Metric::kUniform) return rest_frame({1.0, 1.0, 1.0});
-    return rest_frame(s_.vertices.row(a), s_.vertices.row(b), s_.vertices.row(c));
+  Mat2 rest(int a, int b, int c) const {
+    if (approach_ == Approach::kConnectivity) return rest_frame(1.0, 1.0, 1.0);
+    return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
-  Eigen::Matrix2d local_metric(const Array<int>& faces) const {
-    if (faces.empty()) return Eigen::Matrix2d::Identity();
-    Eigen::Matrix2d S = Eigen::Matrix2d::Zero();
+  Mat2 local_metric(const Array<int>& faces) const {
+    if (faces.empty()) return diagonal(1);
+    Mat2 S;
     double total = 0;
     for (int f : faces) {
-      const auto& t = mesh_.face[f];
-      const Eigen::Matrix2d R = rest(t[0], t[1], t[2]);
-      const Eigen::Matrix2d J =
-          jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), R.inverse());
-      S += 0.5 * R.determinant() * J * J.transpose();
-      total += 0.5 * R.determinant();
+      const std::array<int, 3>& t = mesh_.face[f];
+      const Mat2 R = rest(t[0], t[1], t[2]);
+      const Mat2 J = jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R));
+      S += 0.5 * determinant(R) * (J * transposed(J));
+      total += 0.5 * determinant(R);
     }
-    S /= total;
+    S = 1 / total * S;
     // S^(1/2) = (S + √det S I) / √(tr S + 2 √det S), by Cayley and Hamilton.
-    const double root = std::sqrt(S.determinant());
-    const Eigen::Matrix2d metric =
-        (S + root * Eigen::Matrix2d::Identity()).inverse() * std::sqrt(S.trace() + 2 * root);
-    return metric.allFinite() ? metric : Eigen::Matrix2d::Identity();
+    const double root = std::sqrt(determinant(S));
+    const Mat2 metric = std::sqrt(S(0, 0) + S(1, 1) + 2 * root) * inverse(S + diagonal(root));
+    return is_finite(metric) ? metric : diagonal(1);
   }
 
   /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
@@ -5642,7 +6024,7 @@ class Hierarchy {
   /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
   /// triangle, close to the middle of that edge.
   bool place(const Collapse& c) {
-    if (metric_ == Metric::kUniform && mesh_.on_boundary(c.u)) return place_on_circle(c);
+    if (approach_ == Approach::kConnectivity && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
     if (!mesh_.on_boundary(c.u)) return false;
@@ -5664,22 +6046,22 @@ class Hierarchy {
     const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
     const double to_u = angle_between(before, c.u), from_u = angle_between(c.u, after);
     const Vec2 p = row2(x_, before), q = row2(x_, after);
-    double arc = std::atan2(cross(p, q), p.dot(q));
+    double arc = std::atan2(cross(p, q), dot(p, q));
     if (arc < 0) arc += 2 * kPi;
     const double ideal = arc * to_u / (to_u + from_u);
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
       const double angle = c.v == before ? t * ideal : arc - t * (arc - ideal);
-      x_.row(c.u) = (Eigen::Rotation2Dd(angle) * p).transpose();
+      set_row(x_, c.u, rotation_by(angle) * p);
       if (fits(c.u)) return true;
     }
     return false;
   }
 
-  bool place_on_ray(int u, const Vec2& from, const Vec2& to) {
+  bool place_on_ray(int u, Vec2 from, Vec2 to) {
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      x_.row(u) = (from + t * (to - from)).transpose();
+      set_row(x_, u, from + t * (to - from));
       if (!fits(u)) continue;
       relax(u);
       return true;
@@ -5693,45 +6075,47 @@ class Hierarchy {
     double largest = -kInfinity;
     Vec2 center = corner;
     for (int f : c.changed) {
-      const auto edge = opposite(f, c.u);
-      const Vec2 p = row2(x_, edge.first), q = row2(x_, edge.second);
+      const Opposite edge = opposite(f, c.u);
+      const Vec2 p = row2(x_, edge.p), q = row2(x_, edge.q);
       const double area = cross(p - corner, q - corner);
       if (area <= largest) continue;
       largest = area;
-      center = (corner + p + q) / 3;
+      center = 1.0 / 3 * (corner + p + q);
     }
     return center;
   }
 
   Vec2 kernel_center(int u) const {
-    Vec2 lo = Vec2::Constant(kInfinity), hi = -lo;
+    Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
     for (int f : mesh_.faces_of[u]) {
-      const auto edge = opposite(f, u);
-      for (int w : {edge.first, edge.second}) {
-        lo = lo.cwiseMin(row2(x_, w));
-        hi = hi.cwiseMax(row2(x_, w));
+      const Opposite edge = opposite(f, u);
+      for (int w : {edge.p, edge.q}) {
+        lo = lower(lo, row2(x_, w));
+        hi = upper(hi, row2(x_, w));
       }
     }
-    const Vec2 margin = Vec2::Constant(mesh_.on_boundary(u) ? 0.5 * (hi - lo).maxCoeff() : 0);
-    lo -= margin, hi += margin;
-    std::vector<Vec2> kernel = {lo, Vec2(hi.x(), lo.y()), hi, Vec2(lo.x(), hi.y())};
+    const double extent = (std::max)(hi.x - lo.x, hi.y - lo.y);
+    const double margin = mesh_.on_boundary(u) ? 0.5 * extent : 0;
+    lo -= {margin, margin}, hi += {margin, margin};
+    Array<Vec2> kernel;
+    for (const Vec2 corner : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) kernel.push_back(corner);
     for (int f : mesh_.faces_of[u]) {
-      const auto edge = opposite(f, u);
-      const std::vector<Vec2> rest = clip(kernel, row2(x_, edge.first), row2(x_, edge.second));
+      const Opposite edge = opposite(f, u);
+      const Array<Vec2> rest = clip(kernel, row2(x_, edge.p), row2(x_, edge.q));
       if (rest.size() >= 3) kernel = rest;  // else rounding: keep what there is
     }
-    Vec2 center = Vec2::Zero();
-    for (const Vec2& p : kernel) center += p / static_cast<double>(kernel.size());
+    Vec2 center;
+    for (Vec2 p : kernel) center += 1.0 / kernel.size() * p;
     return center;
   }
 
   /// True if all triangles of u are positive and the boundary stays simple.
   bool fits(int u) const {
-    for (int c = 0; c < 2; ++c)
-      if (x_(u, c) != flush_tiny(x_(u, c))) return false;
+    const Vec2 p = row2(x_, u);
+    if (p != flush_tiny(p)) return false;
     for (int f : mesh_.faces_of[u]) {
-      const auto edge = opposite(f, u);
-      if (!(orient2d(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second)) > 0)) return false;
+      const Opposite edge = opposite(f, u);
+      if (!(orient2d(p, row2(x_, edge.p), row2(x_, edge.q)) > 0)) return false;
     }
     return !mesh_.on_boundary(u) || boundary_fits(u);
   }
@@ -5750,75 +6134,84 @@ class Hierarchy {
   }
 
   /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
-  double ring_energy(int u, Vec2& gradient, Eigen::Matrix2d& hessian) const {
-    double energy = 0;
-    gradient.setZero();
-    hessian.setZero();
+  struct RingEnergy {
+    double value = 0;
+    Vec2 gradient;
+    Mat2 hessian;
+  };
+
+  RingEnergy ring_energy(int u) const {
+    RingEnergy sum;
     for (int f : mesh_.faces_of[u]) {
-      const auto edge = opposite(f, u);
-      const Eigen::Matrix2d R = rest(u, edge.first, edge.second), inverse = R.inverse();
-      const Eigen::Matrix2d J =
-          jacobian(row2(x_, u), row2(x_, edge.first), row2(x_, edge.second), inverse);
-      const TriangleDerivatives d =
-          triangle_derivatives(local_metric_ * J, inverse, 0.5 * R.determinant());
-      energy += d.value;
-      gradient += local_metric_ * d.gradient.head<2>();
-      hessian += local_metric_ * d.hessian.topLeftCorner<2, 2>() * local_metric_;
+      const Opposite edge = opposite(f, u);
+      const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
+      const Mat2 J =
+          local_metric_ * jacobian(row2(x_, u), row2(x_, edge.p), row2(x_, edge.q), R_inverse);
+      const TriangleDensity<double> w = triangle_density(J.entry);
+      const CornerWeights<double> B(R_inverse.entry);
+      const double area = 0.5 * determinant(R);
+      sum.value += area * w.value;
+      sum.gradient += area * (local_metric_ * point_gradient(w, B, 0));
+      sum.hessian += area * (local_metric_ * point_hessian(w, B, 0, 0) * local_metric_);
     }
-    return energy;
+    return sum;
   }
 
-  /// A symmetric matrix with its eigenvalues raised to at least ε.
-  static Eigen::Matrix2d at_least(const Eigen::Matrix2d& H, double epsilon) {
-    const double mean = 0.5 * H.trace(), radius = std::hypot(0.5 * (H(0, 0) - H(1, 1)), H(0, 1));
-    if (mean - radius >= epsilon) return H;
-    const double largest = (std::max)(mean + radius, epsilon);
-    Eigen::Matrix2d axis = Eigen::Matrix2d::Zero();  // 1 and -1 along the eigenvectors
-    if (radius > 0) axis = (H - mean * Eigen::Matrix2d::Identity()) / radius;
-    return 0.5 * (largest + epsilon) * Eigen::Matrix2d::Identity() +
-           0.5 * (largest - epsilon) * axis;
+  double ring_value(int u) const {
+    double sum = 0;
+    for (int f : mesh_.faces_of[u]) {
+      const Opposite edge = opposite(f, u);
+      const Mat2 R = rest(u, edge.p, edge.q);
+      const Mat2 J = jacobian(row2(x_, u), row2(x_, edge.p), row2(x_, edge.q), inverse(R));
+      sum += triangle_energy(local_metric_ * J, 0.5 * determinant(R));
+    }
+    return sum;
   }
 
   /// A few Newton steps of u alone.
   void relax(int u) {
     constexpr int kSteps = 6, kMostTrials = 12;
-    Vec2 gradient, unused;
-    Eigen::Matrix2d hessian, unused_hessian;
-    double energy = ring_energy(u, gradient, hessian);
+    RingEnergy energy = ring_energy(u);
     for (int i = 0; i < kSteps; ++i) {
-      hessian = at_least(hessian, 1e-6 * hessian.norm());
-      const Vec2 d = -hessian.inverse() * gradient, from = row2(x_, u);
-      if (!d.allFinite()) return;
+      const double least = 1e-6 * std::sqrt(squared_norm(energy.hessian));
+      const Vec2 d = -(inverse(raised(energy.hessian, least)) * energy.gradient);
+      const Vec2 from = row2(x_, u);
+      if (!std::isfinite(d.x) || !std::isfinite(d.y)) return;
       bool gained = false;
       double s = 1;
       for (int k = 0; k < kMostTrials && !gained; ++k, s *= 0.5) {
-        x_.row(u) = (from + s * d).transpose();
-        gained = fits(u) && ring_energy(u, unused, unused_hessian) < energy;
+        set_row(x_, u, from + s * d);
+        gained = fits(u) && ring_value(u) < energy.value;
       }
-      if (!gained) return void(x_.row(u) = from.transpose());
-      energy = ring_energy(u, gradient, hessian);
+      if (!gained) return set_row(x_, u, from);
+      energy = ring_energy(u);
     }
   }
 
   static constexpr int kMostHalvings = 44;  // what is left after them is no room
 
   const Surface& s_;
-  const Metric metric_;
+  const Approach approach_;
   const Array<double> angle_;  // per vertex of the full mesh
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
-  Eigen::Matrix2d local_metric_ = Eigen::Matrix2d::Identity();  // around the next vertex
+  Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
 // ---- both boundaries on one square ----
+//
+// Purpose:    where the boundary vertices of A and B go if boundaries are held (§7).
+// Invariants: corresponding places get the same place on the square; four pairs of vertices are its
+//             corners; no inner edge lies in a side.
+// Fails:      never; vertices are added in the middle of edges where a mesh has none for a corner.
 
 /// The boundary of a mesh along the outline of a square around the origin: u from k to k + 1 is
 /// side k, all counter-clockwise.
 struct Outline {
   double half_side = 0;
-  std::array<int, 4> corner;  // the vertices at u = 0, 1, 2 and 3
-  Array<double> u;            // per vertex, -1 off the boundary
+  int corner[4];    // the vertices at u = 0, 1, 2 and 3
+  Array<double> u;  // per vertex, -1 off the boundary
 
   /// A part of the way from places at even distances between the corners (0) to u (1).
   Array<double> places(const HalfEdgeMesh& m, double part) const {
@@ -5830,7 +6223,7 @@ struct Outline {
     while (vertex(i) != corner[0]) ++i;
     for (int k = 0; k < 4; ++k) {
       int edges = 1;
-      while (vertex(i + edges) != corner[static_cast<std::size_t>((k + 1) % 4)]) ++edges;
+      while (vertex(i + edges) != corner[(k + 1) % 4]) ++edges;
       for (int j = 0; j < edges; ++j) {
         const int v = vertex(i + j);
         const double even = k + j / static_cast<double>(edges);
@@ -5846,15 +6239,20 @@ struct Outline {
     const double along = half_side * (2 * (u_at - side) - 1);
     switch (side % 4) {
       case 0:
-        return Vec2(along, -half_side);
+        return {along, -half_side};
       case 1:
-        return Vec2(half_side, along);
+        return {half_side, along};
       case 2:
-        return Vec2(-along, half_side);
+        return {-along, half_side};
       default:
-        return Vec2(-half_side, -along);
+        return {-half_side, -along};
     }
   }
+};
+
+/// The outlines of A and B.
+struct OutlinePair {
+  Outline a, b;
 };
 
 /// x modulo 1, in [0, 1).
@@ -5870,7 +6268,7 @@ inline Array<double> boundary_arcs(const Surface& s, int first) {
   double sum = 0;
   for (int h : s.mesh.boundary) {
     arc[s.mesh.tail[h]] = sum;
-    sum += (s.vertices.row(s.mesh.tip(h)) - s.vertices.row(s.mesh.tail[h])).norm();
+    sum += s.edge_length(h);
   }
   const double offset = arc[first];
   for (int h : s.mesh.boundary) {
@@ -5880,45 +6278,62 @@ inline Array<double> boundary_arcs(const Surface& s, int first) {
   return arc;
 }
 
+/// The vertex at which a boundary begins.
+inline int first_on_boundary(const HalfEdgeMesh& m) { return m.tail[m.boundary[0]]; }
+
 /// The landmarks with both vertices on the boundaries, sorted along that of A.
-inline std::vector<Landmark> boundary_landmarks(const SurfacePair& pair,
-                                                const std::vector<Landmark>& landmarks) {
-  std::vector<Landmark> result;
-  for (const Landmark& l : landmarks)
-    if (pair.a.mesh.on_boundary(l.a) && pair.b.mesh.on_boundary(l.b)) result.push_back(l);
-  const Array<double> arc = boundary_arcs(pair.a, pair.a.mesh.tail[pair.a.mesh.boundary[0]]);
-  std::sort(result.begin(), result.end(),
-            [&](const Landmark& l, const Landmark& k) { return arc[l.a] < arc[k.a]; });
-  return result;
+inline Array<Landmark> boundary_landmarks(const SurfacePair& pair,
+                                          const std::vector<Landmark>& landmarks) {
+  const Array<double> arc = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
+  Array<Landmark> found;
+  Array<double> along;
+  for (const Landmark& l : landmarks) {
+    if (!pair.a.mesh.on_boundary(l.a) || !pair.b.mesh.on_boundary(l.b)) continue;
+    found.push_back(l);
+    along.push_back(arc[l.a]);
+  }
+  Array<Landmark> sorted;
+  for (int i : sorted_by(along)) sorted.push_back(found[i]);
+  return sorted;
+}
+
+/// " 3-5 7-9", and the vertices of A.
+inline std::string names_of(const Array<Landmark>& landmarks, std::vector<int>& ids) {
+  std::string names;
+  for (const Landmark& l : landmarks) {
+    names += sentence({" ", l.a, "-", l.b});
+    ids.push_back(l.a);
+  }
+  return names;
 }
 
 /// True if the landmarks on the boundaries follow each other in the same order on A and on B.
 inline bool check_order(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                        Embedding& result) {
-  const std::vector<Landmark> sorted = boundary_landmarks(pair, landmarks);
-  const Array<double> arc = boundary_arcs(pair.b, pair.b.mesh.tail[pair.b.mesh.boundary[0]]);
+                        Outcome& outcome) {
+  const Array<Landmark> sorted = boundary_landmarks(pair, landmarks);
+  const Array<double> arc = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
   double around = 0;
-  for (std::size_t i = 0; i < sorted.size(); ++i)
+  for (int i = 0; i < sorted.size(); ++i)
     around += fraction(arc[sorted[(i + 1) % sorted.size()].b] - arc[sorted[i].b]);
   if (around < 1.5) return true;
-  std::string message = "the landmarks on the boundaries are in different order on A and B:";
   std::vector<int> ids;
-  for (const Landmark& l : sorted) {
-    message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
-    ids.push_back(l.a);
-  }
-  return fail(result, Status::kInvalidLandmarks, message + "; is one mesh mirrored?", ids);
+  const std::string names = names_of(sorted, ids);
+  return fail(outcome, Status::kInvalidLandmarks,
+              {"the landmarks on the boundaries are in different order on A and B:", names,
+               "; is one mesh mirrored?"},
+              ids);
 }
 
 /// A place on the boundary of A and one on that of B that correspond, in arc length.
 struct Match {
   double a, b;
+  bool operator<(const Match& o) const { return a < o.a; }
 };
 
 /// The arc on B that corresponds to one on A: in proportion between the matches around it, which
 /// are sorted.
-inline double matching_arc(const std::vector<Match>& matches, double a) {
-  std::size_t i = matches.size() - 1;
+inline double matching_arc(const Array<Match>& matches, double a) {
+  int i = matches.size() - 1;
   while (i > 0 && matches[i].a > a) --i;
   if (matches[i].a > a) i = matches.size() - 1;
   const Match &from = matches[i], &to = matches[(i + 1) % matches.size()];
@@ -5934,8 +6349,8 @@ class OutlineBuilder {
   OutlineBuilder(SurfacePair& pair, const std::vector<Landmark>& landmarks)
       : pair_(pair),
         landmarks_(boundary_landmarks(pair, landmarks)),
-        first_a_(pair.a.mesh.tail[pair.a.mesh.boundary[0]]),
-        first_b_(pair.b.mesh.tail[pair.b.mesh.boundary[0]]) {
+        first_a_(first_on_boundary(pair.a.mesh)),
+        first_b_(first_on_boundary(pair.b.mesh)) {
     measure();
   }
 
@@ -5946,54 +6361,46 @@ class OutlineBuilder {
   /// embeddings closest to each other.
   void match_closest(const Points2& f, const Points2& g) {
     const Points2 on_a = sample(pair_.a.mesh, arc_a_, first_a_, f, 0);
-    const auto distance = [&](double shift) {
-      return (on_a - sample(pair_.b.mesh, arc_b_, first_b_, g, shift)).squaredNorm();
-    };
     const Points2 on_b = sample(pair_.b.mesh, arc_b_, first_b_, g, 0);
-    double shift = 0, least = kInfinity;
-    for (int k = 0; k < kSamples; ++k) {
+    const auto distance = [&](const Points2& y, int shift) {
       double sum = 0;
       for (int i = 0; i < kSamples; ++i)
-        sum += (on_a.row(i) - on_b.row((i + k) % kSamples)).squaredNorm();
+        sum += squared_norm(row2(on_a, i) - row2(y, (i + shift) % kSamples));
+      return sum;
+    };
+    double shift = 0, least = kInfinity;
+    for (int k = 0; k < kSamples; ++k) {
+      const double sum = distance(on_b, k);
       if (sum >= least) continue;
       least = sum;
       shift = k / double{kSamples};
     }
     for (double step = 0.5 / kSamples; step > 1e-6; step *= 0.5)
       for (const double candidate : {shift - step, shift + step}) {
-        const double sum = distance(candidate);
+        const double sum = distance(sample(pair_.b.mesh, arc_b_, first_b_, g, candidate), 0);
         if (sum >= least) continue;
         least = sum;
         shift = candidate;
       }
-    matches_ = {{0, fraction(shift)}};
+    matches_.assign(1, {0, fraction(shift)});
   }
 
-  /// The outlines of A and B.
-  std::array<Outline, 2> build() {
-    std::array<Outline, 2> outlines;
-    Outline &a = outlines[0], &b = outlines[1];
-    a.half_side = b.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
-    for (std::size_t k = 0; k < 4; ++k) {
+  OutlinePair build() {
+    OutlinePair outlines;
+    outlines.a.half_side = outlines.b.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
+    for (int k = 0; k < 4; ++k) {
       Landmark corner = {};
-      while (!find_corner(static_cast<int>(k), corner)) measure();
-      a.corner[k] = corner.a;
-      b.corner[k] = corner.b;
+      while (!find_corner(k, corner)) measure();
+      outlines.a.corner[k] = corner.a;
+      outlines.b.corner[k] = corner.b;
     }
-    place(a, b);
-    split_chords(a.u, pair_.a);
-    split_chords(b.u, pair_.b);
+    place(outlines.a, outlines.b);
+    split_chords(outlines.a.u, pair_.a);
+    split_chords(outlines.b.u, pair_.b);
     return outlines;
   }
 
  private:
-  /// A boundary vertex and its arc, relative to that of a corner.
-  struct Candidate {
-    double offset;
-    int vertex;
-    bool operator<(const Candidate& o) const { return offset < o.offset; }
-  };
-
   void measure() {
     arc_a_ = boundary_arcs(pair_.a, first_a_);
     arc_b_ = boundary_arcs(pair_.b, first_b_);
@@ -6015,17 +6422,34 @@ class OutlineBuilder {
       if (at < arc[m.tail[h]]) h = m.out[first];
       while (end() <= at) h = m.out[m.tip(h)];
       const double t = (at - arc[m.tail[h]]) / (end() - arc[m.tail[h]]);
-      points.row(i) = (1 - t) * x.row(m.tail[h]) + t * x.row(m.tip(h));
+      set_row(points, i, (1 - t) * row2(x, m.tail[h]) + t * row2(x, m.tip(h)));
     }
     return points;
   }
 
+  /// A boundary vertex and its arc, relative to that of a corner.
+  struct Candidate {
+    double offset;
+    int vertex;
+    bool operator<(const Candidate& o) const { return offset < o.offset; }
+  };
+
+  /// Arcs of boundary vertices in terms of B.
+  Array<double> arcs_in_b(bool of_a) const {
+    if (!of_a) return arc_b_;
+    Array<double> arcs = arc_a_;
+    for (int h : pair_.a.mesh.boundary) {
+      const int v = pair_.a.mesh.tail[h];
+      arcs[v] = matching_arc(matches_, arc_a_[v]);
+    }
+    return arcs;
+  }
+
   /// The boundary vertices in the quarter of the boundary around a place.
-  template <class ArcOf>
-  static std::vector<Candidate> around(const HalfEdgeMesh& m, double center, const ArcOf& arc_of) {
-    std::vector<Candidate> candidates;
+  static Array<Candidate> around(const HalfEdgeMesh& m, double center, const Array<double>& arc) {
+    Array<Candidate> candidates;
     for (int h : m.boundary) {
-      const double offset = fraction(arc_of(m.tail[h]) - center + 0.5) - 0.5;
+      const double offset = fraction(arc[m.tail[h]] - center + 0.5) - 0.5;
       if (std::abs(offset) < 0.125) candidates.push_back({offset, m.tail[h]});
     }
     std::sort(candidates.begin(), candidates.end());
@@ -6033,11 +6457,10 @@ class OutlineBuilder {
   }
 
   /// The edge of a boundary on which a place lies.
-  template <class ArcOf>
-  static Midpoint edge_at(const HalfEdgeMesh& m, double center, const ArcOf& arc_of) {
+  static Midpoint edge_at(const HalfEdgeMesh& m, double center, const Array<double>& arc) {
     int best = m.boundary[0];
     for (int h : m.boundary)
-      if (fraction(center - arc_of(m.tail[h])) < fraction(center - arc_of(m.tail[best]))) best = h;
+      if (fraction(center - arc[m.tail[h]]) < fraction(center - arc[m.tail[best]])) best = h;
     return {m.tail[best], m.tip(best)};
   }
 
@@ -6045,18 +6468,17 @@ class OutlineBuilder {
   /// that match best. False if a mesh had no vertex there and got one.
   bool find_corner(int k, Landmark& corner) {
     const double center = matches_[0].b + k / 4.0;
-    const auto on_a = [&](int v) { return matching_arc(matches_, arc_a_[v]); };
-    const auto on_b = [&](int v) { return arc_b_[v]; };
-    const std::vector<Candidate> a = around(pair_.a.mesh, center, on_a);
-    const std::vector<Candidate> b = around(pair_.b.mesh, center, on_b);
-    if (a.empty()) split_edges({edge_at(pair_.a.mesh, center, on_a)}, pair_.a);
-    if (b.empty()) split_edges({edge_at(pair_.b.mesh, center, on_b)}, pair_.b);
+    const Array<double> arcs_a = arcs_in_b(true), arcs_b = arcs_in_b(false);
+    const Array<Candidate> a = around(pair_.a.mesh, center, arcs_a);
+    const Array<Candidate> b = around(pair_.b.mesh, center, arcs_b);
+    if (a.empty()) split_edges({edge_at(pair_.a.mesh, center, arcs_a)}, pair_.a);
+    if (b.empty()) split_edges({edge_at(pair_.b.mesh, center, arcs_b)}, pair_.b);
     if (a.empty() || b.empty()) return false;
     if (!nearest_landmark(a, corner)) best_pair(a, b, corner);
     return true;
   }
 
-  bool nearest_landmark(const std::vector<Candidate>& a, Landmark& corner) const {
+  bool nearest_landmark(const Array<Candidate>& a, Landmark& corner) const {
     double least = kInfinity;
     for (const Candidate& c : a)
       for (const Landmark& l : landmarks_) {
@@ -6067,17 +6489,17 @@ class OutlineBuilder {
     return least < kInfinity;
   }
 
-  static void best_pair(const std::vector<Candidate>& a, const std::vector<Candidate>& b,
-                        Landmark& corner) {
+  static void best_pair(const Array<Candidate>& a, const Array<Candidate>& b, Landmark& corner) {
     constexpr double kCentred = 0.01;  // weight of the distance from the ideal place
     double least = kInfinity;
     for (const Candidate& c : b) {
-      auto next = std::lower_bound(a.begin(), a.end(), c);
-      for (auto it = next == a.begin() ? next : next - 1; it != a.end() && it <= next; ++it) {
-        const double cost = std::abs(it->offset - c.offset) + kCentred * std::abs(c.offset);
+      int next = 0;
+      while (next < a.size() && a[next] < c) ++next;
+      for (int i = (std::max)(0, next - 1); i < a.size() && i <= next; ++i) {
+        const double cost = std::abs(a[i].offset - c.offset) + kCentred * std::abs(c.offset);
         if (cost >= least) continue;
         least = cost;
-        corner = {it->vertex, c.vertex};
+        corner = {a[i].vertex, c.vertex};
       }
     }
   }
@@ -6086,32 +6508,28 @@ class OutlineBuilder {
   /// their matches are.
   void place(Outline& a, Outline& b) {
     if (!has_landmarks()) matches_.clear();
-    for (std::size_t k = 0; k < 4; ++k)
+    for (int k = 0; k < 4; ++k)
       if (!is_landmark(a.corner[k])) matches_.push_back({arc_a_[a.corner[k]], arc_b_[b.corner[k]]});
-    std::sort(matches_.begin(), matches_.end(),
-              [](const Match& m, const Match& n) { return m.a < n.a; });
+    std::sort(matches_.begin(), matches_.end());
     const auto u_of = [&](double arc) {
-      std::size_t k = 0;
-      for (std::size_t i = 1; i < 4; ++i)
+      int k = 0;
+      for (int i = 1; i < 4; ++i)
         if (fraction(arc - arc_b_[b.corner[i]]) < fraction(arc - arc_b_[b.corner[k]])) k = i;
       const double from = arc_b_[b.corner[k]], to = arc_b_[b.corner[(k + 1) % 4]];
-      return static_cast<double>(k) + fraction(arc - from) / fraction(to - from);
+      return k + fraction(arc - from) / fraction(to - from);
     };
-    a.u.assign(pair_.n_a(), -1);
-    b.u.assign(pair_.n_b(), -1);
-    for (int h : pair_.a.mesh.boundary) {
-      const int v = pair_.a.mesh.tail[h];
-      a.u[v] = u_of(matching_arc(matches_, arc_a_[v]));
-    }
-    for (int h : pair_.b.mesh.boundary) {
-      const int v = pair_.b.mesh.tail[h];
-      b.u[v] = u_of(arc_b_[v]);
-    }
+    const auto place_all = [&](const HalfEdgeMesh& m, const Array<double>& arcs, Outline& outline) {
+      outline.u.assign(m.n_vertices, -1);
+      for (int h : m.boundary) outline.u[m.tail[h]] = u_of(arcs[m.tail[h]]);
+    };
+    place_all(pair_.a.mesh, arcs_in_b(true), a);
+    place_all(pair_.b.mesh, arcs_in_b(false), b);
   }
 
   bool is_landmark(int a) const {
-    return std::any_of(landmarks_.begin(), landmarks_.end(),
-                       [&](const Landmark& l) { return l.a == a; });
+    for (const Landmark& l : landmarks_)
+      if (l.a == a) return true;
+    return false;
   }
 
   /// True if two places are on one side; corners are on two.
@@ -6133,54 +6551,50 @@ class OutlineBuilder {
   }
 
   SurfacePair& pair_;
-  std::vector<Landmark> landmarks_;  // with both vertices on the boundaries
-  std::vector<Match> matches_;       // sorted along A
+  Array<Landmark> landmarks_;  // with both vertices on the boundaries
+  Array<Match> matches_;       // sorted along A
   Array<double> arc_a_, arc_b_;
   const int first_a_, first_b_;  // where arcs begin
 };
 
 // ---- both surfaces ----
+//
+// Purpose:    embeds a pair by one of the approaches and brings the planes together.
+// Method:     by shape: each surface alone up to a coarse level, where the planes meet; then both,
+//             tied by the landmarks, up to the full meshes. Where the planes meet decides the
+//             isotopy class of the map around the landmarks, and limbs that have unfolded freely
+//             before decide it better than limbs that are pulled while they unfold. By connectivity
+//             nothing has unfolded before all vertices are there, so all of this comes last. With
+//             outlines, which go by connectivity, boundaries are dragged there from the circle, and
+//             that is where the planes meet.
+// Fails:      with a status and a sentence, also where the progress callback says stop.
 
 constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
 constexpr int kMostSteps = 30;        // Newton steps per level
 constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
 
 /// Reports progress; false if the callback cancels.
-inline bool tell(const Options& options, const std::string& what, Embedding& result) {
+inline bool report_progress(const Options& options, Words what, Outcome& outcome) {
   if (!options.progress) return true;
   Progress progress;
   progress.phase = Progress::Phase::kEmbedding;
-  progress.what = what;
+  progress.what = sentence(what);
   return options.progress(progress) ||
-         fail(result, Status::kAborted, "cancelled during the initial embedding");
-}
-
-/// The vertex of A on that of B, written as a point of a triangle around it.
-inline Follower landmark_follower(const SurfacePair& pair, const Landmark& l) {
-  Follower follower = {l.a, {}, Vec3::Zero()};
-  bool found = false;
-  pair.b.mesh.for_each_outgoing(l.b, [&](int h) {
-    if (found) return;
-    found = true;
-    follower.weight = Vec3::Unit(h % 3);
-    for (int k = 0; k < 3; ++k)
-      follower.master[static_cast<std::size_t>(k)] = pair.n_a() + pair.b.mesh.corner(h / 3, k);
-  });
-  return follower;
+         fail(outcome, Status::kAborted, {"cancelled during the initial embedding"});
 }
 
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
-  Vec2 deepest = Vec2::Zero();
+  Vec2 deepest;
   double largest = -1;
   for (int f = 0; f < m.n_faces; ++f) {
     const Vec2 p =
-        (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2))) / 3;
+        1.0 / 3 * (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2)));
     double depth = kInfinity;
     for (int h : m.boundary) {
       const Vec2 u = row2(x, m.tail[h]), edge = row2(x, m.tip(h)) - u;
-      const double t = std::clamp((p - u).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
-      depth = (std::min)(depth, (p - u - t * edge).norm());
+      const double t = clamp01(dot(p - u, edge) / squared_norm(edge));
+      depth = (std::min)(depth, norm(p - u - t * edge));
     }
     if (depth <= largest) continue;
     largest = depth;
@@ -6189,35 +6603,29 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   return deepest;
 }
 
-/// The embedding of a pair. In the metric of the surfaces: each alone up to a coarse level, where
-/// the planes are brought together; then both, tied by the landmarks, up to the full meshes. Where
-/// the planes meet decides the isotopy class of the map around the landmarks, and limbs that have
-/// unfolded freely before decide it better than limbs that are pulled while they unfold. In the
-/// uniform metric nothing has unfolded before all vertices are there, so all of this comes last.
-/// With outlines, which are in the uniform metric, boundaries are dragged there from the circle,
-/// and that is where the planes meet.
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, Metric metric, const std::array<Outline, 2>* outlines)
+               const Options& options, Approach approach, const OutlinePair* outlines)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
-        metric_(metric),
+        approach_(approach),
         outlines_(outlines),
         executor_(options) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, metric_, boundary_angles(pair_.a.mesh, outline(0)));
-    Hierarchy b(pair_.b, keep_b, metric_, boundary_angles(pair_.b.mesh, outline(1)));
-    const bool is_uniform = metric_ == Metric::kUniform;
-    if (!tell(options_, is_uniform ? "once more, by connectivity alone" : "decimated the meshes",
-              result))
+    Hierarchy a(pair_.a, keep_a, approach_, boundary_angles(pair_.a.mesh, outline_a()));
+    Hierarchy b(pair_.b, keep_b, approach_, boundary_angles(pair_.b.mesh, outline_b()));
+    const bool by_shape = approach_ == Approach::kShape;
+    if (!report_progress(options_,
+                         {by_shape ? "decimated the meshes" : "once more, by connectivity alone"},
+                         result))
       return;
     if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
-    if (!(is_uniform ? meet_last(a, b, result) : meet_early(a, b, result))) return;
+    if (!(by_shape ? meet_early(a, b, result) : meet_last(a, b, result))) return;
     if (outlines_ == nullptr) make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
@@ -6237,10 +6645,8 @@ class PairEmbedder {
       return false;
     bring_together(a, b);
     while (!a.is_full() || !b.is_full()) {
-      if (!tell(options_,
-                "embedding both: " + std::to_string(a.active()) + " + " +
-                    std::to_string(b.active()) + " vertices",
-                result))
+      if (!report_progress(
+              options_, {"embedding both: ", a.active(), " + ", b.active(), " vertices"}, result))
         return false;
       if (!grow(a, "A", result) || !grow(b, "B", result)) return false;
       relax(a, b, kStiffest);
@@ -6251,8 +6657,8 @@ class PairEmbedder {
   bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
     if (!embed_alone(a, "A", pair_.n_a(), result) || !embed_alone(b, "B", pair_.n_b(), result))
       return false;
-    if (!unfold(a, pair_.a, outline(0), "A", result) ||
-        !unfold(b, pair_.b, outline(1), "B", result))
+    if (!unfold(a, pair_.a, outline_a(), "A", result) ||
+        !unfold(b, pair_.b, outline_b(), "B", result))
       return false;
     if (outlines_ == nullptr && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result))
       return false;
@@ -6263,9 +6669,8 @@ class PairEmbedder {
   /// What the boundaries may do once they have left the circle.
   Boundary boundary() const { return outlines_ == nullptr ? Boundary::kFree : options_.boundary; }
 
-  const Outline* outline(std::size_t mesh) const {
-    return outlines_ == nullptr ? nullptr : &(*outlines_)[mesh];
-  }
+  const Outline* outline_a() const { return outlines_ == nullptr ? nullptr : &outlines_->a; }
+  const Outline* outline_b() const { return outlines_ == nullptr ? nullptr : &outlines_->b; }
 
   /// Where boundary vertices go on the circle: evenly, between corners if there are any.
   static Array<double> boundary_angles(const HalfEdgeMesh& m, const Outline* outline) {
@@ -6274,17 +6679,17 @@ class PairEmbedder {
     const Array<double> even = outline->places(m, 0);
     for (int h : m.boundary) {
       const Vec2 p = outline->point(even[m.tail[h]]);
-      angle[m.tail[h]] = std::atan2(p.y(), p.x());
+      angle[m.tail[h]] = std::atan2(p.y, p.x);
     }
     return angle;
   }
 
   /// Where a boundary vertex is at t, from 0 to 1, on its way from p to q.
-  using Way = Vec2 (*)(const Vec2& p, const Vec2& q, double t, const Outline& outline);
+  using Way = Vec2 (*)(Vec2 p, Vec2 q, double t, const Outline& outline);
 
   /// Drags the boundary of a surface to the places u on an outline.
   bool drag(const Surface& s, const Outline& outline, const Array<double>& u, Way way,
-            const std::string& name, std::vector<Points2>& x, Embedding& result) const {
+            const char* name, std::vector<Points2>& x, Embedding& result) const {
     constexpr int kMostDrags = 500, kRelaxations = 3;
     const FlatProblem problem = {{&s}, {}, Boundary::kFixed};
     FlatNewton newton(problem, executor_);
@@ -6295,74 +6700,72 @@ class PairEmbedder {
       const double next = (std::min)(1.0, t + step);
       for (int h : s.mesh.boundary) {
         const int v = s.mesh.tail[h];
-        target.row(v) = way(row2(from, v), outline.point(u[v]), next, outline).transpose();
+        set_row(target, v, way(row2(from, v), outline.point(u[v]), next, outline));
       }
       newton.minimize(kRelaxations, 0, x);
       const bool is_there = newton.drag(target, x);
       if (is_there) t = next;
       step *= is_there ? 1.5 : 0.5;
       const int percent = static_cast<int>(100 * t);
-      if (!tell(options_,
-                "boundary of " + name + " along a square: " + std::to_string(percent) + "%",
-                result))
+      if (!report_progress(options_, {"boundary of ", name, " along a square: ", percent, "%"},
+                           result))
         return false;
     }
     return t == 1 || fail(result, Status::kNumericalFailure,
-                          "the boundary of mesh " + name + " cannot be laid along a square");
+                          {"the boundary of mesh ", name, " cannot be laid along a square"});
   }
 
   /// Along a side.
-  static Vec2 straight(const Vec2& p, const Vec2& q, double t, const Outline&) {
-    return t < 1 ? Vec2(p + t * (q - p)) : q;
+  static Vec2 straight(Vec2 p, Vec2 q, double t, const Outline&) {
+    return t < 1 ? p + t * (q - p) : q;
   }
 
   /// From a circle to the square, on the superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which
   /// is convex.
-  static Vec2 superelliptic(const Vec2& p, const Vec2& q, double t, const Outline& outline) {
+  static Vec2 superelliptic(Vec2 p, Vec2 q, double t, const Outline& outline) {
     if (t == 1) return q;
-    const double turn = std::atan2(cross(p, q), p.dot(q)), n = 2 / (1 - t);
-    const Vec2 direction = Eigen::Rotation2Dd(t * turn) * p.normalized();
-    const double larger = direction.cwiseAbs().maxCoeff();
-    const double ratio = direction.cwiseAbs().minCoeff() / larger;
-    const double norm = larger * std::pow(1 + std::pow(ratio, n), 1 / n);
-    return ((1 - t) * p.norm() + t * outline.half_side) / norm * direction;
+    const double turn = std::atan2(cross(p, q), dot(p, q)), n = 2 / (1 - t);
+    const Vec2 direction = rotation_by(t * turn) * (1 / norm(p) * p);
+    const double larger = (std::max)(std::abs(direction.x), std::abs(direction.y));
+    const double ratio = (std::min)(std::abs(direction.x), std::abs(direction.y)) / larger;
+    const double length = larger * std::pow(1 + std::pow(ratio, n), 1 / n);
+    return ((1 - t) * norm(p) + t * outline.half_side) / length * direction;
   }
 
-  bool grow(Hierarchy& h, const std::string& name, Embedding& result) const {
+  bool grow(Hierarchy& h, const char* name, Embedding& result) const {
     const int stuck = h.refine(2 * h.active());
-    return stuck < 0 || fail(result, Status::kNumericalFailure,
-                             "mesh " + name + ": there is no room for vertex " +
-                                 std::to_string(stuck) + " in the plane",
-                             {stuck});
+    return stuck < 0 ||
+           fail(result, Status::kNumericalFailure,
+                {"mesh ", name, ": there is no room for vertex ", stuck, " in the plane"}, {stuck});
   }
 
-  bool embed_base(Hierarchy& h, const std::string& name, Embedding& result) const {
-    return h.embed_base() || fail(result, Status::kNumericalFailure,
-                                  "Tutte's embedding of the decimated mesh " + name + " failed");
+  bool embed_base(Hierarchy& h, const char* name, Embedding& result) const {
+    return h.embed_base(executor_) ||
+           fail(result, Status::kNumericalFailure,
+                {"Tutte's embedding of the decimated mesh ", name, " failed"});
   }
 
   /// Embeds one surface, without the other, up to a number of vertices.
-  bool embed_alone(Hierarchy& h, const std::string& name, int target, Embedding& result) const {
-    const bool is_uniform = metric_ == Metric::kUniform;
+  bool embed_alone(Hierarchy& h, const char* name, int target, Embedding& result) const {
+    const bool by_shape = approach_ == Approach::kShape;
     while (true) {
       Level level = h.current();
-      if (is_uniform) level.surface = softened(level.surface, 0, h.total_area());
+      if (!by_shape) level.surface = softened(level.surface, 0, h.total_area());
       std::vector<Points2> x = {h.positions(level)};
       const FlatProblem problem = {
-          {&level.surface}, {}, is_uniform ? Boundary::kFixed : Boundary::kFree};
+          {&level.surface}, {}, by_shape ? Boundary::kFree : Boundary::kFixed};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
       h.set(level, x[0]);
-      if (!tell(options_, "embedding " + name + ": " + std::to_string(h.active()) + " vertices",
-                result))
+      if (!report_progress(options_, {"embedding ", name, ": ", h.active(), " vertices"}, result))
         return false;
       if (h.is_full() || h.active() >= target) return true;
       if (!grow(h, name, result)) return false;
     }
   }
 
-  /// Returns from the uniform metric to that of the surface. The boundary is let go, or, with an
-  /// outline, laid along the square first.
-  bool unfold(Hierarchy& h, const Surface& s, const Outline* outline, const std::string& name,
+  /// Returns from edges that are all alike to their lengths on the surface. The boundary is let go,
+  /// or, with an outline, laid along the square first.
+  bool unfold(Hierarchy& h, const Surface& s, const Outline* outline, const char* name,
               Embedding& result) const {
     constexpr int kStages = 4;
     std::vector<Points2> x = {h.positions()};
@@ -6375,10 +6778,8 @@ class PairEmbedder {
         return false;
       const FlatProblem problem = {{&soft}, {}, boundary()};
       FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
-      if (!tell(options_,
-                "unfolding " + name + ": stage " + std::to_string(i + 1) + " of " +
-                    std::to_string(kStages + 1),
-                result))
+      if (!report_progress(options_, {"unfolding ", name, ": stage ", i + 1, " of ", kStages + 1},
+                           result))
         return false;
     }
     h.set(h.current(), x[0]);
@@ -6393,21 +6794,20 @@ class PairEmbedder {
   }
 
   /// The landmarks whose vertices are both present; decimation may take some if there are many.
-  std::vector<Landmark> present_landmarks(const Hierarchy& a, const Hierarchy& b) const {
-    std::vector<Landmark> present;
+  Array<Landmark> present_landmarks(const Hierarchy& a, const Hierarchy& b) const {
+    Array<Landmark> present;
     for (const Landmark& l : landmarks_)
       if (a.has(l.a) && b.has(l.b)) present.push_back(l);
     return present;
   }
 
   void align_by_landmarks(Hierarchy& a, const Hierarchy& b) const {
-    const std::vector<Landmark> landmarks = present_landmarks(a, b);
+    const Array<Landmark> landmarks = present_landmarks(a, b);
     if (landmarks.empty()) return;
     Points2 from(landmarks.size(), 2), to(landmarks.size(), 2);
-    int row = 0;
-    for (const Landmark& l : landmarks) {
-      from.row(row) = a.positions().row(l.a);
-      to.row(row++) = b.positions().row(l.b);
+    for (int i = 0; i < landmarks.size(); ++i) {
+      set_row(from, i, row2(a.positions(), landmarks[i].a));
+      set_row(to, i, row2(b.positions(), landmarks[i].b));
     }
     a.move(rigid_fit(from, to));
   }
@@ -6420,7 +6820,7 @@ class PairEmbedder {
     const Level level_a = a.current(), level_b = b.current();
     const SurfacePair coarse = {level_a.surface, level_b.surface};
     const Points2 x = a.positions(level_a), y = b.positions(level_b);
-    std::vector<RigidMotion> motions;
+    Array<RigidMotion> motions;
     if (landmarks_.empty()) {
       add_rotations(a.center(), b.center(), motions);
       add_rotations(deepest_point(coarse.a.mesh, x), deepest_point(coarse.b.mesh, y), motions);
@@ -6428,30 +6828,27 @@ class PairEmbedder {
       add_rotations(row2(a.positions(), landmarks_[0].a), row2(b.positions(), landmarks_[0].b),
                     motions);
     }
-    std::vector<std::pair<double, int>> order;
-    for (int i = 0; i < static_cast<int>(motions.size()); ++i)
-      order.push_back(
-          {badness(coarse, transformed(x, motions[static_cast<std::size_t>(i)]), y), i});
-    std::sort(order.begin(), order.end());
-    order.resize(kOptimized);
-    int tried = 0;
-    for (auto& candidate : order) {
-      const RigidMotion& motion = motions[static_cast<std::size_t>(candidate.second)];
-      Points2 f = transformed(x, motion), g = y;
+    Array<double> at_first;
+    for (const RigidMotion& motion : motions)
+      at_first.push_back(badness(coarse, transformed(x, motion), y));
+    const Array<int> order = sorted_by(at_first);
+    int best = -1;
+    double least = kInfinity;
+    for (int tried = 0; tried < kOptimized; ++tried) {
+      const int i = order[tried];
+      Points2 f = transformed(x, motions[i]), g = y;
       optimize(coarse, iterations, f, g);
-      candidate.first = badness(coarse, f, g);
-      ++tried;
-      if (!tell(options_,
-                "tried rotation " + std::to_string(tried) + " of " + std::to_string(order.size()),
-                result))
+      const double value = badness(coarse, f, g);
+      if (best < 0 || value < least || (value == least && i < best)) best = i, least = value;
+      if (!report_progress(options_, {"tried rotation ", tried + 1, " of ", int{kOptimized}},
+                           result))
         return false;
     }
-    const int best = std::min_element(order.begin(), order.end())->second;
-    a.move(motions[static_cast<std::size_t>(best)]);
+    a.move(motions[best]);
     return true;
   }
 
-  static void add_rotations(const Vec2& from, const Vec2& to, std::vector<RigidMotion>& motions) {
+  static void add_rotations(Vec2 from, Vec2 to, Array<RigidMotion>& motions) {
     constexpr int kRotations = 24;
     for (int i = 0; i < kRotations; ++i)
       motions.push_back(rigid_motion(2 * kPi * i / kRotations, from, to));
@@ -6477,8 +6874,8 @@ class PairEmbedder {
     result.g = g;
     Optimizer(pair, options, {}).run(result);
     if (!is_usable(result.status)) return;
-    f = result.f;
-    g = result.g;
+    f.swap(result.f);
+    g.swap(result.g);
   }
 
   /// Mean distortion divided by coverage; infinite without an overlap.
@@ -6498,10 +6895,10 @@ class PairEmbedder {
     const Level level_a = a.current(), level_b = b.current();
     FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}, boundary()};
     if (weight > 0) {
-      const std::vector<Landmark> landmarks = present_landmarks(a, b);
+      const Array<Landmark> landmarks = present_landmarks(a, b);
       for (const Landmark& l : landmarks)
-        problem.springs.push_back({level_a.place[l.a], level_b.place[l.b],
-                                   weight / static_cast<double>(landmarks.size())});
+        problem.springs.push_back(
+            {level_a.place[l.a], level_b.place[l.b], weight / landmarks.size()});
     }
     std::vector<Points2> x = {a.positions(level_a), b.positions(level_b)};
     FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
@@ -6512,22 +6909,27 @@ class PairEmbedder {
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
-  const Metric metric_;
-  const std::array<Outline, 2>* outlines_;  // of A and B, or null
+  const Approach approach_;
+  const OutlinePair* outlines_;  // of A and B, or null
   Executor executor_;
 };
 
 // ---- exact landmarks ----
+//
+// Purpose:    makes the images of landmarks coincide in the plane.
+// Method:     the landmarks are pulled harder and harder; where one of A can jump onto that of B
+//             without turning a triangle over, it does, and both move as one from then on. Where
+//             that does not bring all of them together, it starts anew with more vertices around
+//             those left over, then around all: a point costs the less energy to move the finer the
+//             mesh around it is, and edges can bend around other landmarks.
+// Fails:      with the landmarks that are still apart after some refinements.
 
-/// Pulls the landmarks harder and harder; where one of A can jump onto that of B without turning a
-/// triangle over, it does, and both move as one from then on. Where that does not bring all of them
-/// together, it starts anew with more vertices around those left over, then around all: a point
-/// costs the less energy to move the finer the mesh around it is, and edges can bend around other
-/// landmarks.
 class LandmarkJoiner {
  public:
   LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options)
-      : pair_(pair), landmarks_(landmarks), options_(options), executor_(options) {}
+      : pair_(pair), options_(options), executor_(options) {
+    for (const Landmark& l : landmarks) landmarks_.push_back(l);
+  }
 
   bool run(Embedding& result) {
     constexpr int kMostRefinements = 6;
@@ -6542,13 +6944,10 @@ class LandmarkJoiner {
       result.g = g;
       refine(i == 0 ? apart_ : landmarks_, result);
     }
-    std::string message = "these landmarks could not be joined:";
     std::vector<int> ids;
-    for (const Landmark& l : apart_) {
-      message += " " + std::to_string(l.a) + "-" + std::to_string(l.b);
-      ids.push_back(l.a);
-    }
-    return fail(result, Status::kInvalidLandmarks, message, ids);
+    const std::string names = names_of(apart_, ids);
+    return fail(result, Status::kInvalidLandmarks, {"these landmarks could not be joined:", names},
+                ids);
   }
 
  private:
@@ -6557,81 +6956,135 @@ class LandmarkJoiner {
     FlatProblem problem = {{&pair_.a, &pair_.b}, {}, options_.boundary};
     for (double weight = 10 * kStiffest; weight <= kHardest && !apart_.empty(); weight *= 10) {
       join(result);
-      if (!tell(options_, "landmarks still apart: " + std::to_string(apart_.size()), result))
+      if (!report_progress(options_, {"landmarks still apart: ", apart_.size()}, result))
         return false;
       problem.springs.clear();
       for (const Landmark& l : apart_)
-        problem.springs.push_back({l.a, l.b, weight / static_cast<double>(landmarks_.size())});
-      problem.followers = followers();
+        problem.springs.push_back({l.a, l.b, weight / landmarks_.size()});
+      problem.followers.clear();
+      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(pair_, l));
       std::vector<Points2> x = {result.f, result.g};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-      result.f = x[0];
-      result.g = x[1];
+      result.f.swap(x[0]);
+      result.g.swap(x[1]);
     }
     join(result);
     return true;
   }
 
   void join(Embedding& result) {
-    std::vector<Landmark> left;
+    Array<Landmark> left;
     for (const Landmark& l : apart_) {
       const Vec2 before = row2(result.f, l.a);
-      result.f.row(l.a) = result.g.row(l.b);
+      set_row(result.f, l.a, row2(result.g, l.b));
       if (is_injective(pair_.a.mesh, result.f)) {
         joined_.push_back(l);
       } else {
-        result.f.row(l.a) = before.transpose();
+        set_row(result.f, l.a, before);
         left.push_back(l);
       }
     }
     apart_ = left;
   }
 
-  Array<Follower> followers() const {
-    Array<Follower> followers;
-    for (const Landmark& l : joined_) followers.push_back(landmark_follower(pair_, l));
-    return followers;
-  }
-
-  void refine(const std::vector<Landmark>& landmarks, Embedding& result) {
-    std::vector<int> at_a, at_b;
+  void refine(const Array<Landmark>& landmarks, Embedding& result) {
+    Array<int> at_a, at_b;
     for (const Landmark& l : landmarks) at_a.push_back(l.a), at_b.push_back(l.b);
     halve_edges_at(at_a, pair_.a, result.f);
     halve_edges_at(at_b, pair_.b, result.g);
   }
 
   /// Halves the inner edges of the triangles around some vertices, in the plane, too.
-  static void halve_edges_at(const std::vector<int>& vertices, Surface& s, Points2& x) {
-    std::vector<Midpoint> edges;
+  static void halve_edges_at(const Array<int>& vertices, Surface& s, Points2& x) {
+    Array<int> inner;  // half-edges, the smaller ones of their edges
     for (int v : vertices)
       s.mesh.for_each_outgoing(v, [&](int spoke) {
         for (int h : {spoke, next(spoke), prev(spoke)})
-          if (s.mesh.twin[h] >= 0)
-            edges.push_back({(std::min)(s.mesh.tail[h], s.mesh.tip(h)),
-                             (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
+          if (s.mesh.twin[h] >= 0) inner.push_back((std::min)(h, s.mesh.twin[h]));
       });
+    sort_unique(inner);
+    std::vector<Midpoint> edges;
+    for (int h : inner)
+      edges.push_back(
+          {(std::min)(s.mesh.tail[h], s.mesh.tip(h)), (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
     std::sort(edges.begin(), edges.end());
-    edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-    const int n = s.mesh.n_vertices;
     split_edges(edges, s);
-    x.conservativeResize(s.mesh.n_vertices, 2);
-    for (std::size_t i = 0; i < edges.size(); ++i)
-      x.row(n + static_cast<int>(i)) = 0.5 * (x.row(edges[i][0]) + x.row(edges[i][1]));
+    Points2 fine(s.mesh.n_vertices, 2);
+    std::copy(x.data(), x.data() + x.size(), fine.data());
+    int v = rows_of(x);
+    for (const Midpoint& edge : edges)
+      set_row(fine, v++, 0.5 * (row2(fine, edge[0]) + row2(fine, edge[1])));
+    x.swap(fine);
   }
 
   SurfacePair& pair_;
-  const std::vector<Landmark>& landmarks_;
   const Options& options_;
   Executor executor_;
-  std::vector<Landmark> apart_, joined_;
+  Array<Landmark> landmarks_, apart_, joined_;
 };
+
+// ---- which of them a call needs ----
+
+/// E_f + E_g, infinite for a failure.
+inline double strain(const SurfacePair& pair, const Embedding& e) {
+  if (e.status != Status::kConverged) return kInfinity;
+  Array<Mat2> J;
+  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
+  return energy < kInfinity ? energy : kInfinity;  // NaN, too
+}
+
+/// Embeds with free boundaries by shape; where that fails or strains the surfaces, once more by
+/// connectivity, and the better one counts.
+inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                         const Options& options, Embedding& embedding) {
+  constexpr double kStrained = 100;  // of isometries: 4
+  PairEmbedder(pair, landmarks, options, Approach::kShape, nullptr).run(embedding);
+  const double energy = strain(pair, embedding) / pair.total_area();
+  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
+    Embedding other;
+    PairEmbedder(pair, landmarks, options, Approach::kConnectivity, nullptr).run(other);
+    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
+      embedding = other;
+  }
+  return embedding.status == Status::kConverged;
+}
+
+/// Embeds both meshes in one square.
+inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
+                            const Options& options, Embedding& embedding) {
+  OutlineBuilder builder(pair, landmarks);
+  if (!builder.has_landmarks()) {
+    if (!embed_freely(pair, landmarks, options, embedding)) return false;
+    builder.match_closest(embedding.f, embedding.g);
+  }
+  const OutlinePair outlines = builder.build();
+  PairEmbedder(pair, landmarks, options, Approach::kConnectivity, &outlines).run(embedding);
+  return embedding.status == Status::kConverged;
+}
+
+/// The start, as the options want it. May add vertices to the meshes of the pair.
+inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+                  Embedding& embedding) {
+  Timer timer;
+  const bool is_held = options.boundary != Boundary::kFree;
+  bool ok = !(is_held || options.exact_landmarks) || check_order(pair, landmarks, embedding);
+  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, embedding)
+                      : embed_freely(pair, landmarks, options, embedding));
+  if (ok && options.exact_landmarks) LandmarkJoiner(pair, landmarks, options).run(embedding);
+  if (embedding.status != Status::kConverged) {
+    embedding.f.resize(0, 2);
+    embedding.g.resize(0, 2);
+  }
+  embedding.seconds = timer.lap();
+}
 
 }  // namespace detail
 }  // namespace ism
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
-// Purpose:    Φ and Φ⁻¹ at points of the surfaces; the meta mesh lifted to both.
+// Purpose:    Φ and Φ⁻¹ at points and along curves of the surfaces; the meta mesh lifted to both;
+//             how Φ stretches.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
 //             of A with one of B; that key, never coordinates, identifies it.
 // Fails:      points outside the overlap are not covered.
@@ -6639,10 +7092,7 @@ class LandmarkJoiner {
 namespace ism {
 namespace detail {
 
-struct MapData {
-  Status status = Status::kConverged;
-  std::string message;
-  std::vector<int> ids;
+struct MapData : Outcome {
   Points3 vertices_a, vertices_b;
   HalfEdgeMesh a, b;
   Points2 f, g;
@@ -6650,27 +7100,49 @@ struct MapData {
   FaceGroups by_a, by_b;
 };
 
-inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, const Vec2& p) {
+inline Vec3 weights_of(const SurfacePoint& s) {
+  return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
+}
+inline SurfacePoint surface_point(int face, const Vec3& weights) {
+  return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
+}
+
+inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   return barycentric(p, row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)));
 }
 
-/// How far inside the best face so far a point is: its least barycentric coordinate.
-struct BestFace {
+/// The same for a point that may lie outside by rounding; a point of the triangle.
+inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
+  Vec3 b = barycentric(m, x, f, p);
+  for (int k = 0; k < 3; ++k) b[k] = (std::max)(b[k], 0.0);
+  const double sum = b.x + b.y + b.z;
+  return surface_point(f, sum > 0 ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
+}
+
+/// Where a point of a surface lies in the plane.
+inline Vec2 planar_position(const HalfEdgeMesh& m, const Points2& x, const SurfacePoint& s) {
+  Vec2 p;
+  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row2(x, m.corner(s.face, k));
+  return p;
+}
+
+/// And where in space.
+inline Vec3 surface_position(const Points3& vertices, const HalfEdgeMesh& m,
+                             const SurfacePoint& s) {
+  Vec3 p;
+  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row3(vertices, m.corner(s.face, k));
+  return p;
+}
+
+/// Of several faces, the one that a point lies deepest in: its least barycentric coordinate counts.
+struct DeepestFace {
   double least = -1e-12;  // rounding may put a point on an edge outside both its faces
-  SurfacePoint point;
-  void offer(int face, const Vec3& coordinates) {
-    if (!(coordinates.minCoeff() > least)) return;
-    least = coordinates.minCoeff();
-    point = {face, coordinates};
-  }
-  MappedPoint mapped() const {
-    MappedPoint result;
-    if (point.face < 0) return result;
-    result.covered = true;
-    result.point.face = point.face;
-    result.point.barycentric = point.barycentric.cwiseMax(0.0);
-    result.point.barycentric /= result.point.barycentric.sum();
-    return result;
+  int face = -1;
+  void consider(int candidate, const Vec3& b) {
+    const double depth = (std::min)({b.x, b.y, b.z});
+    if (!(depth > least)) return;
+    least = depth;
+    face = candidate;
   }
 };
 
@@ -6682,30 +7154,42 @@ struct MapSide {
   const Points2& y;
   const FaceGroups& groups;  // polygons by face of `from`
   const Array<OverlayPolygon>& polygons;
-  bool forward;
+  int OverlayPolygon::*target;  // the face of `to`
 
-  void offer_face(int face, const Vec2& p, BestFace& best) const {
-    for (int i = groups.start[face]; i < groups.start[face + 1]; ++i) {
-      const OverlayPolygon& polygon = polygons[groups.item[i]];
-      const int target = forward ? polygon.tb : polygon.ta;
-      best.offer(target, barycentric(to, y, target, p));
-    }
+  bool has_face(int f) const { return f >= 0 && f + 1 < groups.start.size(); }
+
+  /// Calls visit(face of `to`) for every polygon in a face of `from`.
+  template <class Visit>
+  void for_each_target(int face, const Visit& visit) const {
+    for (int i = groups.start[face]; i < groups.start[face + 1]; ++i)
+      visit(polygons[groups.item[i]].*target);
+  }
+
+  void consider_face(int face, Vec2 p, DeepestFace& best) const {
+    for_each_target(face, [&](int t) { best.consider(t, barycentric(to, y, t, p)); });
+  }
+
+  MappedPoint image(const DeepestFace& best, Vec2 p) const {
+    MappedPoint result;
+    result.covered = best.face >= 0;
+    if (result.covered) result.point = closest_in_face(to, y, best.face, p);
+    return result;
   }
 
   MappedPoint map(const SurfacePoint& s) const {
-    BestFace best;
-    if (s.face < 0 || s.face >= groups.start.size() - 1) return MappedPoint();
-    Vec2 p = Vec2::Zero();
-    for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row2(x, from.corner(s.face, k));
-    offer_face(s.face, p, best);
-    return best.mapped();
+    if (!has_face(s.face)) return {};
+    DeepestFace best;
+    const Vec2 p = planar_position(from, x, s);
+    consider_face(s.face, p, best);
+    return image(best, p);
   }
 
   MappedPoint map_vertex(int v) const {
-    BestFace best;
-    if (groups.start.empty() || v < 0 || v >= from.n_vertices) return MappedPoint();
-    from.for_each_outgoing(v, [&](int h) { offer_face(h / 3, row2(x, v), best); });
-    return best.mapped();
+    if (groups.start.empty() || v < 0 || v >= from.n_vertices) return {};
+    DeepestFace best;
+    const Vec2 p = row2(x, v);
+    from.for_each_outgoing(v, [&](int h) { consider_face(h / 3, p, best); });
+    return image(best, p);
   }
 
   std::vector<MappedPoint> map_vertices() const {
@@ -6717,147 +7201,9 @@ struct MapSide {
 
 // ---- curves ----
 
-/// A stretch of a segment of the plane that lies in one triangle: from parameter s to t.
-struct Stretch {
-  static constexpr int kAlong = -2;
-  double s, t;
-  int face;
-  int enter, leave;  // half-edges of that face, -1 where the stretch does not end at one, kAlong
-                     // where it runs along the boundary
-};
-
-/// Stretches, each of which begins where the one before it ends.
-using Chain = std::vector<Stretch>;
-
-/// Cuts segments of the plane at the edges of an embedded mesh, exactly. The vertices of the mesh
-/// have the labels first_label, first_label + 1, ... of the symbolic perturbation; the ends of a
-/// segment have others.
-class SegmentCutter {
- public:
-  SegmentCutter(const HalfEdgeMesh& m, const Points2& x, int first_label)
-      : m_(m), x_(x), first_label_(first_label) {}
-
-  /// The chains of segment pq in order, where pq passes through a triangle of `seeds` or next to
-  /// one.
-  std::vector<Chain> cut(const LabelledPoint& p, const LabelledPoint& q,
-                         const std::vector<int>& seeds) const {
-    const std::vector<Stretch> along = along_boundary(p.p, q.p, seeds);
-    std::vector<Stretch> stretches = along;
-    for (const Stretch& s : across(p, q, seeds)) {
-      const double middle = 0.5 * (s.s + s.t);
-      if (std::none_of(along.begin(), along.end(),
-                       [&](const Stretch& a) { return a.s <= middle && middle <= a.t; }))
-        stretches.push_back(s);
-    }
-    std::sort(stretches.begin(), stretches.end(),
-              [](const Stretch& a, const Stretch& b) { return a.s < b.s; });
-    return chains(stretches);
-  }
-
- private:
-  /// The stretches along the boundary. Under the perturbation, the segment is infinitely close to
-  /// it, on either side.
-  std::vector<Stretch> along_boundary(const Vec2& p, const Vec2& q,
-                                      const std::vector<int>& faces) const {
-    std::vector<Stretch> stretches;
-    const auto parameter = [&](const Vec2& r) {
-      return clamp01((r - p).dot(q - p) / (q - p).squaredNorm());
-    };
-    for (int f : faces)
-      for (int h : {3 * f, 3 * f + 1, 3 * f + 2}) {
-        const Vec2 u = row2(x_, m_.tail[h]), v = row2(x_, m_.tip(h));
-        if (m_.twin[h] >= 0 || orient2d(p, q, u) != 0 || orient2d(p, q, v) != 0) continue;
-        const auto [s, t] = std::minmax({parameter(u), parameter(v)});
-        if (s < t) stretches.push_back({s, t, f, Stretch::kAlong, Stretch::kAlong});
-      }
-    return stretches;
-  }
-
-  /// The stretches in triangles, those of the seeds and their neighbours first, then those the
-  /// segment goes to and comes from.
-  std::vector<Stretch> across(const LabelledPoint& p, const LabelledPoint& q,
-                              const std::vector<int>& seeds) const {
-    std::vector<Stretch> stretches;
-    std::set<int> known;
-    std::vector<int> queue;
-    const auto offer = [&](int f) {
-      if (known.insert(f).second) queue.push_back(f);
-    };
-    const auto offer_beyond = [&](int h) {
-      if (h >= 0 && m_.twin[h] >= 0) offer(m_.twin[h] / 3);
-    };
-    for (int f : seeds) {
-      offer(f);
-      for (int h : {3 * f, 3 * f + 1, 3 * f + 2}) offer_beyond(h);
-    }
-    for (std::size_t i = 0; i < queue.size(); ++i) {
-      Stretch s{0, 1, queue[i], -1, -1};
-      if (!clip(p, q, s)) continue;
-      stretches.push_back(s);
-      offer_beyond(s.enter);
-      offer_beyond(s.leave);
-    }
-    return stretches;
-  }
-
-  /// The part of pq in triangle s.face; false if there is none.
-  bool clip(const LabelledPoint& p, const LabelledPoint& q, Stretch& s) const {
-    const LabelledTriangle corner = labelled(m_, x_, s.face, first_label_);
-    std::array<bool, 3> p_left, q_left, left;  // of edge k; corner k of pq
-    for (std::size_t k = 0; k < 3; ++k) {
-      const LabelledPoint &u = corner[k], &v = corner[(k + 1) % 3];
-      p_left[k] = oriented(u, v, p);
-      q_left[k] = oriented(u, v, q);
-      left[k] = oriented(p, q, u);
-    }
-    bool starts = inside(p_left), ends = inside(q_left);
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (p_left[k] == q_left[k] || left[k] == left[(k + 1) % 3]) continue;
-      const Vec2 u = corner[k].p, v = corner[(k + 1) % 3].p;
-      const double at = crossing(p.p, q.p - p.p, u, v - u).first;
-      const int h = 3 * s.face + static_cast<int>(k);
-      if (q_left[k])
-        starts = true, s.enter = h, s.s = at;
-      else
-        ends = true, s.leave = h, s.t = at;
-    }
-    return starts && ends;
-  }
-
-  /// Within the mesh, a stretch enters the triangle beyond the half-edge by which the one before it
-  /// leaves: parameters are rounded and could tell neither gaps nor the order of short ones. Along
-  /// the boundary, they are those of its vertices.
-  bool follows(const Stretch& a, const Stretch& b) const {
-    if (a.leave == Stretch::kAlong) return b.enter == Stretch::kAlong && a.t == b.s;
-    return a.leave >= 0 && b.enter >= 0 && m_.twin[a.leave] == b.enter;
-  }
-
-  std::vector<Chain> chains(const std::vector<Stretch>& stretches) const {
-    std::vector<Chain> result;
-    for (const Stretch& first : stretches) {
-      if (std::any_of(stretches.begin(), stretches.end(),
-                      [&](const Stretch& s) { return follows(s, first); }))
-        continue;
-      result.push_back({first});
-      while (result.back().size() < stretches.size()) {
-        const auto next = std::find_if(stretches.begin(), stretches.end(), [&](const Stretch& s) {
-          return follows(result.back().back(), s);
-        });
-        if (next == stretches.end()) break;
-        result.back().push_back(*next);
-      }
-    }
-    return result;
-  }
-
-  const HalfEdgeMesh& m_;
-  const Points2& x_;
-  int first_label_;
-};
-
 /// The faces a point lies in: one, or those around its edge or vertex.
-inline std::vector<int> faces_around(const HalfEdgeMesh& m, const SurfacePoint& s) {
-  std::vector<int> faces;
+inline Array<int> faces_around(const HalfEdgeMesh& m, const SurfacePoint& s) {
+  Array<int> faces;
   for (int k = 0; k < 3; ++k)
     if (s.barycentric[k] == 1) {
       m.for_each_outgoing(m.corner(s.face, k), [&](int h) { faces.push_back(h / 3); });
@@ -6871,141 +7217,140 @@ inline std::vector<int> faces_around(const HalfEdgeMesh& m, const SurfacePoint& 
   return faces;
 }
 
-/// Where a point of a surface lies in the plane. What lies on an edge parallel to an axis lies on
-/// it after rounding, too.
-inline Vec2 planar_position(const HalfEdgeMesh& m, const Points2& x, const SurfacePoint& s) {
-  Vec2 p = Vec2::Zero(), lo = Vec2::Constant(kInfinity), hi = -lo;
-  for (int k = 0; k < 3; ++k) {
-    if (s.barycentric[k] == 0) continue;
-    const Vec2 corner = row2(x, m.corner(s.face, k));
-    p += s.barycentric[k] * corner;
-    lo = lo.cwiseMin(corner);
-    hi = hi.cwiseMax(corner);
-  }
-  p = p.cwiseMax(lo).cwiseMin(hi);
-  return Vec2(flush_tiny(p.x()), flush_tiny(p.y()));
-}
+/// The part of a segment of the plane in one triangle, from parameter s to t.
+struct CurvePart {
+  double s = 0, t = 1;
+  int face = -1;
+  bool operator<(const CurvePart& o) const { return s < o.s; }
+};
 
-/// Maps paths along the edges of the first mesh of a side, and curves on it.
+/// Maps curves of the first mesh of a side: straight in the plane, each segment is clipped by the
+/// triangles of the second mesh that the overlay knows to be there, and covered by the stretches
+/// that reach farthest. Triangles are taken a little larger than they are, so that neither rounding
+/// nor running along an edge tears a curve.
 class CurveMapper {
  public:
-  explicit CurveMapper(const MapSide& side)
-      : side_(side),
-        first_label_(side.forward ? 0 : side.to.n_vertices),
-        free_label_(side.from.n_vertices + side.to.n_vertices),
-        from_(side.from, side.x, first_label_),
-        to_(side.to, side.y, side.forward ? side.from.n_vertices : 0) {}
+  explicit CurveMapper(const MapSide& side) : side_(side), visited_(side.from.n_faces, -1) {
+    for (const Points2* x : {&side.x, &side.y})
+      for (Vec2 corner : bounding_box(*x))
+        extent_ = (std::max)({extent_, std::abs(corner.x), std::abs(corner.y)});
+  }
 
+  /// A path along edges.
   std::vector<Polyline> map_path(const std::vector<int>& vertices) {
-    if (side_.groups.start.empty()) return {};
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
-      const int u = vertices[i], v = vertices[i + 1];
-      const int h = (std::max)(find_half_edge(side_.from, u, v), find_half_edge(side_.from, v, u));
+      const int u = vertices[i], v = vertices[i + 1], h = find_edge(side_.from, u, v);
+      Array<int> faces;
+      if (h >= 0) faces.push_back(h / 3);
+      if (h >= 0 && side_.from.twin[h] >= 0) faces.push_back(side_.from.twin[h] / 3);
       if (h >= 0)
-        add({{row2(side_.x, u), first_label_ + u}, {row2(side_.x, v), first_label_ + v}, {h / 3}});
+        add_segment(row2(side_.x, u), row2(side_.x, v), faces);
       else
         interrupt();
     }
-    return finish();
+    return std::move(polylines_);
   }
 
   std::vector<Polyline> map_curve(const Polyline& points) {
-    if (side_.groups.start.empty()) return {};
     for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-      const int odd = static_cast<int>(i % 2);  // a point has one label in both its segments
-      add_between(points[i], free_label_ + odd, points[i + 1], free_label_ + 1 - odd);
+      if (!is_valid(points[i]) || !is_valid(points[i + 1])) {
+        interrupt();
+        continue;
+      }
+      Array<int> faces = faces_around(side_.from, points[i]);
+      for (int f : faces_around(side_.from, points[i + 1])) faces.push_back(f);
+      add_segment(planar_position(side_.from, side_.x, points[i]),
+                  planar_position(side_.from, side_.x, points[i + 1]), faces);
     }
-    return finish();
+    return std::move(polylines_);
   }
 
  private:
   static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
 
-  /// A straight piece of a curve in the plane, and the faces of the first mesh it passes through.
-  struct Segment {
-    LabelledPoint p, q;
-    std::vector<int> faces;
-  };
-
   bool is_valid(const SurfacePoint& s) const {
-    return s.face >= 0 && s.face < side_.from.n_faces && s.barycentric.allFinite();
-  }
-
-  void add_between(const SurfacePoint& s, int s_label, const SurfacePoint& t, int t_label) {
-    if (!is_valid(s) || !is_valid(t)) return interrupt();
-    const LabelledPoint p = {planar_position(side_.from, side_.x, s), s_label};
-    const LabelledPoint q = {planar_position(side_.from, side_.x, t), t_label};
-    if (p.p == q.p) return;
-    std::vector<int> faces = faces_around(side_.from, s), ends = faces_around(side_.from, t);
-    std::vector<int> common;
-    std::sort(faces.begin(), faces.end());
-    std::sort(ends.begin(), ends.end());
-    std::set_intersection(faces.begin(), faces.end(), ends.begin(), ends.end(),
-                          std::back_inserter(common));
-    if (!common.empty()) return add({p, q, common});
-    faces.insert(faces.end(), ends.begin(), ends.end());
-    add_across(p, q, faces);
-  }
-
-  /// A segment over the edges of the first mesh; the parts of it outside are left out.
-  void add_across(const LabelledPoint& p, const LabelledPoint& q, const std::vector<int>& ends) {
-    double end = 0;
-    for (const Chain& chain : from_.cut(p, q, ends)) {
-      Segment segment = {p, q, {}};
-      for (const Stretch& s : chain) segment.faces.push_back(s.face);
-      if (chain.front().s > end + kTouch) interrupt();
-      end = chain.back().t;
-      if (chain.front().s > 0) segment.p = {p.p + chain.front().s * (q.p - p.p), free_label_ + 2};
-      if (chain.back().t < 1) segment.q = {p.p + chain.back().t * (q.p - p.p), free_label_ + 3};
-      if (segment.p.p != segment.q.p) add(segment);
-    }
-    if (end < 1 - kTouch) interrupt();
+    return side_.has_face(s.face) &&
+           std::isfinite(s.barycentric[0] + s.barycentric[1] + s.barycentric[2]);
   }
 
   void interrupt() { is_open_ = false; }
 
-  void add(const Segment& segment) {
-    std::vector<int> seeds;
-    for (int f : segment.faces)
-      for (int i = side_.groups.start[f]; i < side_.groups.start[f + 1]; ++i) {
-        const OverlayPolygon& polygon = side_.polygons[side_.groups.item[i]];
-        seeds.push_back(side_.forward ? polygon.tb : polygon.ta);
-      }
-    std::sort(seeds.begin(), seeds.end());
-    seeds.erase(std::unique(seeds.begin(), seeds.end()), seeds.end());
-    double end = 0;
-    for (const Chain& chain : to_.cut(segment.p, segment.q, seeds)) {
-      if (chain.front().s > end + kTouch) interrupt();
-      end = chain.back().t;
-      add_chain(segment, chain);
+  /// Narrows a stretch of pq to a triangle; false if nothing is left.
+  bool clip(Vec2 p, Vec2 q, const HalfEdgeMesh& m, const Points2& x, int face,
+            CurvePart& part) const {
+    constexpr double kRounding = 1e-14;  // of the size of the plane
+    for (int h = 3 * face; h < 3 * face + 3; ++h) {
+      const Vec2 u = row2(x, m.tail[h]), edge = row2(x, m.tip(h)) - u;
+      const double slack = kRounding * extent_ * norm(edge);
+      const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
+      if (at_p < 0 && at_q < 0) return false;
+      const double crossing = at_p / (at_p - at_q);
+      if (at_p < 0) part.s = (std::max)(part.s, crossing);
+      if (at_q < 0) part.t = (std::min)(part.t, crossing);
     }
-    if (end < 1 - kTouch) interrupt();
+    return part.s <= part.t;
   }
 
-  void add_chain(const Segment& segment, const Chain& chain) {
-    const auto point = [&](int face, double t) -> SurfacePoint {
-      const Vec2 p = segment.p.p + t * (segment.q.p - segment.p.p);
-      const Vec3 b = barycentric(side_.to, side_.y, face, p).cwiseMax(0.0);
-      return {face, b.sum() > 0 ? Vec3(b / b.sum()) : Vec3::Constant(1.0 / 3)};
+  /// Follows pq through the first mesh from some faces on, and collects what it passes through in
+  /// the second one.
+  Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
+    Array<CurvePart> stretches;
+    ++n_segments_;
+    while (!faces.empty()) {
+      const int f = faces.back();
+      faces.pop_back();
+      CurvePart in_from;
+      if (visited_[f] == n_segments_ || !clip(p, q, side_.from, side_.x, f, in_from)) continue;
+      visited_[f] = n_segments_;
+      side_.for_each_target(f, [&](int target) {
+        CurvePart part = in_from;
+        part.face = target;
+        if (clip(p, q, side_.to, side_.y, target, part)) stretches.push_back(part);
+      });
+      for (int h = 3 * f; h < 3 * f + 3; ++h)
+        if (side_.from.twin[h] >= 0) faces.push_back(side_.from.twin[h] / 3);
+    }
+    std::sort(stretches.begin(), stretches.end());
+    return stretches;
+  }
+
+  void add_segment(Vec2 p, Vec2 q, Array<int>& faces) {
+    if (side_.groups.start.empty() || p == q) return;
+    const Array<CurvePart> stretches = collect(p, q, faces);
+    double at = 0;
+    for (int next = 0; next < stretches.size();) {
+      CurvePart best;
+      best.t = at;
+      for (; next < stretches.size() && stretches[next].s <= at + kTouch; ++next)
+        if (stretches[next].t > best.t) best = stretches[next];
+      if (best.t > at + kTouch) {
+        append(p, q, best.face, at, best.t);
+        at = best.t;
+      } else if (next < stretches.size()) {
+        interrupt();
+        at = stretches[next].s;
+      }
+    }
+    if (at < 1 - kTouch) interrupt();
+  }
+
+  void append(Vec2 p, Vec2 q, int face, double s, double t) {
+    const auto point = [&](double r) {
+      return closest_in_face(side_.to, side_.y, face, p + r * (q - p));
     };
     if (is_open_)
-      polylines_.back().pop_back();  // its last point is the first of this chain
+      polylines_.back().pop_back();  // its last point is the first of this stretch
     else
       polylines_.emplace_back();
-    for (const Stretch& s : chain) polylines_.back().push_back(point(s.face, s.s));
-    polylines_.back().push_back(point(chain.back().face, chain.back().t));
+    polylines_.back().push_back(point(s));
+    polylines_.back().push_back(point(t));
     is_open_ = true;
   }
 
-  std::vector<Polyline> finish() {
-    interrupt();
-    return std::move(polylines_);
-  }
-
-  MapSide side_;
-  int first_label_;  // of the vertices of the first mesh
-  int free_label_;   // the first of four that no vertex has
-  SegmentCutter from_, to_;
+  const MapSide side_;
+  double extent_ = 0;   // of the plane
+  Array<int> visited_;  // per face of the first mesh, by which segment last
+  int n_segments_ = 0;
   std::vector<Polyline> polylines_;
   bool is_open_ = false;  // the last polyline goes on
 };
@@ -7013,31 +7358,28 @@ class CurveMapper {
 /// Overlays d.f and d.g and groups the polygons by the faces of either mesh.
 inline void index_overlay(MapData& d) {
   compute_overlay(d.a, d.f, d.b, d.g, d.overlay);
-  const Array<OverlayPolygon>& polygons = d.overlay.polygons;
-  d.by_a = group_polygons(polygons, d.a.n_faces, [](const OverlayPolygon& p) { return p.ta; });
-  d.by_b = group_polygons(polygons, d.b.n_faces, [](const OverlayPolygon& p) { return p.tb; });
+  d.by_a = group_polygons(d.overlay.polygons, d.a.n_faces, &OverlayPolygon::ta);
+  d.by_b = group_polygons(d.overlay.polygons, d.b.n_faces, &OverlayPolygon::tb);
 }
 
 inline MapSide forward_side(const MapData& d) {
-  return {d.a, d.f, d.b, d.g, d.by_a, d.overlay.polygons, true};
+  return {d.a, d.f, d.b, d.g, d.by_a, d.overlay.polygons, &OverlayPolygon::tb};
 }
 inline MapSide backward_side(const MapData& d) {
-  return {d.b, d.g, d.a, d.f, d.by_b, d.overlay.polygons, false};
+  return {d.b, d.g, d.a, d.f, d.by_b, d.overlay.polygons, &OverlayPolygon::ta};
 }
 
-inline Vec3 surface_position(const Points3& vertices, const HalfEdgeMesh& m,
-                             const SurfacePoint& s) {
-  Vec3 p = Vec3::Zero();
-  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * vertices.row(m.corner(s.face, k)).transpose();
-  return p;
-}
+// ---- meta mesh ----
 
-inline Triangles triangles_of(const HalfEdgeMesh& m) {
-  Triangles triangles(m.n_faces, 3);
-  for (int f = 0; f < m.n_faces; ++f)
-    for (int k = 0; k < 3; ++k) triangles(f, k) = m.corner(f, k);
-  return triangles;
-}
+/// What a corner of a polygon is: a vertex of A, a vertex of B, or a crossing of two edges, each
+/// named by the smaller of its half-edges.
+struct CornerKey {
+  int kind, first, second;
+  bool operator<(const CornerKey& o) const {
+    if (kind != o.kind) return kind < o.kind;
+    return first != o.first ? first < o.first : second < o.second;
+  }
+};
 
 /// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
@@ -7045,28 +7387,51 @@ class MetaMeshBuilder {
   explicit MetaMeshBuilder(const MapData& data) : data_(data) {}
 
   MetaMesh build() {
-    collect_corners();
+    for (const OverlayPolygon& p : data_.overlay.polygons) add_polygon(p);
     MetaMesh mesh;
-    const int n = static_cast<int>(
-        std::unique(order_.begin(), order_.end(),
-                    [&](int i, int j) { return corners_[i].key == corners_[j].key; }) -
-        order_.begin());
     mesh.a = {data_.vertices_a, triangles_of(data_.a)};
     mesh.b = {data_.vertices_b, triangles_of(data_.b)};
-    mesh.on_a.resize(n, 3);
-    mesh.on_b.resize(n, 3);
-    mesh.plane.resize(n, 2);
-    for (int i = 0; i < n; ++i) {
-      const Corner& c = corners_[order_[i]];
-      mesh.on_a.row(i) = surface_position(data_.vertices_a, data_.a, c.on_a).transpose();
-      mesh.on_b.row(i) = surface_position(data_.vertices_b, data_.b, c.on_b).transpose();
-      mesh.plane.row(i) = planar_position(data_.a, data_.f, c.on_a).transpose();
+    set_vertices(mesh);
+    set_corners(mesh);
+    return mesh;
+  }
+
+ private:
+  struct Corner {
+    CornerKey key;
+    SurfacePoint on_a, on_b;
+  };
+
+  /// The first corner with a key stands for its vertex.
+  void set_vertices(MetaMesh& mesh) {
+    Array<int> order(corners_.size()), first;
+    for (int i = 0; i < order.size(); ++i) order[i] = i;
+    std::sort(order.begin(), order.end(), [&](int i, int j) {
+      const CornerKey &k = corners_[i].key, &l = corners_[j].key;
+      return k < l || (!(l < k) && i < j);
+    });
+    id_.resize(corners_.size());
+    for (int i : order) {
+      if (first.empty() || corners_[first.back()].key < corners_[i].key) first.push_back(i);
+      id_[i] = first.size() - 1;
     }
+    mesh.on_a.resize(first.size(), 3);
+    mesh.on_b.resize(first.size(), 3);
+    mesh.plane.resize(first.size(), 2);
+    for (int v = 0; v < first.size(); ++v) {
+      const Corner& c = corners_[first[v]];
+      set_row(mesh.on_a, v, surface_position(data_.vertices_a, data_.a, c.on_a));
+      set_row(mesh.on_b, v, surface_position(data_.vertices_b, data_.b, c.on_b));
+      set_row(mesh.plane, v, planar_position(data_.a, data_.f, c.on_a));
+    }
+  }
+
+  void set_corners(MetaMesh& mesh) const {
     mesh.corner_a.resize(corners_.size(), 3);
     mesh.corner_b.resize(corners_.size(), 3);
     for (int i = 0; i < corners_.size(); ++i) {
-      mesh.corner_a.row(i) = corners_[i].on_a.barycentric.transpose();
-      mesh.corner_b.row(i) = corners_[i].on_b.barycentric.transpose();
+      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
+      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
     }
     int next = 0;
     for (const OverlayPolygon& p : data_.overlay.polygons) {
@@ -7075,39 +7440,14 @@ class MetaMeshBuilder {
       mesh.polygons.emplace_back();
       for (int i = 0; i < p.count; ++i) mesh.polygons.back().push_back(id_[next++]);
     }
-    return mesh;
-  }
-
- private:
-  /// Vertices of A: (a, -1), of B: (-1, b); crossings: (edge of A, edge of B) behind them, an edge
-  /// being named by the smaller of its half-edges.
-  using Key = std::tuple<int, int, int>;
-  struct Corner {
-    Key key;
-    SurfacePoint on_a, on_b;
-  };
-
-  void collect_corners() {
-    for (const OverlayPolygon& p : data_.overlay.polygons) add_polygon(p);
-    order_.resize(corners_.size());
-    std::iota(order_.begin(), order_.end(), 0);
-    std::sort(order_.begin(), order_.end(), [&](int i, int j) {
-      return corners_[i].key != corners_[j].key ? corners_[i].key < corners_[j].key : i < j;
-    });
-    id_.resize(corners_.size());
-    for (int i = 0, id = -1; i < order_.size(); ++i) {
-      if (i == 0 || corners_[order_[i]].key != corners_[order_[i - 1]].key) ++id;
-      id_[order_[i]] = id;
-    }
   }
 
   static int edge_id(const HalfEdgeMesh& m, int h) {
     return m.twin[h] < 0 ? h : (std::min)(h, m.twin[h]);
   }
 
-  static SurfacePoint at_corner(int face, int k) { return {face, Vec3::Unit(k)}; }
   static SurfacePoint on_edge(int face, int k, double t) {
-    return {face, (1 - t) * Vec3::Unit(k) + t * Vec3::Unit((k + 1) % 3)};
+    return surface_point(face, (1 - t) * unit3(k) + t * unit3((k + 1) % 3));
   }
 
   void add_polygon(const OverlayPolygon& p) {
@@ -7121,45 +7461,43 @@ class MetaMeshBuilder {
   }
 
   Corner vertex_corner(const OverlayPolygon& p, int e, const SixPoints& x) const {
-    const Vec2 point = x.col(e);
     if (e < 3)
-      return {Key(0, data_.a.corner(p.ta, e), 0),
-              at_corner(p.ta, e),
-              {p.tb, barycentric(point, x.col(3), x.col(4), x.col(5))}};
-    return {Key(1, data_.b.corner(p.tb, e - 3), 0),
-            {p.ta, barycentric(point, x.col(0), x.col(1), x.col(2))},
-            at_corner(p.tb, e - 3)};
+      return {{0, data_.a.corner(p.ta, e), 0},
+              surface_point(p.ta, unit3(e)),
+              surface_point(p.tb, barycentric(x[e], x[3], x[4], x[5]))};
+    return {{1, data_.b.corner(p.tb, e - 3), 0},
+            surface_point(p.ta, barycentric(x[e], x[0], x[1], x[2])),
+            surface_point(p.tb, unit3(e - 3))};
   }
 
   Corner crossing_corner(const OverlayPolygon& p, const Piece& before, const Piece& piece) const {
     const bool a_first = before.e < 3;
     const int edge_a = a_first ? before.e : piece.e, edge_b = (a_first ? piece.e : before.e) - 3;
     const double t = a_first ? before.t : piece.s, mu = a_first ? piece.s : before.t;
-    return {Key(2, edge_id(data_.a, 3 * p.ta + edge_a), edge_id(data_.b, 3 * p.tb + edge_b)),
-            on_edge(p.ta, edge_a, t), on_edge(p.tb, edge_b, mu)};
+    return {{2, edge_id(data_.a, 3 * p.ta + edge_a), edge_id(data_.b, 3 * p.tb + edge_b)},
+            on_edge(p.ta, edge_a, t),
+            on_edge(p.tb, edge_b, mu)};
   }
 
   const MapData& data_;
   Array<Corner> corners_;
-  Array<int> order_;  // corners sorted by key
-  Array<int> id_;     // of every corner
+  Array<int> id_;  // of every corner, that of its vertex
 };
 
 // ---- distortion ----
 
 /// The largest singular value of J [Blinn 1996].
-inline double largest_stretch(const Eigen::Matrix2d& J) {
+inline double largest_stretch(const Mat2& J) {
   return 0.5 * (std::hypot(J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)) +
                 std::hypot(J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)));
 }
 
 /// Φ of one polygon, J = J_g⁻¹ J_f. The smaller singular value comes from the determinant, as the
 /// difference of two nearly equal numbers would not have a correct digit.
-inline PolygonDistortion polygon_distortion(const Eigen::Matrix2d& F, const Eigen::Matrix2d& G,
-                                            double planar_area) {
-  const double det_f = F.determinant(), det_g = G.determinant();
+inline PolygonDistortion polygon_distortion(const Mat2& F, const Mat2& G, double planar_area) {
+  const double det_f = determinant(F), det_g = determinant(G);
   PolygonDistortion d;
-  d.sigma_max = largest_stretch(G.inverse() * F);
+  d.sigma_max = largest_stretch(inverse(G) * F);
   d.sigma_min = det_f / det_g / d.sigma_max;
   d.area_a = planar_area / det_f;
   d.area_b = planar_area / det_g;
@@ -7172,8 +7510,8 @@ inline PolygonDistortion polygon_distortion(const Eigen::Matrix2d& F, const Eige
 inline std::vector<PolygonDistortion> polygon_distortions(const MapData& d, bool keep_scale) {
   std::vector<PolygonDistortion> result;
   if (d.overlay.polygons.empty()) return result;
-  const Surface a = build_surface({d.vertices_a, triangles_of(d.a)}, keep_scale);
-  const Surface b = build_surface({d.vertices_b, triangles_of(d.b)}, keep_scale);
+  const Surface a = build_surface(d.a, d.vertices_a, keep_scale);
+  const Surface b = build_surface(d.b, d.vertices_b, keep_scale);
   for (const OverlayPolygon& p : d.overlay.polygons) {
     const SixPoints x = six_points(d.a, d.f, d.b, d.g, p);
     const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
@@ -7183,64 +7521,94 @@ inline std::vector<PolygonDistortion> polygon_distortions(const MapData& d, bool
   return result;
 }
 
+inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y, p.z); }
+
 }  // namespace detail
 
-inline Status SurfaceMap::status() const { return data_->status; }
-inline const std::string& SurfaceMap::message() const { return data_->message; }
-inline MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
+Status SurfaceMap::status() const { return data_->status; }
+const std::string& SurfaceMap::message() const { return data_->message; }
+MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return detail::forward_side(*data_).map(on_a);
 }
-inline MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
+MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
   return detail::backward_side(*data_).map(on_b);
 }
-inline MappedPoint SurfaceMap::forward_vertex(int a) const {
+MappedPoint SurfaceMap::forward_vertex(int a) const {
   return detail::forward_side(*data_).map_vertex(a);
 }
-inline MappedPoint SurfaceMap::backward_vertex(int b) const {
+MappedPoint SurfaceMap::backward_vertex(int b) const {
   return detail::backward_side(*data_).map_vertex(b);
 }
-inline std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
+std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
   return detail::forward_side(*data_).map_vertices();
 }
-inline std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
+std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
   return detail::backward_side(*data_).map_vertices();
 }
-inline std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
+std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
   return detail::CurveMapper(detail::forward_side(*data_)).map_path(vertices);
 }
-inline std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
+std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
   return detail::CurveMapper(detail::backward_side(*data_)).map_path(vertices);
 }
-inline std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
+std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
   return detail::CurveMapper(detail::forward_side(*data_)).map_curve(points);
 }
-inline std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
+std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
   return detail::CurveMapper(detail::backward_side(*data_)).map_curve(points);
 }
-inline Vec3 SurfaceMap::position_on_a(const SurfacePoint& p) const {
-  return detail::surface_position(data_->vertices_a, data_->a, p);
+Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
+  return detail::to_eigen(detail::surface_position(data_->vertices_a, data_->a, p));
 }
-inline Vec3 SurfaceMap::position_on_b(const SurfacePoint& p) const {
-  return detail::surface_position(data_->vertices_b, data_->b, p);
+Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
+  return detail::to_eigen(detail::surface_position(data_->vertices_b, data_->b, p));
 }
-inline MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
-inline std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
+MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
+std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(*data_, keep_scale);
+}
+
+DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
+  DistortionSummary s;
+  detail::Array<double> density, area;
+  double energy = 0;
+  for (const PolygonDistortion& p : polygons) {
+    if (!(p.area_a + p.area_b > 0)) continue;
+    s.sigma_min = density.empty() ? p.sigma_min : (std::min)(s.sigma_min, p.sigma_min);
+    s.sigma_max = (std::max)(s.sigma_max, p.sigma_max);
+    s.area_a += p.area_a;
+    s.area_b += p.area_b;
+    energy += (p.area_a + p.area_b) * p.density;
+    density.push_back(p.density);
+    area.push_back(p.area_a + p.area_b);
+  }
+  if (density.empty()) return s;
+  const detail::Array<int> order = detail::sorted_by(density);
+  const double total = s.area_a + s.area_b;
+  const auto quantile = [&](double share) {
+    double below = 0;
+    for (int i : order)
+      if ((below += area[i]) >= share * total) return density[i];
+    return density[order.back()];
+  };
+  s.mean = energy / total;
+  s.median = quantile(0.5);
+  s.p95 = quantile(0.95);
+  s.largest = density[order.back()];
+  return s;
 }
 
 }  // namespace ism
 
 // ==== [16] APPLICATIONS (paper §1, §6.3) =========================================================
 //
-// Purpose:    attributes carried between the surfaces, shapes between them, totals of distortion.
+// Purpose:    attributes carried between the surfaces, remeshing, paths along halved edges.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
 //             exactly; what one mesh gives to the meta mesh it gets back.
 // Fails:      with a status where attributes do not fit a mesh.
 
 namespace ism {
 namespace detail {
-
-// ---- attributes ----
 
 /// What a meta mesh says of one of its two meshes.
 struct MetaSide {
@@ -7265,16 +7633,15 @@ inline Eigen::Index element_row(const TriangleMesh& mesh, Element element, int f
   return element == Element::kFace ? f : 3 * Eigen::Index{f} + k;
 }
 
-inline Attributes invalid_attributes(std::string message) {
+inline Attributes invalid_attributes(Words message) {
   Attributes result;
-  result.status = Status::kInvalidAttributes;
-  result.message = std::move(message);
+  fail(result, Status::kInvalidAttributes, message);
   return result;
 }
 
 inline Attributes misfit(Eigen::Index given, Eigen::Index wanted, const char* per) {
-  return invalid_attributes("the attributes have " + std::to_string(given) + " rows, but " +
-                            std::to_string(wanted) + " are needed, one per " + per);
+  return invalid_attributes({"the attributes have ", static_cast<int>(given), " rows, but ",
+                             static_cast<int>(wanted), " are needed, one per ", per});
 }
 
 inline const char* element_name(Element element) {
@@ -7282,20 +7649,26 @@ inline const char* element_name(Element element) {
   return element == Element::kFace ? "face" : "corner of a face";
 }
 
+/// to[i] += weight · from[j], row by row.
+inline void add_row(double weight, const Eigen::MatrixXd& from, Eigen::Index j, Eigen::MatrixXd& to,
+                    Eigen::Index i) {
+  for (Eigen::Index c = 0; c < to.cols(); ++c) to(i, c) += weight * from(j, c);
+}
+
 /// Sums of attributes and of their weights.
 struct WeightedRows {
   Eigen::MatrixXd sum;
-  Eigen::VectorXd weight;
+  Array<double> weight;
   WeightedRows(Eigen::Index rows, Eigen::Index columns)
-      : sum(Eigen::MatrixXd::Zero(rows, columns)), weight(Eigen::VectorXd::Zero(rows)) {}
+      : sum(Eigen::MatrixXd::Zero(rows, columns)), weight(static_cast<int>(rows), 0) {}
 
-  Attributes means() const {
+  Attributes means() {
     Attributes result;
-    result.values = sum;
-    for (Eigen::Index i = 0; i < weight.size(); ++i) {
+    for (int i = 0; i < weight.size(); ++i) {
       result.covered.push_back(weight[i] > 0);
-      if (weight[i] > 0) result.values.row(i) /= weight[i];
+      for (Eigen::Index c = 0; c < sum.cols() && weight[i] > 0; ++c) sum(i, c) /= weight[i];
     }
+    result.values.swap(sum);
     return result;
   }
 };
@@ -7307,411 +7680,76 @@ inline void add_vertices(const MetaSide& side, Element element, int f, Eigen::In
     for (int k = 0; k < 3; ++k) {
       if (side.corner(c, k) != 1) continue;
       const Eigen::Index row = element_row(side.mesh, element, f, k);
-      rows.sum.row(row) += corners.row(c);
-      rows.weight[row] += 1;
+      add_row(1, corners, c, rows.sum, row);
+      rows.weight[static_cast<int>(row)] += 1;
     }
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
 inline void add_integral(const MetaSide& side, int f, Eigen::Index first, Eigen::Index last,
                          const Eigen::MatrixXd& corners, WeightedRows& rows) {
-  const auto point = [&](Eigen::Index c) { return Vec2(side.corner(c, 1), side.corner(c, 2)); };
+  const auto point = [&](Eigen::Index c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
   for (Eigen::Index c = first + 1; c + 1 < last; ++c) {
     const double area =
         (std::max)(0.0, cross(point(c) - point(first), point(c + 1) - point(first)));
-    rows.sum.row(f) += area / 3 * (corners.row(first) + corners.row(c) + corners.row(c + 1));
+    for (Eigen::Index corner : {first, c, c + 1}) add_row(area / 3, corners, corner, rows.sum, f);
     rows.weight[f] += area;
   }
 }
 
-// ---- morphing ----
+// ---- meshes with vertices added in the middle of edges ----
 
-/// The rotation by the length of a vector about its direction.
-inline Eigen::Matrix3d rotation(const Vec3& v) {
-  const double angle = v.norm();
-  if (angle == 0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, v / angle).toRotationMatrix();
+/// A vertex of a refined mesh as a mean of vertices of the mesh it refines, ascending.
+using Ancestors = Array<RowEntry>;
+
+inline void add_ancestor(int v, double weight, Ancestors& ancestors) {
+  int i = 0;
+  while (i < ancestors.size() && ancestors[i].column < v) ++i;
+  if (i == ancestors.size() || ancestors[i].column != v) {
+    ancestors.push_back({v, 0});
+    std::rotate(ancestors.begin() + i, ancestors.end() - 1, ancestors.end());
+  }
+  ancestors[i].value += weight;
 }
 
-/// The rotation closest to a matrix, by Newton's iteration [Higham 1986]; the identity if it has no
-/// positive determinant.
-inline Eigen::Matrix3d closest_rotation(const Eigen::Matrix3d& M) {
-  constexpr int kMostIterations = 100;
-  Eigen::Matrix3d R = M;
-  if (!(R.determinant() > 0)) return Eigen::Matrix3d::Identity();
-  for (int i = 0; i < kMostIterations; ++i) {
-    const Eigen::Matrix3d better = 0.5 * (R + R.inverse().transpose());
-    const bool is_done = (better - R).squaredNorm() < 1e-30;
-    R = better;
-    if (is_done) break;
-  }
-  return R;
-}
-
-/// The vector of a rotation that is closest to another vector: turning by an angle more or less of
-/// 2π is the same.
-inline Vec3 rotation_vector(const Eigen::Matrix3d& R, const Vec3& near) {
-  const Eigen::Quaterniond q(R);
-  const double sine = q.vec().norm(), angle = 2 * std::atan2(sine, std::abs(q.w()));
-  Vec3 axis = near.norm() > 0 ? Vec3(near / near.norm()) : Vec3::UnitX();  // where R turns nothing
-  if (sine > 1e-9) axis = (q.w() < 0 ? -1 / sine : 1 / sine) * q.vec();
-  const double whole = std::round((near.dot(axis) - angle) / (2 * kPi));
-  return (angle + 2 * kPi * whole) * axis;
-}
-
-/// An orthonormal frame of a triangle in space, the axes of its rest_frame() and the normal.
-inline Eigen::Matrix3d space_frame(const Surface& s, int f) {
-  const Vec3 a = s.vertices.row(s.mesh.corner(f, 0)), b = s.vertices.row(s.mesh.corner(f, 1));
-  const Vec3 c = s.vertices.row(s.mesh.corner(f, 2));
-  Eigen::Matrix3d frame;
-  frame.col(0) = (b - a).normalized();
-  frame.col(2) = (b - a).cross(c - a).normalized();
-  frame.col(1) = frame.col(2).cross(frame.col(0));
-  return frame;
-}
-
-/// An edge of a polygon: corners i, j of the meta mesh.
-struct MorphEdge {
-  int i, j, polygon;
-  double weight;
-};
-
-struct MorphData {
-  Status status = Status::kConverged;
-  Array<Vec3> a, b;  // the vertices, centred; those on B turned back by the whole turn
-  Vec3 center_a = Vec3::Zero(), center_b = Vec3::Zero();
-  Array<double> mass;              // of the vertices, sum 1
-  Vec3 whole_turn = Vec3::Zero();  // of B with respect to A
-  Array<Vec3> turn;                // of every polygon, on top of it
-  Array<MorphEdge> edges;
-  Array<int> anchors;  // one vertex of every part of the overlap, interpolated linearly
-  LdltSymbolic symbolic;
-  LdltFactor factor;  // of the weighted graph Laplacian
-};
-
-class MorphBuilder {
- public:
-  MorphBuilder(const MapData& map, const MetaMesh& meta, const Options& options)
-      : map_(map), meta_(meta), executor_(options), data_(std::make_shared<MorphData>()) {}
-
-  std::shared_ptr<const MorphData> build() {
-    const std::vector<PolygonDistortion> polygons = polygon_distortions(map_, true);
-    collect_edges(polygons);
-    find_rotations(polygons);
-    align();
-    find_turns();
-    factorize();
-    return data_;
-  }
-
- private:
-  /// Edges with weight area / length², as in ∫ ‖∇x‖², kept within bounds where polygons are thin.
-  void collect_edges(const std::vector<PolygonDistortion>& polygons) {
-    constexpr double kLeast = 1e-4;
-    data_->mass.assign(static_cast<int>(meta_.plane.rows()), 0);
-    double total = 0;
-    for (std::size_t p = 0; p < polygons.size(); ++p) {
-      const double area = 0.5 * (polygons[p].area_a + polygons[p].area_b);
-      const std::vector<int>& corner = meta_.polygons[p];
-      total += area;
-      for (std::size_t k = 0; k < corner.size(); ++k) {
-        const int i = corner[k], j = corner[(k + 1) % corner.size()];
-        const double square = 0.5 * ((row3(meta_.on_a, i) - row3(meta_.on_a, j)).squaredNorm() +
-                                     (row3(meta_.on_b, i) - row3(meta_.on_b, j)).squaredNorm());
-        const double weight = square > area ? area / square : 1;
-        data_->edges.push_back({i, j, static_cast<int>(p), (std::max)(weight, kLeast)});
-        data_->mass[i] += area / static_cast<double>(corner.size());
-      }
-    }
-    for (double& m : data_->mass) m /= total;
-  }
-
-  /// How Φ turns every polygon, and all of them on average. Polygons without area do not count:
-  /// their two triangles need not lie on each other elsewhere.
-  void find_rotations(const std::vector<PolygonDistortion>& polygons) {
-    const Surface a = build_surface(meta_.a, true), b = build_surface(meta_.b, true);
-    Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
-    for (int i = 0; i < map_.overlay.polygons.size(); ++i) {
-      const OverlayPolygon& p = map_.overlay.polygons[i];
-      const SixPoints x = six_points(map_.a, map_.f, map_.b, map_.g, p);
-      is_flat_.push_back(is_negligible(polygon_area(polygon_shape(p, x), x), x));
-      rotation_.push_back(polygon_rotation(a, b, p));
-      const PolygonDistortion& d = polygons[static_cast<std::size_t>(i)];
-      if (!is_flat_[i]) mean += (d.area_a + d.area_b) * rotation_[i];
-    }
-    whole_ = closest_rotation(mean);
-    data_->whole_turn = rotation_vector(whole_, Vec3::Zero());
-  }
-
-  Eigen::Matrix3d polygon_rotation(const Surface& a, const Surface& b,
-                                   const OverlayPolygon& p) const {
-    const Eigen::Matrix2d J =
-        triangle_jacobian(b, map_.g, p.tb).inverse() * triangle_jacobian(a, map_.f, p.ta);
-    const double angle = std::atan2(J(1, 0) - J(0, 1), J(0, 0) + J(1, 1));
-    return space_frame(b, p.tb) * rotation(angle * Vec3::UnitZ()) *
-           space_frame(a, p.ta).transpose();
-  }
-
-  void align() {
-    const int n = static_cast<int>(meta_.plane.rows());
-    for (int i = 0; i < n; ++i) {
-      data_->center_a += data_->mass[i] * row3(meta_.on_a, i);
-      data_->center_b += data_->mass[i] * row3(meta_.on_b, i);
-    }
-    for (int i = 0; i < n; ++i) {
-      data_->a.push_back(row3(meta_.on_a, i) - data_->center_a);
-      data_->b.push_back(whole_.transpose() * (row3(meta_.on_b, i) - data_->center_b));
-    }
-  }
-
-  /// From the polygon that turns least over its neighbours to all, so that turns differ little
-  /// where Φ does. Turns by a full one have no direction; beyond them, neighbours may differ.
-  void find_turns() {
-    const Array<std::vector<int>> neighbours = polygon_neighbours();
-    Array<std::pair<double, int>> starts;
-    for (int p = 0; p < neighbours.size(); ++p)
-      starts.push_back({is_flat_[p] ? kInfinity : turn(p, Vec3::Zero()).norm(), p});
-    std::sort(starts.begin(), starts.end());
-    data_->turn.resize(neighbours.size());
-    Array<char> is_known(neighbours.size(), 0);
-    for (const auto& [angle, start] : starts) {  // more than one if the overlap has more parts
-      if (is_known[start]) continue;
-      is_known[start] = 1;
-      data_->turn[start] = turn(start, Vec3::Zero());
-      data_->anchors.push_back(meta_.polygons[static_cast<std::size_t>(start)][0]);
-      std::vector<int> queue = {start};
-      for (std::size_t i = 0; i < queue.size(); ++i)
-        for (int p : neighbours[queue[i]]) {
-          if (is_known[p]) continue;
-          is_known[p] = 1;
-          data_->turn[p] = turn(p, data_->turn[queue[i]]);
-          queue.push_back(p);
-        }
-    }
-  }
-
-  /// The turn of polygon p on top of the whole one, near that of its neighbour.
-  Vec3 turn(int p, const Vec3& near) const {
-    return is_flat_[p] ? near : rotation_vector(whole_.transpose() * rotation_[p], near);
-  }
-
-  /// Polygons with a common edge.
-  Array<std::vector<int>> polygon_neighbours() const {
-    Array<std::array<int, 3>> sides;  // smaller corner, larger corner, polygon
-    for (const MorphEdge& e : data_->edges)
-      sides.push_back({(std::min)(e.i, e.j), (std::max)(e.i, e.j), e.polygon});
-    std::sort(sides.begin(), sides.end());
-    Array<std::vector<int>> neighbours(static_cast<int>(meta_.polygons.size()));
-    for (int i = 0; i + 1 < sides.size(); ++i) {
-      if (sides[i][0] != sides[i + 1][0] || sides[i][1] != sides[i + 1][1]) continue;
-      neighbours[sides[i][2]].push_back(sides[i + 1][2]);
-      neighbours[sides[i + 1][2]].push_back(sides[i][2]);
-    }
-    return neighbours;
-  }
-
-  /// Σ w (x_i - x_j)² + Σ x_anchor² as a matrix.
-  void factorize() {
-    Array<std::tuple<int, int, double>> entries;
-    for (int i : data_->anchors) entries.push_back({i, i, 1.0});
-    for (const MorphEdge& e : data_->edges) {
-      entries.push_back({e.i, e.i, e.weight});
-      entries.push_back({e.j, e.j, e.weight});
-      entries.push_back({(std::min)(e.i, e.j), (std::max)(e.i, e.j), -e.weight});
-    }
-    std::sort(entries.begin(), entries.end());
-    BlockPattern pattern;
-    BlockValues values;
-    for (const auto& [row, column, value] : entries) {
-      while (pattern.start.size() <= row) pattern.start.push_back(pattern.blocks());
-      if (pattern.start.back() == pattern.blocks() || pattern.column.back() != column) {
-        pattern.column.push_back(column);
-        values.push_back(Eigen::Matrix2d::Zero());
-      }
-      values.back().diagonal().array() += value;
-    }
-    pattern.start.push_back(pattern.blocks());
-    data_->symbolic = NestedDissection(pattern, meta_.plane, executor_).build();
-    ldlt_factorize(data_->symbolic, {&values, nullptr, 0}, executor_, data_->factor);
-    if (!data_->factor.ok) data_->status = Status::kNumericalFailure;
-  }
-
-  const MapData& map_;
-  const MetaMesh& meta_;
-  Executor executor_;
-  Array<Eigen::Matrix3d> rotation_;  // of every polygon
-  Array<char> is_flat_;              // has no area
-  Eigen::Matrix3d whole_ = Eigen::Matrix3d::Identity();
-  std::shared_ptr<MorphData> data_;
-};
-
-/// The right-hand side of the least squares problem for the shape at t.
-inline Array<Vec3> wanted_edges(const MorphData& d, double t) {
-  Array<Vec3> sum(d.a.size(), Vec3::Zero());
-  int polygon = -1;
-  Eigen::Matrix3d part, back;
-  for (const MorphEdge& e : d.edges) {
-    if (e.polygon != polygon) {
-      polygon = e.polygon;
-      part = rotation(t * d.turn[polygon]);
-      back = rotation((t - 1) * d.turn[polygon]);
-    }
-    const Vec3 on_a = d.a[e.i] - d.a[e.j], on_b = d.b[e.i] - d.b[e.j];
-    const Vec3 edge = e.weight * ((1 - t) * (part * on_a) + t * (back * on_b));
-    sum[e.i] += edge;
-    sum[e.j] -= edge;
-  }
-  for (int i : d.anchors) sum[i] += (1 - t) * d.a[i] + t * d.b[i];
-  return sum;
-}
-
-inline Points3 solve_morph(const MorphData& d, double t) {
-  const Array<Vec3> wanted = wanted_edges(d, t);
-  const int n = wanted.size();
-  Points3 x(n, 3);
-  Eigen::VectorXd right(2 * n);
-  for (int c = 0; c < 3; c += 2) {  // x and y, then z: the solver has 2×2 blocks
-    const int other = c == 0 ? 1 : 2;
-    for (int i = 0; i < n; ++i) right.segment<2>(2 * i) << wanted[i][c], wanted[i][other];
-    const Eigen::VectorXd solution = ldlt_solve(d.symbolic, d.factor, right);
-    for (int i = 0; i < n; ++i) {
-      x(i, c) = solution[2 * i];
-      x(i, other) = solution[2 * i + 1];
-    }
-  }
-  Vec3 center = Vec3::Zero();
-  for (int i = 0; i < n; ++i) center += d.mass[i] * row3(x, i);
-  const Eigen::Matrix3d R = rotation(t * d.whole_turn);
-  const Vec3 new_center = (1 - t) * d.center_a + t * d.center_b;
-  for (int i = 0; i < n; ++i) {
-    const Vec3 p = R * (row3(x, i) - center) + new_center;
-    x.row(i) = p.transpose();
-  }
-  return x;
-}
-
-}  // namespace detail
-
-inline std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                                const TriangleMesh& mesh,
-                                                const std::vector<Midpoint>& added) {
-  const auto sorted = [](const Midpoint& e) {
-    return Midpoint{(std::min)(e[0], e[1]), (std::max)(e[0], e[1])};
-  };
-  std::map<Midpoint, int> middle_of;
-  int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
-  for (const Midpoint& edge : added) {
-    if (middle > (std::max)(edge[0], edge[1])) middle_of[sorted(edge)] = middle;
-    ++middle;
-  }
-  std::vector<std::vector<int>> paths;
-  for (const std::array<int, 2>& edge : edges) {
-    std::vector<int> path = {edge[0], edge[1]};
-    for (std::size_t i = 0; i + 1 < path.size();) {
-      const auto halved = middle_of.find(sorted({path[i], path[i + 1]}));
-      if (halved == middle_of.end())
-        ++i;
-      else
-        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, halved->second);
-    }
-    paths.push_back(std::move(path));
-  }
-  return paths;
-}
-
-inline Remesh remesh(const SurfaceMap& map, Side side) {
-  Remesh result;
-  const bool of_a = side == Side::kA;
-  const std::vector<MappedPoint> images = of_a ? map.forward_vertices() : map.backward_vertices();
-  const auto position = [&](const MappedPoint& image) {
-    return of_a ? map.position_on_b(image.point) : map.position_on_a(image.point);
-  };
-  const auto first = std::find_if(images.begin(), images.end(),
-                                  [](const MappedPoint& image) { return image.covered; });
-  result.mesh.vertices = Points3::Zero(static_cast<Eigen::Index>(images.size()), 3);
-  for (std::size_t v = 0; v < images.size(); ++v) {
-    result.covered.push_back(images[v].covered);
-    if (first != images.end())
-      result.mesh.vertices.row(static_cast<Eigen::Index>(v)) =
-          position(images[v].covered ? images[v] : *first).transpose();
-  }
-  const Triangles all = detail::triangles_of(of_a ? map.data_->a : map.data_->b);
-  result.mesh.triangles.resize(all.rows(), 3);
-  Eigen::Index n = 0;
-  for (Eigen::Index f = 0; f < all.rows(); ++f) {
-    const auto covered = [&](int k) { return result.covered[static_cast<std::size_t>(all(f, k))]; };
-    if (covered(0) && covered(1) && covered(2)) result.mesh.triangles.row(n++) = all.row(f);
-  }
-  result.mesh.triangles.conservativeResize(n, 3);
-  return result;
-}
-
-inline Attributes to_meta(const MetaMesh& meta, Side side, Element element,
-                          const Eigen::MatrixXd& values) {
-  const detail::MetaSide s = detail::meta_side(meta, side);
-  const Eigen::Index rows = detail::element_count(s.mesh, element);
-  if (values.rows() != rows)
-    return detail::misfit(values.rows(), rows, detail::element_name(element));
-  Attributes result;
-  result.values.resize(s.corner.rows(), values.cols());
-  result.covered.assign(static_cast<std::size_t>(s.corner.rows()), 1);
-  Eigen::Index c = 0;
-  for (std::size_t p = 0; p < meta.polygons.size(); ++p)
-    for (std::size_t k = 0; k < meta.polygons[p].size(); ++k, ++c) {
-      const auto row = [&](int i) {
-        return values.row(detail::element_row(s.mesh, element, s.face[p], i));
-      };
-      result.values.row(c) = row(0);
-      if (element != Element::kFace)
-        result.values.row(c) =
-            s.corner(c, 0) * row(0) + s.corner(c, 1) * row(1) + s.corner(c, 2) * row(2);
-    }
-  return result;
-}
-
-namespace detail {
-
-/// A vertex of a refined mesh as a mean of vertices of the mesh it refines.
-using Ancestors = std::map<int, double>;
-
-inline std::vector<Ancestors> ancestors_of(Eigen::Index n_given,
-                                           const std::vector<Midpoint>& added) {
-  std::vector<Ancestors> result;
-  for (int v = 0; v < n_given; ++v) result.push_back({{v, 1.0}});
+inline Array<Ancestors> ancestors_of(int n_given, const std::vector<Midpoint>& added) {
+  Array<Ancestors> result(n_given);
+  for (int v = 0; v < n_given; ++v) result[v].push_back({v, 1.0});
   for (const Midpoint& edge : added) {
     Ancestors middle;
     for (int end : edge)
-      if (end >= 0 && end < static_cast<int>(result.size()))
-        for (const auto& [v, weight] : result[static_cast<std::size_t>(end)])
-          middle[v] += 0.5 * weight;
-    result.push_back(std::move(middle));
+      if (end >= 0 && end < result.size())
+        for (const RowEntry& a : result[end]) add_ancestor(a.column, 0.5 * a.value, middle);
+    result.push_back(middle);
   }
   return result;
 }
 
-/// The triangle of a mesh in which one of its refinement lies, or -1.
-inline int parent_face(const std::map<std::array<int, 3>, int>& face_of,
-                       const std::vector<Ancestors>& ancestors, const Triangles& triangles,
-                       Eigen::Index f) {
-  std::set<int> corners;
-  for (int k = 0; k < 3; ++k)
-    for (const auto& [v, weight] : ancestors[static_cast<std::size_t>(triangles(f, k))])
-      corners.insert(v);
-  std::array<int, 3> key{};
-  if (corners.size() != 3) return -1;
-  std::copy(corners.begin(), corners.end(), key.begin());
-  const auto found = face_of.find(key);
-  return found == face_of.end() ? -1 : found->second;
+/// The sorted corners of a triangle, and the triangle.
+using FaceKey = std::array<int, 4>;
+
+inline Array<FaceKey> faces_by_corners(const Triangles& triangles) {
+  Array<FaceKey> keys;
+  for (int f = 0; f < triangles.rows(); ++f) {
+    keys.push_back({triangles(f, 0), triangles(f, 1), triangles(f, 2), f});
+    std::sort(keys.back().begin(), keys.back().begin() + 3);
+  }
+  std::sort(keys.begin(), keys.end());
+  return keys;
 }
 
-inline std::map<std::array<int, 3>, int> faces_by_corners(const Triangles& triangles) {
-  std::map<std::array<int, 3>, int> face_of;
-  for (int f = 0; f < triangles.rows(); ++f) {
-    std::array<int, 3> key = {triangles(f, 0), triangles(f, 1), triangles(f, 2)};
-    std::sort(key.begin(), key.end());
-    face_of[key] = f;
-  }
-  return face_of;
+/// The triangle of a mesh in which triangle f of its refinement lies, or -1.
+inline int parent_face(const Array<FaceKey>& faces, const Array<Ancestors>& ancestors,
+                       const Triangles& triangles, int f) {
+  Array<int> corners;
+  for (int k = 0; k < 3; ++k)
+    for (const RowEntry& a : ancestors[triangles(f, k)]) corners.push_back(a.column);
+  sort_unique(corners);
+  if (corners.size() != 3) return -1;
+  const FaceKey key = {corners[0], corners[1], corners[2], -1};
+  const FaceKey* found = std::lower_bound(faces.begin(), faces.end(), key);
+  if (found == faces.end() || !std::equal(key.begin(), key.begin() + 3, found->begin())) return -1;
+  return (*found)[3];
 }
 
 /// Where a vertex is among the corners of a triangle.
@@ -7719,45 +7757,34 @@ inline int corner_of(const Triangles& triangles, int f, int v) {
   return triangles(f, 0) == v ? 0 : triangles(f, 1) == v ? 1 : 2;
 }
 
+/// A halved edge and the vertex in its middle.
+struct HalvedEdge {
+  int lo, hi, middle;
+  bool operator<(const HalvedEdge& o) const { return lo != o.lo ? lo < o.lo : hi < o.hi; }
+};
+
 }  // namespace detail
 
-inline Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
-                         const std::vector<Midpoint>& added, Element element,
-                         const Eigen::MatrixXd& values) {
-  const Eigen::Index rows = detail::element_count(mesh, element);
+Attributes to_meta(const MetaMesh& meta, Side side, Element element,
+                   const Eigen::MatrixXd& values) {
+  const detail::MetaSide s = detail::meta_side(meta, side);
+  const Eigen::Index rows = detail::element_count(s.mesh, element);
   if (values.rows() != rows)
     return detail::misfit(values.rows(), rows, detail::element_name(element));
-  const std::vector<detail::Ancestors> ancestors =
-      detail::ancestors_of(mesh.vertices.rows(), added);
-  const int n_refined = static_cast<int>(ancestors.size());
-  if (n_refined != refined.vertices.rows())
-    return detail::invalid_attributes(
-        "the refined mesh has " + std::to_string(refined.vertices.rows()) +
-        " vertices, but the mesh and what was added have " + std::to_string(n_refined));
-  if ((refined.triangles.array() < 0 || refined.triangles.array() >= n_refined).any())
-    return detail::invalid_attributes("a triangle of the refined mesh has no such vertex");
-  const std::map<std::array<int, 3>, int> face_of = detail::faces_by_corners(mesh.triangles);
   Attributes result;
-  result.values.setZero(detail::element_count(refined, element), values.cols());
-  result.covered.assign(static_cast<std::size_t>(result.values.rows()), 1);
-  for (Eigen::Index f = 0; f < refined.triangles.rows(); ++f) {
-    const int parent = detail::parent_face(face_of, ancestors, refined.triangles, f);
-    if (parent < 0)
-      return detail::invalid_attributes("triangle " + std::to_string(f) +
-                                        " of the refined mesh lies in none of the mesh");
-    for (int k = 0; k < 3; ++k) {
-      auto row = result.values.row(detail::element_row(refined, element, static_cast<int>(f), k));
-      row.setZero();
-      for (const auto& [v, weight] : ancestors[static_cast<std::size_t>(refined.triangles(f, k))])
-        row += weight * values.row(detail::element_row(
-                            mesh, element, parent, detail::corner_of(mesh.triangles, parent, v)));
-    }
-  }
+  result.values.setZero(s.corner.rows(), values.cols());
+  result.covered.assign(static_cast<std::size_t>(s.corner.rows()), 1);
+  Eigen::Index c = 0;
+  for (std::size_t p = 0; p < meta.polygons.size(); ++p)
+    for (std::size_t n = 0; n < meta.polygons[p].size(); ++n, ++c)
+      for (int k = 0; k < (element == Element::kFace ? 1 : 3); ++k)
+        detail::add_row(element == Element::kFace ? 1 : s.corner(c, k), values,
+                        detail::element_row(s.mesh, element, s.face[p], k), result.values, c);
   return result;
 }
 
-inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
-                            const Eigen::MatrixXd& corners) {
+Attributes from_meta(const MetaMesh& meta, Side side, Element element,
+                     const Eigen::MatrixXd& corners) {
   const detail::MetaSide s = detail::meta_side(meta, side);
   if (corners.rows() != s.corner.rows())
     return detail::misfit(corners.rows(), s.corner.rows(), "corner of the meta mesh");
@@ -7774,58 +7801,116 @@ inline Attributes from_meta(const MetaMesh& meta, Side side, Element element,
   return rows.means();
 }
 
-inline Attributes transfer(const MetaMesh& meta, Side from, Element element,
-                           const Eigen::MatrixXd& values, Element target) {
+Attributes transfer(const MetaMesh& meta, Side from, Element element, const Eigen::MatrixXd& values,
+                    Element target) {
   const Attributes corners = to_meta(meta, from, element, values);
   if (corners.status != Status::kConverged) return corners;
   return from_meta(meta, from == Side::kA ? Side::kB : Side::kA, target, corners.values);
 }
 
-inline Points3 linear_morph(const MetaMesh& meta, double t) {
-  return (1 - t) * meta.on_a + t * meta.on_b;
-}
-
-inline Morph::Morph(const SurfaceMap& map, const Options& options) {
-  auto failed = std::make_shared<detail::MorphData>();
-  failed->status = map.status();
-  data_ = failed;
-  if (map.status() == Status::kConverged)
-    data_ = detail::MorphBuilder(*map.data_, map.meta_mesh(), options).build();
-}
-inline Status Morph::status() const { return data_->status; }
-inline Points3 Morph::at(double t) const {
-  if (data_->status != Status::kConverged) return Points3(0, 3);
-  return detail::solve_morph(*data_, t);
-}
-
-inline DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
-  DistortionSummary s;
-  detail::Array<std::pair<double, double>> densities;  // and areas
-  double energy = 0;
-  for (const PolygonDistortion& p : polygons) {
-    const double area = p.area_a + p.area_b;
-    if (!(area > 0)) continue;
-    s.sigma_min = densities.empty() ? p.sigma_min : (std::min)(s.sigma_min, p.sigma_min);
-    s.sigma_max = (std::max)(s.sigma_max, p.sigma_max);
-    s.area_a += p.area_a;
-    s.area_b += p.area_b;
-    energy += area * p.density;
-    densities.push_back({p.density, area});
+Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
+                  const std::vector<Midpoint>& added, Element element,
+                  const Eigen::MatrixXd& values) {
+  const Eigen::Index rows = detail::element_count(mesh, element);
+  if (values.rows() != rows)
+    return detail::misfit(values.rows(), rows, detail::element_name(element));
+  const detail::Array<detail::Ancestors> ancestors =
+      detail::ancestors_of(static_cast<int>(mesh.vertices.rows()), added);
+  if (ancestors.size() != refined.vertices.rows())
+    return detail::invalid_attributes(
+        {"the refined mesh has ", static_cast<int>(refined.vertices.rows()),
+         " vertices, but the mesh and what was added have ", ancestors.size()});
+  for (Eigen::Index f = 0; f < refined.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      if (refined.triangles(f, k) < 0 || refined.triangles(f, k) >= ancestors.size())
+        return detail::invalid_attributes({"a triangle of the refined mesh has no such vertex"});
+  const detail::Array<detail::FaceKey> faces = detail::faces_by_corners(mesh.triangles);
+  Attributes result;
+  result.values.setZero(detail::element_count(refined, element), values.cols());
+  result.covered.assign(static_cast<std::size_t>(result.values.rows()), 1);
+  for (int f = 0; f < refined.triangles.rows(); ++f) {
+    const int parent = detail::parent_face(faces, ancestors, refined.triangles, f);
+    if (parent < 0)
+      return detail::invalid_attributes(
+          {"triangle ", f, " of the refined mesh lies in none of the mesh"});
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Index row = detail::element_row(refined, element, f, k);
+      for (Eigen::Index c = 0; c < values.cols(); ++c) result.values(row, c) = 0;
+      for (const detail::RowEntry& a : ancestors[refined.triangles(f, k)])
+        detail::add_row(a.value, values,
+                        detail::element_row(mesh, element, parent,
+                                            detail::corner_of(mesh.triangles, parent, a.column)),
+                        result.values, row);
+    }
   }
-  if (densities.empty()) return s;
-  std::sort(densities.begin(), densities.end());
-  const double total = s.area_a + s.area_b;
-  const auto quantile = [&](double share) {
-    double below = 0;
-    for (const auto& [density, area] : densities)
-      if ((below += area) >= share * total) return density;
-    return densities.back().first;
+  return result;
+}
+
+std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
+                                         const TriangleMesh& mesh,
+                                         const std::vector<Midpoint>& added) {
+  detail::Array<detail::HalvedEdge> halved;
+  int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
+  for (const Midpoint& edge : added) {
+    const detail::HalvedEdge e = {(std::min)(edge[0], edge[1]), (std::max)(edge[0], edge[1]),
+                                  middle++};
+    if (e.middle > e.hi) halved.push_back(e);
+  }
+  std::sort(halved.begin(), halved.end());
+  std::vector<std::vector<int>> paths;
+  for (const std::array<int, 2>& edge : edges) {
+    std::vector<int> path = {edge[0], edge[1]};
+    for (std::size_t i = 0; i + 1 < path.size();) {
+      const detail::HalvedEdge key = {(std::min)(path[i], path[i + 1]),
+                                      (std::max)(path[i], path[i + 1]), -1};
+      const detail::HalvedEdge* found = std::lower_bound(halved.begin(), halved.end(), key);
+      if (found == halved.end() || key < *found)
+        ++i;
+      else
+        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, found->middle);
+    }
+    paths.push_back(std::move(path));
+  }
+  return paths;
+}
+
+Remesh remesh(const SurfaceMap& map, Side side) {
+  Remesh result;
+  const bool of_a = side == Side::kA;
+  const std::vector<MappedPoint> images = of_a ? map.forward_vertices() : map.backward_vertices();
+  const auto position = [&](const MappedPoint& image) {
+    return of_a ? detail::surface_position(map.data_->vertices_b, map.data_->b, image.point)
+                : detail::surface_position(map.data_->vertices_a, map.data_->a, image.point);
   };
-  s.mean = energy / total;
-  s.median = quantile(0.5);
-  s.p95 = quantile(0.95);
-  s.largest = densities.back().first;
-  return s;
+  const int n = static_cast<int>(images.size());
+  int first = 0;
+  while (first < n && !images[static_cast<std::size_t>(first)].covered) ++first;
+  result.mesh.vertices = Points3::Zero(n, 3);
+  for (int v = 0; v < n; ++v) {
+    const MappedPoint& image = images[static_cast<std::size_t>(v)];
+    result.covered.push_back(image.covered);
+    if (first < n)
+      detail::set_row(result.mesh.vertices, v,
+                      position(image.covered ? image : images[static_cast<std::size_t>(first)]));
+  }
+  const detail::HalfEdgeMesh& m = of_a ? map.data_->a : map.data_->b;
+  detail::Array<int> corners;
+  for (int f = 0; f < m.n_faces; ++f) {
+    bool is_covered = true;
+    for (int k = 0; k < 3; ++k)
+      is_covered = is_covered && images[static_cast<std::size_t>(m.corner(f, k))].covered;
+    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(m.corner(f, k));
+  }
+  result.mesh.triangles.resize(corners.size() / 3, 3);
+  std::copy(corners.begin(), corners.end(), result.mesh.triangles.data());
+  return result;
+}
+
+Points3 linear_morph(const MetaMesh& meta, double t) {
+  Points3 x(meta.on_a.rows(), 3);
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x.data()[i] = (1 - t) * meta.on_a.data()[i] + t * meta.on_b.data()[i];
+  return x;
 }
 
 }  // namespace ism
@@ -7839,49 +7924,47 @@ inline DistortionSummary summarize(const std::vector<PolygonDistortion>& polygon
 namespace ism {
 namespace detail {
 
-template <class Output>
-bool check_mesh(const TriangleMesh& mesh, const char* name, Output& output) {
-  const std::vector<Problem> problems = validate(mesh);
+/// The connectivity of a mesh that is valid.
+inline bool check_mesh(const TriangleMesh& mesh, const char* name, HalfEdgeMesh& m,
+                       Outcome& outcome) {
+  const std::vector<Problem> problems = find_problems(mesh, m);
   if (problems.empty()) return true;
-  std::string message = std::string("mesh ") + name + ": " + problems[0].message;
-  if (problems.size() > 1) message += " (problem 1 of " + std::to_string(problems.size()) + ")";
-  return fail(output, Status::kInvalidMesh, message, problems[0].ids);
+  const int count = static_cast<int>(problems.size());
+  const std::string which = count > 1 ? sentence({" (problem 1 of ", count, ")"}) : "";
+  return fail(outcome, Status::kInvalidMesh, {"mesh ", name, ": ", problems[0].message, which},
+              problems[0].ids);
 }
 
-template <class Output>
-bool check_landmarks(const TriangleMesh& a, const TriangleMesh& b,
-                     const std::vector<Landmark>& landmarks, Output& output) {
-  Array<char> used_a(static_cast<int>(a.vertices.rows()), 0);
-  Array<char> used_b(static_cast<int>(b.vertices.rows()), 0);
-  for (const Landmark& l : landmarks) {
-    const std::string name = "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) + ": ";
-    if (l.a < 0 || l.a >= used_a.size())
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "mesh A has no vertex " + std::to_string(l.a) + ", it has " +
-                      std::to_string(used_a.size()) + " vertices, counted from 0",
-                  {l.a});
-    if (l.b < 0 || l.b >= used_b.size())
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "mesh B has no vertex " + std::to_string(l.b) + ", it has " +
-                      std::to_string(used_b.size()) + " vertices, counted from 0",
-                  {l.b});
-    if (used_a[l.a]++)
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "vertex " + std::to_string(l.a) + " of A is in another landmark", {l.a});
-    if (used_b[l.b]++)
-      return fail(output, Status::kInvalidLandmarks,
-                  name + "vertex " + std::to_string(l.b) + " of B is in another landmark", {l.b});
-  }
+/// Half of a landmark, of which there may be one per vertex.
+inline bool check_landmark(const Landmark& l, const char* mesh, int v, Array<char>& used,
+                           Outcome& outcome) {
+  if (v < 0 || v >= used.size())
+    return fail(outcome, Status::kInvalidLandmarks,
+                {"landmark ", l.a, " ", l.b, ": mesh ", mesh, " has no vertex ", v, ", it has ",
+                 used.size(), " vertices, counted from 0"},
+                {v});
+  if (used[v]++)
+    return fail(
+        outcome, Status::kInvalidLandmarks,
+        {"landmark ", l.a, " ", l.b, ": vertex ", v, " of ", mesh, " is in another landmark"}, {v});
   return true;
 }
 
-template <class Output>
-bool check_options(const Options& o, Output& output) {
+inline bool check_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
+                            const std::vector<Landmark>& landmarks, Outcome& outcome) {
+  Array<char> used_a(a.n_vertices, 0), used_b(b.n_vertices, 0);
+  for (const Landmark& l : landmarks)
+    if (!check_landmark(l, "A", l.a, used_a, outcome) ||
+        !check_landmark(l, "B", l.b, used_b, outcome))
+      return false;
+  return true;
+}
+
+inline bool check_options(const Options& o, Outcome& outcome) {
   const auto require = [&](bool good, const char* rule) {
-    return good ||
-           fail(output, Status::kInvalidOptions, std::string("option out of range: ") + rule);
+    return good || fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule});
   };
-  return require(o.measure.is_complete(), "measure must have a value and derivatives") &&
+  return require(o.measure.is_complete(), "measure must have a density") &&
          require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
                  "coverage_weight must be at least 0") &&
          require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),
@@ -7890,11 +7973,11 @@ bool check_options(const Options& o, Output& output) {
                  "spd_epsilon must be positive") &&
          require(o.history_length >= 1, "history_length must be at least 1") &&
          require(o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]") &&
-         require(o.omega_start > 0 && std::isfinite(o.omega_start),
-                 "omega_start must be positive") &&
+         require(o.omega_start >= 0 && std::isfinite(o.omega_start),
+                 "omega_start must be at least 0") &&
          require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
                  "omega_factor must be above 1") &&
-         require(o.omega_least >= 0 && o.omega_least <= o.omega_start,
+         require(o.omega_least >= 0 && (o.omega_least <= o.omega_start || o.omega_start == 0),
                  "omega_least must be in [0, omega_start]") &&
          require(o.max_displacement > 0, "max_displacement must be positive") &&
          require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
@@ -7910,130 +7993,81 @@ bool check_options(const Options& o, Output& output) {
          require(o.threads >= 0, "threads must be at least 0");
 }
 
-/// Marks the vertices of a list of pinned or fixed ones, each of which must exist and be free.
-template <class Output>
-bool hold(const std::vector<int>& vertices, const std::string& mesh, const char* how,
-          Array<const char*>& held, Output& output) {
+/// What vertices of one mesh are bound by, if anything.
+using Bonds = Array<const char*>;
+
+/// Binds a list of pinned or fixed vertices, each of which must exist and be free.
+inline bool claim(const std::vector<int>& vertices, const char* mesh, const char* how, Bonds& bonds,
+                  Outcome& outcome) {
   for (int v : vertices) {
-    const std::string name = "vertex " + std::to_string(v) + " of " + mesh;
-    if (v < 0 || v >= held.size())
+    if (v < 0 || v >= bonds.size())
       return fail(
-          output, Status::kInvalidPins,
-          name + " is to be " + how + ", but ids are 0 to " + std::to_string(held.size() - 1), {v});
-    if (held[v] != nullptr)
-      return fail(output, Status::kInvalidPins,
-                  name + " is to be " + how + ", but it is " + held[v] + " already", {v});
-    held[v] = how;
+          outcome, Status::kInvalidPins,
+          {"vertex ", v, " of ", mesh, " is to be ", how, ", but ids are 0 to ", bonds.size() - 1},
+          {v});
+    if (bonds[v] != nullptr)
+      return fail(
+          outcome, Status::kInvalidPins,
+          {"vertex ", v, " of ", mesh, " is to be ", how, ", but it is ", bonds[v], " already"},
+          {v});
+    bonds[v] = how;
   }
   return true;
 }
 
-/// With held boundaries, an exact landmark lies on both of them or on none.
-template <class Output>
-bool check_boundary_landmarks(const TriangleMesh& a, const TriangleMesh& b,
-                              const std::vector<Landmark>& landmarks, Output& output) {
-  const HalfEdgeMesh m = build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
-  const HalfEdgeMesh n = build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
-  for (const Landmark& l : landmarks)
-    if (m.on_boundary(l.a) != n.on_boundary(l.b))
-      return fail(output, Status::kInvalidLandmarks,
-                  "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) +
-                      ": one vertex is on a boundary, which is held, and the other one is not",
-                  {l.a, l.b});
-  return true;
-}
-
-/// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary.
-template <class Output>
-bool check_constraints(const TriangleMesh& a, const TriangleMesh& b,
-                       const std::vector<Landmark>& landmarks, const Options& options,
-                       Output& output) {
+/// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary. There, an
+/// exact landmark lies on both boundaries or on none.
+inline bool check_constraints(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
+                              const std::vector<Landmark>& landmarks, const Options& options,
+                              Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
-  if (is_held && options.exact_landmarks && !check_boundary_landmarks(a, b, landmarks, output))
+  Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
+  for (const Landmark& l : landmarks) {
+    if (!options.exact_landmarks) break;
+    bonds_a[l.a] = "in an exact landmark";
+    if (is_held && a.on_boundary(l.a) != b.on_boundary(l.b))
+      return fail(outcome, Status::kInvalidLandmarks,
+                  {"landmark ", l.a, " ", l.b,
+                   ": one vertex is on a boundary, which is held, and the other one is not"},
+                  {l.a, l.b});
+  }
+  if (!claim(options.fixed_a, "A", "fixed", bonds_a, outcome) ||
+      !claim(options.fixed_b, "B", "fixed", bonds_b, outcome))
     return false;
-  Array<const char*> held_a(static_cast<int>(a.vertices.rows()), nullptr);
-  Array<const char*> held_b(static_cast<int>(b.vertices.rows()), nullptr);
-  for (const Landmark& l : landmarks)
-    if (options.exact_landmarks) held_a[l.a] = "in an exact landmark";
-  if (!hold(options.fixed_a, "A", "fixed", held_a, output) ||
-      !hold(options.fixed_b, "B", "fixed", held_b, output))
-    return false;
-  const auto hold_boundary_of = [](const TriangleMesh& mesh, Array<const char*>& held) {
-    const HalfEdgeMesh m = build_half_edges(held.size(), mesh.triangles);
-    for (int h : m.boundary) held[m.tail[h]] = "on a boundary that is held";
-  };
-  if (is_held) hold_boundary_of(a, held_a), hold_boundary_of(b, held_b);
-  return hold(options.pins_a, "A", "pinned", held_a, output) &&
-         hold(options.pins_b, "B", "pinned", held_b, output);
+  const char* const on_boundary = "on a boundary that is held";
+  if (is_held) {
+    for (int h : a.boundary) bonds_a[a.tail[h]] = on_boundary;
+    for (int h : b.boundary) bonds_b[b.tail[h]] = on_boundary;
+  }
+  return claim(options.pins_a, "A", "pinned", bonds_a, outcome) &&
+         claim(options.pins_b, "B", "pinned", bonds_b, outcome);
 }
 
-template <class Output>
-bool check_input(const TriangleMesh& a, const TriangleMesh& b,
-                 const std::vector<Landmark>& landmarks, const Options& options, Output& output) {
-  return check_options(options, output) && check_mesh(a, "A", output) &&
-         check_mesh(b, "B", output) && check_landmarks(a, b, landmarks, output) &&
-         check_constraints(a, b, landmarks, options, output);
+/// Checks everything a call was given, and builds the surfaces.
+inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
+                       const std::vector<Landmark>& landmarks, const Options& options,
+                       SurfacePair& pair, Outcome& outcome) {
+  HalfEdgeMesh m, n;
+  if (!check_options(options, outcome) || !check_mesh(a, "A", m, outcome) ||
+      !check_mesh(b, "B", n, outcome) || !check_landmarks(m, n, landmarks, outcome) ||
+      !check_constraints(m, n, landmarks, options, outcome))
+    return false;
+  pair.a = build_surface(std::move(m), a.vertices, options.keep_scale);
+  pair.b = build_surface(std::move(n), b.vertices, options.keep_scale);
+  return true;
 }
 
 inline double largest_landmark_distance(const Embedding& e,
                                         const std::vector<Landmark>& landmarks) {
   double largest = 0;
   for (const Landmark& l : landmarks)
-    largest = (std::max)(largest, (row2(e.f, l.a) - row2(e.g, l.b)).norm());
+    largest = (std::max)(largest, norm(row2(e.f, l.a) - row2(e.g, l.b)));
   return largest / domain_radius(e.f, e.g);
 }
 
-/// E_f + E_g, infinite for a failure.
-inline double strain(const SurfacePair& pair, const Embedding& e) {
-  if (e.status != Status::kConverged) return kInfinity;
-  Array<Eigen::Matrix2d> J;
-  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
-  return energy < kInfinity ? energy : kInfinity;  // NaN, too
-}
-
-/// Embeds with free boundaries in the metric of the surfaces; where that fails or strains them,
-/// once more in the uniform metric, and the better one counts.
-inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                         const Options& options, Embedding& embedding) {
-  constexpr double kStrained = 100;  // of isometries: 4
-  PairEmbedder(pair, landmarks, options, Metric::kSurface, nullptr).run(embedding);
-  const double energy = strain(pair, embedding) / pair.total_area();
-  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
-    Embedding other;
-    PairEmbedder(pair, landmarks, options, Metric::kUniform, nullptr).run(other);
-    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
-      embedding = other;
-  }
-  return embedding.status == Status::kConverged;
-}
-
-/// Embeds both meshes in one square.
-inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                            const Options& options, Embedding& embedding) {
-  OutlineBuilder builder(pair, landmarks);
-  if (!builder.has_landmarks()) {
-    if (!embed_freely(pair, landmarks, options, embedding)) return false;
-    builder.match_closest(embedding.f, embedding.g);
-  }
-  const std::array<Outline, 2> outlines = builder.build();
-  PairEmbedder(pair, landmarks, options, Metric::kUniform, &outlines).run(embedding);
-  return embedding.status == Status::kConverged;
-}
-
-/// The start, as the options want it. May add vertices to the meshes of the pair.
-inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
-                  Embedding& embedding) {
-  Timer timer;
-  const bool is_held = options.boundary != Boundary::kFree;
-  bool ok = !(is_held || options.exact_landmarks) || check_order(pair, landmarks, embedding);
-  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, embedding)
-                      : embed_freely(pair, landmarks, options, embedding));
-  if (ok && options.exact_landmarks) LandmarkJoiner(pair, landmarks, options).run(embedding);
-  if (embedding.status != Status::kConverged) {
-    embedding.f.resize(0, 2);
-    embedding.g.resize(0, 2);
-  }
-  embedding.seconds = timer.lap();
+/// The mesh that a surface was built from, with the vertices added since.
+inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface& s) {
+  return {with_midpoints(given.vertices, s.added), triangles_of(s.mesh)};
 }
 
 /// Hands over the meshes that were embedded.
@@ -8046,23 +8080,25 @@ inline void return_meshes(const TriangleMesh& a, const TriangleMesh& b, const Su
 }
 
 /// True if x holds an injective embedding of m.
-template <class Output>
-bool check_positions(const HalfEdgeMesh& m, const Points2& x, const std::string& name,
-                     Output& output) {
+inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char* name,
+                            Outcome& outcome) {
   if (x.rows() != m.n_vertices)
-    return fail(output, Status::kInvalidPositions,
-                name + " has " + std::to_string(x.rows()) + " rows, the mesh has " +
-                    std::to_string(m.n_vertices) + " vertices");
+    return fail(outcome, Status::kInvalidPositions,
+                {name, " has ", rows_of(x), " rows, the mesh has ", m.n_vertices, " vertices"});
   return is_injective(m, x) ||
-         fail(output, Status::kInvalidPositions, name + " is not an injective embedding");
+         fail(outcome, Status::kInvalidPositions, {name, " is not an injective embedding"});
 }
 
 /// Takes the start from Options, after checking it.
-inline void given_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+inline void take_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
   if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
   check_positions(pair.b.mesh, start.g, "initial_g", start);
+}
+
+inline void scale(double factor, Points2& x) {
+  for (int i = 0; i < x.rows(); ++i) set_row(x, i, factor * row2(x, i));
 }
 
 /// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
@@ -8087,54 +8123,45 @@ struct PinnedSide {
   int first_row, first_master;
 };
 
-inline bool add_pins(const PinnedSide& side, Array<Follower>& followers, Result& result) {
+inline bool add_pins(const PinnedSide& side, Array<Follower>& followers, Outcome& outcome) {
   for (int v : side.vertices) {
     const MappedPoint image = side.map.map_vertex(v);
     if (!image.covered)
-      return fail(result, Status::kInvalidPins,
-                  "pin: vertex " + std::to_string(v) + " of " + side.mesh + " is not mapped to " +
-                      side.other + " by the start",
-                  {v});
-    Follower follower = {side.first_row + v, {}, image.point.barycentric};
-    for (int k = 0; k < 3; ++k)
-      follower.master[static_cast<std::size_t>(k)] =
-          side.first_master + side.map.to.corner(image.point.face, k);
-    followers.push_back(follower);
+      return fail(
+          outcome, Status::kInvalidPins,
+          {"pin: vertex ", v, " of ", side.mesh, " is not mapped to ", side.other, " by the start"},
+          {v});
+    followers.push_back(follower_in(side.first_row + v, side.map.to, side.first_master,
+                                    image.point.face, weights_of(image.point)));
   }
   return true;
 }
 
 /// A pin must not lie in a triangle with a pinned vertex: followers of followers are not resolved.
-inline bool check_chains(const Array<Follower>& followers, int n_a, Result& result) {
+inline bool check_chains(const Array<Follower>& followers, int n_a, int rows, Outcome& outcome) {
   const auto id = [&](int row) { return row < n_a ? row : row - n_a; };
-  const auto name = [&](int row) {
-    return "vertex " + std::to_string(id(row)) + (row < n_a ? " of A" : " of B");
-  };
-  std::vector<int> pinned;
-  for (const Follower& follower : followers) pinned.push_back(follower.row);
-  std::sort(pinned.begin(), pinned.end());
+  const auto mesh = [&](int row) { return row < n_a ? " of A" : " of B"; };
+  const Substitution P(followers, rows);
   for (const Follower& follower : followers)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const int master = follower.master[k];
-      if (follower.weight[static_cast<int>(k)] != 0 &&
-          std::binary_search(pinned.begin(), pinned.end(), master))
-        return fail(result, Status::kInvalidPins,
-                    "pin: " + name(follower.row) + " lies in a triangle of " + name(master) +
-                        ", which is pinned too",
-                    {id(follower.row), id(master)});
-    }
+    for (int k = 0; k < 3; ++k)
+      if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
+        return fail(
+            outcome, Status::kInvalidPins,
+            {"pin: vertex ", id(follower.row), mesh(follower.row), " lies in a triangle of vertex ",
+             id(follower.master[k]), mesh(follower.master[k]), ", which is pinned too"},
+            {id(follower.row), id(follower.master[k])});
   return true;
 }
 
-/// The followers that Options::pins_a and pins_b ask for.
+/// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
 inline bool find_followers(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
                            const Options& options, Array<Follower>& followers, Result& result) {
   for (const Landmark& l : landmarks) {
     if (!options.exact_landmarks) break;
-    if (result.f.row(l.a) != result.g.row(l.b))
+    if (row2(result.f, l.a) != row2(result.g, l.b))
       return fail(result, Status::kInvalidPositions,
-                  "landmark " + std::to_string(l.a) + " " + std::to_string(l.b) +
-                      ": exact_landmarks needs given positions in which its images coincide",
+                  {"landmark ", l.a, " ", l.b,
+                   ": exact_landmarks needs given positions in which its images coincide"},
                   {l.a, l.b});
     followers.push_back(landmark_follower(pair, l));
   }
@@ -8148,7 +8175,7 @@ inline bool find_followers(const SurfacePair& pair, const std::vector<Landmark>&
   const int n = pair.n_a();
   return add_pins({options.pins_a, "A", "B", forward_side(map), 0, n}, followers, result) &&
          add_pins({options.pins_b, "B", "A", backward_side(map), n, 0}, followers, result) &&
-         check_chains(followers, n, result);
+         check_chains(followers, n, pair.rows(), result);
 }
 
 inline const char* explain(Status s) {
@@ -8167,8 +8194,7 @@ inline const char* explain(Status s) {
       return "a triangle at a pinned vertex is so thin at the start that rounding turns it over";
     case Status::kNumericalFailure:
       return "the energy or its derivatives are not finite: a triangle is too thin for them, or "
-             "the "
-             "measure fails";
+             "the measure fails";
     default:
       return "";
   }
@@ -8176,7 +8202,7 @@ inline const char* explain(Status s) {
 
 }  // namespace detail
 
-inline const char* to_string(Status s) {
+const char* to_string(Status s) {
   switch (s) {
     case Status::kConverged:
       return "converged";
@@ -8208,12 +8234,30 @@ inline const char* to_string(Status s) {
   return "unknown";
 }
 
-inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
-                                   const std::vector<Landmark>& landmarks, const Options& options) {
+Options Options::paper() {
+  Options options;
+  options.coverage_weight = 0;
+  options.barrier_weight = 1e-8;
+  options.history_length = 6;
+  options.history_decay = 0.5;
+  options.omega_start = 1e9;
+  options.omega_factor = 1.25;
+  options.omega_least = 0;
+  options.max_iterations = 550;
+  options.least_coverage = 0;
+  options.search_stride = 1;
+  options.short_step = 0;
+  options.solve_tolerance = 1e-12;
+  options.window = 10;
+  options.scaffold = false;
+  return options;
+}
+
+Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+                            const std::vector<Landmark>& landmarks, const Options& options) {
   Embedding embedding;
-  if (!detail::check_input(a, b, landmarks, options, embedding)) return embedding;
-  detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                              detail::build_surface(b, options.keep_scale)};
+  detail::SurfacePair pair;
+  if (!detail::build_pair(a, b, landmarks, options, pair, embedding)) return embedding;
   detail::embed(pair, landmarks, options, embedding);
   detail::return_meshes(a, b, pair, embedding);
   if (embedding.status == Status::kConverged)
@@ -8221,61 +8265,63 @@ inline Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
   return embedding;
 }
 
-inline Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
-                          const std::vector<Landmark>& landmarks, const Options& options) {
+Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+                   const std::vector<Landmark>& landmarks, const Options& options) {
   Result result;
-  if (!detail::check_input(a, b, landmarks, options, result)) {
+  detail::SurfacePair pair;
+  if (!detail::build_pair(a, b, landmarks, options, pair, result)) {
     result.start.status = result.status;
     return result;
   }
-  detail::SurfacePair pair = {detail::build_surface(a, options.keep_scale),
-                              detail::build_surface(b, options.keep_scale)};
   const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
   if (is_given)
-    detail::given_positions(pair, options, result.start);
+    detail::take_positions(pair, options, result.start);
   else
     detail::embed(pair, landmarks, options, result.start);
   detail::return_meshes(a, b, pair, result.start);
   if (result.start.status != Status::kConverged) {
-    detail::fail(result, result.start.status, result.start.message, result.start.ids);
+    detail::fail(result, result.start.status, {result.start.message}, result.start.ids);
     return result;
   }
   result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
   const double scale = is_given ? detail::plane_scale(pair, result.start.f, result.start.g) : 1;
-  result.f = scale * result.start.f;
-  result.g = scale * result.start.g;
+  result.f = result.start.f;
+  result.g = result.start.g;
+  detail::scale(scale, result.f);
+  detail::scale(scale, result.g);
   detail::Timer timer;
   detail::Array<detail::Follower> followers;
   if (!detail::find_followers(pair, landmarks, options, followers, result)) return result;
   detail::Optimizer(pair, options, followers).run(result);
-  result.f /= scale;
-  result.g /= scale;
+  detail::scale(1 / scale, result.f);
+  detail::scale(1 / scale, result.g);
   result.message = detail::explain(result.status);
   result.seconds = timer.lap();
   return result;
 }
 
-inline SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
-                              const Points2& g) {
+SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
+                       const Points2& g) {
   auto data = std::make_shared<detail::MapData>();
   data_ = data;
-  if (!detail::check_mesh(a, "A", *data) || !detail::check_mesh(b, "B", *data)) return;
+  if (!detail::check_mesh(a, "A", data->a, *data) || !detail::check_mesh(b, "B", data->b, *data))
+    return;
   data->vertices_a = a.vertices;
   data->vertices_b = b.vertices;
-  data->a = detail::build_half_edges(static_cast<int>(a.vertices.rows()), a.triangles);
-  data->b = detail::build_half_edges(static_cast<int>(b.vertices.rows()), b.triangles);
   data->f = f;
   data->g = g;
   if (!detail::check_positions(data->a, f, "f", *data)) return;
   if (!detail::check_positions(data->b, g, "g", *data)) return;
   detail::index_overlay(*data);
   if (data->overlay.polygons.empty())
-    detail::fail(*data, Status::kNoOverlap, detail::explain(Status::kNoOverlap));
+    detail::fail(*data, Status::kNoOverlap, {detail::explain(Status::kNoOverlap)});
 }
 
 }  // namespace ism
 
-// ==== [17] LICENSE ===============================================================================
+#endif  // ISM_IMPLEMENTATION
+
+// ==== LICENSE ====================================================================================
 //
 // MIT License
 //
@@ -8298,5 +8344,3 @@ inline SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, cons
 // LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
 // OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
 // SOFTWARE.
-
-#endif  // ISM_HPP

@@ -8,6 +8,7 @@
 #include "ism.hpp"
 #include "map_picture.hpp"
 #include "mesh_io.hpp"
+#include "morph.hpp"
 #include "render.hpp"
 
 #include <algorithm>
@@ -92,9 +93,13 @@ and if they are asked for
 
 // ==== [1] ARGUMENTS ==============================================================================
 
+/// The optimisers that the paper compares (§6.1, Fig. 9).
+enum class Variant { kProjectedNewton, kSmoothedProjectedNewton, kFull };
+
 struct Arguments {
   std::string a, b, out, landmarks, pins, initial, texture;
   std::string preset = "default", measure = "sd";
+  Variant variant = Variant::kFull;
   ism::Options options;
   bool has_kappa = false, pin_landmarks = false, start_only = false, quiet = false, help = false;
   bool picture = false, heat = false, transfer_uv = false;
@@ -164,7 +169,7 @@ std::string read_setting(const std::string& text, ism::Options& options) {
   return "--set: there is no option '" + name + "', but these:" + names;
 }
 
-constexpr const char* kVariants[] = {"pn", "spn", "full"};         // in the order of ism::Variant
+constexpr const char* kVariants[] = {"pn", "spn", "full"};         // in the order of Variant
 constexpr const char* kBoundaries[] = {"free", "fixed", "slide"};  // and of ism::Boundary
 
 /// Reads one of the names of the values of an enumeration, 0, 1 and 2.
@@ -245,7 +250,7 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--threads") return read_number(flag, text, args.options.threads);
   if (flag == "--set") return read_setting(text, args.options);
   if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
-  if (flag == "--variant") return read_choice(flag, text, kVariants, args.options.variant);
+  if (flag == "--variant") return read_choice(flag, text, kVariants, args.variant);
   if (flag == "--morph") return read_frames(text, args.morph);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
@@ -496,7 +501,7 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
     const ism::MappedPoint image = map.forward_vertex(l.a);
     result.uncovered += !image.covered;
     if (!image.covered) continue;
-    const ism::Vec3 target = b.row(l.b);
+    const Eigen::Vector3d target = b.row(l.b);
     const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
     if (distance < result.largest) continue;
     result.largest = distance;
@@ -606,7 +611,7 @@ std::string json_options(const Arguments& args) {
       .add("initial", args.initial)
       .add("measure", args.measure)
       .add("boundary", kBoundaries[static_cast<int>(args.options.boundary)])
-      .add("variant", kVariants[static_cast<int>(args.options.variant)]);
+      .add("variant", kVariants[static_cast<int>(args.variant)]);
   ism::Options options = args.options;
   for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
   return json.text();
@@ -653,7 +658,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
 /// The edges of A's polygons as polylines on B.
 std::string edges_text(const Input& input, const ism::Embedding& start,
                        const ism::SurfaceMap& map) {
-  std::vector<ism::Vec3> points;
+  std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
   for (const auto& path : ism::edge_paths(input.edges_a, start.a, start.added_a))
     for (const ism::Polyline& polyline : map.forward_path(path)) {
@@ -792,10 +797,10 @@ void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh
 }
 
 /// Meshes and pictures of the shapes between A and B, all seen alike. Returns what is wrong.
-std::string add_morph(const Arguments& args, const picture::Scene& scene,
+std::string add_morph(const Arguments& args, const ism::Result& result, const picture::Scene& scene,
                       std::vector<mesh_io::TextFile>& files) {
-  const ism::Morph morph(scene.map, args.options);
-  if (!ism::is_usable(morph.status())) return "the shapes of --morph could not be computed";
+  const morphing::Morph morph(scene.map, result.f, result.g);
+  if (!morph.ok()) return "the shapes of --morph could not be computed";
   const Eigen::Index n = scene.meta.on_a.rows();
   ism::Points3 all(n * args.morph, 3);
   for (int i = 0; i < args.morph; ++i) all.middleRows(i * n, n) = morph.at(i / (args.morph - 1.0));
@@ -828,7 +833,7 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
   if (args.transfer_uv) add_uv(input, result.start, scene.meta, files);
-  return args.morph > 0 ? add_morph(args, scene, files) : "";
+  return args.morph > 0 ? add_morph(args, result, scene, files) : "";
 }
 
 std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile> files) {
@@ -917,16 +922,18 @@ int exit_code(ism::Status status, bool own_start) {
   }
 }
 
-ism::Result compute(Arguments& args, const Input& input) {
+ism::Result compute(const Arguments& args, const Input& input) {
   ProgressLine line(args.quiet);
-  args.options.progress = [&line](const ism::Progress& progress) {
+  ism::Options options = args.options;
+  if (args.variant != Variant::kFull) options.omega_start = 0;
+  if (args.variant == Variant::kProjectedNewton) options.history_length = 1;
+  options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);
     return interrupted == 0;
   };
   std::signal(SIGINT, on_interrupt);
-  ism::Result result = ism::compute_map(input.a, input.b, input.landmarks, args.options);
-  args.options.progress = nullptr;  // its line ends here
-  std::signal(SIGINT, SIG_DFL);     // nothing asks for the flag from here on
+  ism::Result result = ism::compute_map(input.a, input.b, input.landmarks, options);
+  std::signal(SIGINT, SIG_DFL);  // nothing asks for the flag from here on
   line.finish();
   return result;
 }

@@ -1,6 +1,10 @@
 // map_picture.cpp: see map_picture.hpp.
 
+#define RENDER_IMPLEMENTATION
 #include "map_picture.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
 
 #include <array>
 #include <cmath>
@@ -23,18 +27,18 @@ namespace {
 /// The coordinate axis, seen from `front`, that is closest to a direction, as files mostly have one
 /// upwards: y rather than another one that is as close, and never minus y. The direction itself if
 /// no axis is close.
-ism::Vec3 along_axis(const ism::Vec3& up, const ism::Vec3& front) {
+Eigen::Vector3d along_axis(const Eigen::Vector3d& up, const Eigen::Vector3d& front) {
   constexpr double kClose = 0.64, kBonus = 0.1;  // cosines
-  ism::Vec3 best = up;
+  Eigen::Vector3d best = up;
   double best_score = kClose;
   for (int k = 0; k < 3; ++k)
     for (const double sign : {1.0, -1.0}) {
-      const ism::Vec3 axis = sign * ism::Vec3::Unit(k);
-      const ism::Vec3 seen = (axis - axis.dot(front) * front).normalized();
+      const Eigen::Vector3d axis = sign * Eigen::Vector3d::Unit(k);
+      const Eigen::Vector3d seen = (axis - axis.dot(front) * front).normalized();
       const double score = seen.dot(up) + (k == 1 && sign > 0 ? kBonus : 0);
       if (axis.dot(seen) < kClose || score < best_score) continue;
       best_score = score;
-      best = k == 1 ? ism::Vec3(sign * seen) : seen;
+      best = k == 1 ? Eigen::Vector3d(sign * seen) : seen;
     }
   return best;
 }
@@ -44,19 +48,21 @@ ism::Vec3 along_axis(const ism::Vec3& up, const ism::Vec3& front) {
 Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
   constexpr double kClear = 0.15;  // of the extent
   const ism::Points3 normals = render::smooth_normals(mesh.vertices, mesh.triangles);
-  const ism::Vec3 center = mesh.vertices.colwise().mean().transpose();
+  const Eigen::Vector3d center = mesh.vertices.colwise().mean().transpose();
   const ism::Points3 from_center = mesh.vertices.rowwise() - center.transpose();
-  const Eigen::Matrix3d spread = from_center.transpose() * from_center;
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (Eigen::Index v = 0; v < from_center.rows(); ++v)
+    spread += from_center.row(v).transpose() * from_center.row(v);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(spread);
-  ism::Vec3 front = principal.eigenvectors().col(0);
+  Eigen::Vector3d front = principal.eigenvectors().col(0);
   if (front.dot(normals.colwise().sum().transpose()) < 0) front = -front;
-  ism::Vec3 rim = ism::Vec3::Zero();
+  Eigen::Vector3d rim = Eigen::Vector3d::Zero();
   const std::set<int> boundary = boundary_vertices(mesh);
   for (int v : boundary)
     rim += from_center.row(v).transpose() / static_cast<double>(boundary.size());
-  ism::Vec3 up = -rim + rim.dot(front) * front;
+  Eigen::Vector3d up = -rim + rim.dot(front) * front;
   if (up.norm() < kClear * from_center.rowwise().norm().maxCoeff()) {
-    up = ism::Vec3::UnitY() - front.y() * front;
+    up = Eigen::Vector3d::UnitY() - front.y() * front;
     if (up.norm() < kClear) up = principal.eigenvectors().col(2);
   }
   up = along_axis(up.normalized(), front);
@@ -69,8 +75,10 @@ namespace {
 
 /// The best rotation from one set of points to another [Kabsch 1976].
 Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& to) {
-  const Eigen::Matrix3d moments =
-      (to.rowwise() - to.colwise().mean()).transpose() * (from.rowwise() - from.colwise().mean());
+  const Eigen::RowVector3d from_center = from.colwise().mean(), to_center = to.colwise().mean();
+  Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
+  for (Eigen::Index i = 0; i < from.rows(); ++i)
+    moments += (to.row(i) - to_center).transpose() * (from.row(i) - from_center);
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moments, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix3d U = svd.matrixU();
   if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) *= -1;
@@ -153,7 +161,7 @@ Texture front_texture(const Scene& scene) {
   const render::View view = scene.view(ism::Side::kA, {0, 0, 1, 1});
   Eigen::MatrixXd uv(vertices.rows(), 2);
   for (Eigen::Index v = 0; v < uv.rows(); ++v) {
-    const ism::Vec3 p = view.project(vertices.row(v).transpose());
+    const Eigen::Vector3d p = view.project(vertices.row(v).transpose());
     uv.row(v) << p.x(), 1 - p.y();
   }
   return {render::checker_texture(24, 768),

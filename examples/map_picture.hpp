@@ -34,7 +34,7 @@ Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh);
 
 /// Directions to look along at A and at B, as rows: right, up, towards the viewer.
 struct Axes {
-  Eigen::Matrix3d a, b;
+  Eigen::Matrix3d a = Eigen::Matrix3d::Identity(), b = a;
 };
 
 /// A map with what it takes to draw it.

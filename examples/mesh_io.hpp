@@ -12,6 +12,8 @@
 
 #include "ism.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -581,28 +583,29 @@ inline std::string read_ply(std::string_view text, Soup& soup) {
 
 // ==== [5] POLYGONS TO TRIANGLES ==================================================================
 
-inline double turn(const ism::Vec2& a, const ism::Vec2& b, const ism::Vec2& c) {
+inline double turn(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
   return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
 }
 
 /// A polygon in space, laid into the plane of its mean normal, about 1 in size.
-inline bool flatten(const Soup& soup, const std::vector<int>& ids, std::vector<ism::Vec2>& flat) {
+inline bool flatten(const Soup& soup, const std::vector<int>& ids,
+                    std::vector<Eigen::Vector2d>& flat) {
   const auto point = [&](std::size_t i) {
     const std::array<double, 3>& p = soup.points[static_cast<std::size_t>(ids[i])];
-    return ism::Vec3(p[0], p[1], p[2]);
+    return Eigen::Vector3d(p[0], p[1], p[2]);
   };
   double size = 0;
   for (std::size_t i = 1; i < ids.size(); ++i)
     size = (std::max)(size, (point(i) - point(0)).cwiseAbs().maxCoeff());
   if (!(size > 0) || !std::isfinite(size)) return false;
-  std::vector<ism::Vec3> p(ids.size());
+  std::vector<Eigen::Vector3d> p(ids.size());
   for (std::size_t i = 0; i < ids.size(); ++i) p[i] = (point(i) - point(0)) / size;
-  ism::Vec3 normal = ism::Vec3::Zero();  // twice the vector area
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // twice the vector area
   for (std::size_t i = 0; i < p.size(); ++i) normal += p[i].cross(p[(i + 1) % p.size()]);
   if (!(normal.norm() > 1e-12)) return false;
-  const ism::Vec3 x = normal.normalized().unitOrthogonal(), y = normal.normalized().cross(x);
+  const Eigen::Vector3d x = normal.normalized().unitOrthogonal(), y = normal.normalized().cross(x);
   flat.clear();
-  for (const ism::Vec3& q : p) flat.emplace_back(x.dot(q), y.dot(q));
+  for (const Eigen::Vector3d& q : p) flat.emplace_back(x.dot(q), y.dot(q));
   return true;
 }
 
@@ -612,7 +615,7 @@ inline bool flatten(const Soup& soup, const std::vector<int>& ids, std::vector<i
 /// lies inside. Fails for polygons that cross or touch themselves.
 class EarCutter {
  public:
-  EarCutter(std::vector<ism::Vec2> flat, double tolerance)
+  EarCutter(std::vector<Eigen::Vector2d> flat, double tolerance)
       : flat_(std::move(flat)), tolerance_(tolerance) {}
 
   bool cut(std::vector<std::array<std::size_t, 3>>& triangles) {
@@ -656,10 +659,10 @@ class EarCutter {
   }
 
   bool is_ear(const std::vector<std::size_t>& rest, const std::array<std::size_t, 3>& t) const {
-    const ism::Vec2 &a = flat_[t[0]], &b = flat_[t[1]], &c = flat_[t[2]];
+    const Eigen::Vector2d &a = flat_[t[0]], &b = flat_[t[1]], &c = flat_[t[2]];
     if (!(turn(a, b, c) > tolerance_)) return false;
     for (const std::size_t i : rest) {
-      const ism::Vec2& p = flat_[i];
+      const Eigen::Vector2d& p = flat_[i];
       if (i != t[0] && i != t[1] && i != t[2] && turn(a, b, p) >= -tolerance_ &&
           turn(b, c, p) >= -tolerance_ && turn(c, a, p) >= -tolerance_)
         return false;
@@ -667,7 +670,7 @@ class EarCutter {
     return true;
   }
 
-  std::vector<ism::Vec2> flat_;
+  std::vector<Eigen::Vector2d> flat_;
   double tolerance_;
 };
 
@@ -689,7 +692,7 @@ inline std::string add_triangles(const Soup& soup, std::size_t begin, const std:
   std::sort(sorted.begin(), sorted.end());
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
     return "the face has one vertex twice";
-  std::vector<ism::Vec2> flat;
+  std::vector<Eigen::Vector2d> flat;
   std::vector<CornerTriple> cut;
   // Rounding puts corners meant to be on a line beside it, so thin ears are avoided if possible.
   if (!flatten(soup, ids, flat) ||

@@ -8,29 +8,28 @@
 //
 // Triangles with a depth buffer, smooth shading, colours per corner or a texture, lines, stroke
 // text, legends; anti-aliased by supersampling. Parallel projection. Coordinates on the canvas are
-// pixels from the top left. Nothing depends on a window system. With RENDER_ZLIB defined, PNG files
-// are compressed by zlib; without, they are stored.
+// pixels from the top left. Nothing depends on a window system.
+//
+// One file of a program defines RENDER_IMPLEMENTATION before it includes this. If that file defines
+// RENDER_ZLIB too, PNG files are compressed by zlib; without, they are stored.
 
 #ifndef ISM_EXAMPLES_RENDER_HPP
 #define ISM_EXAMPLES_RENDER_HPP
 
 #include "ism.hpp"
 
-#include <algorithm>
+#include <Eigen/Core>
+
 #include <array>
-#include <cmath>
-#include <cstdint>
-#include <limits>
+#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>
 
-#ifdef RENDER_ZLIB
-#include <zlib.h>
-#endif
-
 namespace render {
 
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
 using Color = Eigen::Array3f;  // red, green, blue in [0, 1]
 
 struct Image {
@@ -59,22 +58,21 @@ struct Rect {
 /// A parallel projection: the rows of `axes` point right, up and towards the viewer.
 struct View {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
-  ism::Vec3 center = ism::Vec3::Zero();  // goes to `middle`
-  ism::Vec2 middle = ism::Vec2::Zero();  // in pixels
-  double scale = 1;                      // pixels per unit
+  Vec3 center = Vec3::Zero();  // goes to `middle`
+  Vec2 middle = Vec2::Zero();  // in pixels
+  double scale = 1;            // pixels per unit
   /// Pixel x, pixel y, depth: larger is nearer.
-  ism::Vec3 project(const ism::Vec3& p) const {
-    const ism::Vec3 q = scale * (axes * (p - center));
+  Vec3 project(const Vec3& p) const {
+    const Vec3 q = scale * (axes * (p - center));
     return {middle.x() + q.x(), middle.y() - q.y(), q.z()};
   }
 };
 
 /// Looks at points from an azimuth around the y-axis (0: from +z, 90: from +x) and an elevation, in
 /// degrees, so that they fill a part of the canvas.
-inline View look_at(const ism::Points3& points, double azimuth, double elevation,
-                    const Rect& panel);
+View look_at(const ism::Points3& points, double azimuth, double elevation, const Rect& panel);
 /// The same with given axes: the rows point right, up and towards the viewer.
-inline View look_along(const ism::Points3& points, const Eigen::Matrix3d& axes, const Rect& panel);
+View look_along(const ism::Points3& points, const Eigen::Matrix3d& axes, const Rect& panel);
 
 /// A triangle mesh to be drawn. Colours: those of corners, else the texture, else one for all.
 struct Shape {
@@ -96,10 +94,10 @@ inline Shape shape_of(const ism::TriangleMesh& mesh) {
 }
 
 /// From white over orange to a dark red, t in [0, 1]: of distortion, white is none.
-inline Color heat(double t);
+Color heat(double t);
 
 /// Squares of two greys with a hue that changes over the texture, so that places can be told.
-inline Image checker_texture(int squares, int size);
+Image checker_texture(int squares, int size);
 
 class Canvas {
  public:
@@ -108,16 +106,16 @@ class Canvas {
   /// `lift` brings it that many pixels nearer: of two coinciding surfaces, the one that is seen.
   void draw(const View& view, const Shape& shape, double lift = 0);
   /// Lines on or near a surface; they are drawn over what is less than `lift` pixels in front.
-  void draw_line(const View& view, const std::vector<ism::Vec3>& points, double width,
+  void draw_line(const View& view, const std::vector<Vec3>& points, double width,
                  const Color& color, double lift = 2);
-  void draw_ball(const View& view, const ism::Vec3& point, double radius, const Color& color,
+  void draw_ball(const View& view, const Vec3& point, double radius, const Color& color,
                  double lift = 2);
 
   /// On top of everything, in pixels.
-  void line(const std::vector<ism::Vec2>& points, double width, const Color& color);
+  void line(const std::vector<Vec2>& points, double width, const Color& color);
   void fill(const Rect& rect, const Color& color);
   /// Text with its base line at y; `size` is the height of capitals. Glyphs are ASCII.
-  void text(const ism::Vec2& at, double size, const std::string& words,
+  void text(const Vec2& at, double size, const std::string& words,
             const Color& color = {0.1f, 0.1f, 0.1f});
   /// A bar of colours from `low` to `high` with their values and a title.
   void legend(const Rect& rect, Color (*map)(double), const std::string& low,
@@ -129,9 +127,9 @@ class Canvas {
 
  private:
   template <class Paint>
-  void triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint);
-  void segment(const ism::Vec3& p, const ism::Vec3& q, double width, const Color& color);
-  void disk(const ism::Vec3& center, double radius, const Color& color);
+  void triangle(const std::array<Vec3, 3>& corner, const Paint& paint);
+  void segment(const Vec3& p, const Vec3& q, double width, const Color& color);
+  void disk(const Vec3& center, double radius, const Color& color);
   void set(int x, int y, float depth, const Color& color);
 
   Image samples_;
@@ -143,7 +141,7 @@ inline double text_width(double size, const std::string& words) {
 }
 
 /// The bytes of a PNG file.
-inline std::string png_text(const Image& image);
+std::string png_text(const Image& image);
 
 struct ImageResult {
   std::string error;  // empty if there is an image
@@ -151,7 +149,7 @@ struct ImageResult {
 };
 /// Reads the bytes of a PNG file (grey, colours or a palette, 8 or 16 bits, not interlaced; opacity
 /// is ignored; needs zlib) or of a binary PPM file (P6, 8 bits).
-inline ImageResult read_image(const std::string& bytes);
+ImageResult read_image(const std::string& bytes);
 
 /// Polygons as triangles, fanned out, and for every triangle the polygon it comes from.
 struct Fans {
@@ -166,32 +164,52 @@ struct Fans {
     return result;
   }
 };
-inline Fans fan_out(const std::vector<std::vector<int>>& polygons);
+Fans fan_out(const std::vector<std::vector<int>>& polygons);
+
+}  // namespace render
+
+#endif  // ISM_EXAMPLES_RENDER_HPP
+
+#if defined(RENDER_IMPLEMENTATION) && !defined(ISM_EXAMPLES_RENDER_IMPLEMENTED)
+#define ISM_EXAMPLES_RENDER_IMPLEMENTED
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <limits>
+
+#ifdef RENDER_ZLIB
+#include <zlib.h>
+#endif
+
+namespace render {
 
 // ==== [1] VIEWS AND COLOURS ======================================================================
 
-inline View look_along(const ism::Points3& points, const Eigen::Matrix3d& axes, const Rect& panel) {
+View look_along(const ism::Points3& points, const Eigen::Matrix3d& axes, const Rect& panel) {
   constexpr double kMargin = 0.96;
   View view;
   view.axes = axes;
-  ism::Vec3 lo = ism::Vec3::Constant(std::numeric_limits<double>::infinity()), hi = -lo;
+  Vec3 lo = Vec3::Constant(std::numeric_limits<double>::infinity()), hi = -lo;
   for (Eigen::Index i = 0; i < points.rows(); ++i) {
-    const ism::Vec3 q = axes * points.row(i).transpose();
+    const Vec3 q = axes * points.row(i).transpose();
     lo = lo.cwiseMin(q);
     hi = hi.cwiseMax(q);
   }
-  const ism::Vec3 size = (hi - lo).cwiseMax(1e-12 * (hi - lo).maxCoeff());
+  const Vec3 size = (hi - lo).cwiseMax(1e-12 * (hi - lo).maxCoeff());
   view.center = axes.transpose() * (0.5 * (lo + hi));
   view.scale = kMargin * std::min(panel.width / size.x(), panel.height / size.y());
   view.middle = {panel.x + 0.5 * panel.width, panel.y + 0.5 * panel.height};
   return view;
 }
 
-inline View look_at(const ism::Points3& points, double azimuth, double elevation,
-                    const Rect& panel) {
+View look_at(const ism::Points3& points, double azimuth, double elevation, const Rect& panel) {
   constexpr double kDegree = 3.14159265358979323846 / 180;
-  const Eigen::AngleAxisd tilt(elevation * kDegree, ism::Vec3::UnitX());
-  const Eigen::AngleAxisd turn(-azimuth * kDegree, ism::Vec3::UnitY());
+  const Eigen::AngleAxisd tilt(elevation * kDegree, Vec3::UnitX());
+  const Eigen::AngleAxisd turn(-azimuth * kDegree, Vec3::UnitY());
   return look_along(points, (tilt * turn).toRotationMatrix(), panel);
 }
 
@@ -204,14 +222,14 @@ Color interpolate(const std::array<Color, N>& colors, double t) {
   return (1 - u) * colors[i] + u * colors[i + 1];
 }
 
-inline Color heat(double t) {
+Color heat(double t) {
   return interpolate<6>(
       {Color(1, 1, 1), Color(1, 0.93f, 0.70f), Color(1, 0.75f, 0.35f), Color(0.93f, 0.42f, 0.15f),
        Color(0.72f, 0.12f, 0.10f), Color(0.33f, 0.02f, 0.08f)},
       t);
 }
 
-inline Image checker_texture(int squares, int size) {
+Image checker_texture(int squares, int size) {
   Image image(size, size, {1, 1, 1});
   for (int y = 0; y < size; ++y)
     for (int x = 0; x < size; ++x) {
@@ -237,7 +255,7 @@ inline Color sample(const Image& texture, double u, double v) {
          t * ((1 - s) * pixel(i, j + 1) + s * pixel(i + 1, j + 1));
 }
 
-inline Fans fan_out(const std::vector<std::vector<int>>& polygons) {
+Fans fan_out(const std::vector<std::vector<int>>& polygons) {
   Eigen::Index n = 0;
   for (const std::vector<int>& p : polygons) n += static_cast<Eigen::Index>(p.size()) - 2;
   Fans fans;
@@ -261,11 +279,11 @@ inline Fans fan_out(const std::vector<std::vector<int>>& polygons) {
 
 // ==== [2] CANVAS =================================================================================
 
-inline Canvas::Canvas(int width, int height, const Color& background)
+Canvas::Canvas(int width, int height, const Color& background)
     : samples_(kSamples * width, kSamples * height, background),
       depth_(samples_.pixels.size(), -std::numeric_limits<float>::infinity()) {}
 
-inline void Canvas::set(int x, int y, float depth, const Color& color) {
+void Canvas::set(int x, int y, float depth, const Color& color) {
   if (x < 0 || y < 0 || x >= samples_.width || y >= samples_.height) return;
   float& old = depth_[static_cast<std::size_t>(y) * static_cast<std::size_t>(samples_.width) +
                       static_cast<std::size_t>(x)];
@@ -276,17 +294,15 @@ inline void Canvas::set(int x, int y, float depth, const Color& color) {
 
 /// paint(weights) is the colour at barycentric coordinates. Corners are given in pixels.
 template <class Paint>
-void Canvas::triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint) {
-  std::array<ism::Vec2, 3> p;
-  ism::Vec2 lo(1e9, 1e9), hi(-1e9, -1e9);
+void Canvas::triangle(const std::array<Vec3, 3>& corner, const Paint& paint) {
+  std::array<Vec2, 3> p;
+  Vec2 lo(1e9, 1e9), hi(-1e9, -1e9);
   for (std::size_t k = 0; k < 3; ++k) {
-    p[k] = kSamples * corner[k].head<2>() - ism::Vec2(0.5, 0.5);
+    p[k] = kSamples * corner[k].head<2>() - Vec2(0.5, 0.5);
     lo = lo.cwiseMin(p[k]);
     hi = hi.cwiseMax(p[k]);
   }
-  const auto cross = [](const ism::Vec2& a, const ism::Vec2& b) {
-    return a.x() * b.y() - a.y() * b.x();
-  };
+  const auto cross = [](const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); };
   const double area = cross(p[1] - p[0], p[2] - p[0]);
   if (area == 0 || !std::isfinite(area)) return;
   const int x0 = std::max(0, static_cast<int>(std::ceil(lo.x())));
@@ -295,9 +311,9 @@ void Canvas::triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint
   const int y1 = std::min(samples_.height - 1, static_cast<int>(std::floor(hi.y())));
   for (int y = y0; y <= y1; ++y)
     for (int x = x0; x <= x1; ++x) {
-      const ism::Vec2 q(x, y);
+      const Vec2 q(x, y);
       const double u = cross(p[1] - q, p[2] - q) / area, v = cross(p[2] - q, p[0] - q) / area;
-      const ism::Vec3 weights(u, v, 1 - u - v);
+      const Vec3 weights(u, v, 1 - u - v);
       if (weights.minCoeff() < -1e-9) continue;  // rounding must not leave gaps at common edges
       const double depth = u * corner[0].z() + v * corner[1].z() + (1 - u - v) * corner[2].z();
       set(x, y, static_cast<float>(depth), paint(weights));
@@ -308,44 +324,44 @@ void Canvas::triangle(const std::array<ism::Vec3, 3>& corner, const Paint& paint
 inline ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles) {
   ism::Points3 normals = ism::Points3::Zero(vertices.rows(), 3);
   for (Eigen::Index f = 0; f < triangles.rows(); ++f) {
-    const ism::Vec3 a = vertices.row(triangles(f, 0)), b = vertices.row(triangles(f, 1));
-    const ism::Vec3 c = vertices.row(triangles(f, 2));
-    const ism::Vec3 normal = (b - a).cross(c - a);
+    const Vec3 a = vertices.row(triangles(f, 0)), b = vertices.row(triangles(f, 1));
+    const Vec3 c = vertices.row(triangles(f, 2));
+    const Vec3 normal = (b - a).cross(c - a);
     for (int k = 0; k < 3; ++k) normals.row(triangles(f, k)) += normal.transpose();
   }
   return normals;
 }
 
-inline void Canvas::draw(const View& view, const Shape& shape, double lift) {
+void Canvas::draw(const View& view, const Shape& shape, double lift) {
   const ism::Points3 normals = smooth_normals(shape.vertices, shape.triangles);
-  const ism::Vec3 light = ism::Vec3(-0.35, 0.45, 0.85).normalized();
+  const Vec3 light = Vec3(-0.35, 0.45, 0.85).normalized();
   for (Eigen::Index f = 0; f < shape.triangles.rows(); ++f) {
-    std::array<ism::Vec3, 3> corner, normal;
+    std::array<Vec3, 3> corner, normal;
     std::array<Color, 3> color;
-    std::array<ism::Vec2, 3> uv;
+    std::array<Vec2, 3> uv;
     for (std::size_t k = 0; k < 3; ++k) {
       const Eigen::Index c = 3 * f + static_cast<Eigen::Index>(k);
       const int v = shape.triangles(f, static_cast<Eigen::Index>(k));
-      corner[k] = view.project(shape.vertices.row(v).transpose()) + ism::Vec3(0, 0, lift);
+      corner[k] = view.project(shape.vertices.row(v).transpose()) + Vec3(0, 0, lift);
       normal[k] = view.axes * (shape.corner_normals.rows() > 0
-                                   ? ism::Vec3(shape.corner_normals.row(c).transpose())
-                                   : ism::Vec3(normals.row(v).transpose()));
+                                   ? Vec3(shape.corner_normals.row(c).transpose())
+                                   : Vec3(normals.row(v).transpose()));
       color[k] = shape.color;
       if (shape.corner_colors.rows() > 0)
         color[k] = shape.corner_colors.row(c).transpose().array().cast<float>();
       if (shape.texture != nullptr) uv[k] = shape.corner_uv.row(c).transpose();
     }
-    triangle(corner, [&](const ism::Vec3& w) -> Color {
+    triangle(corner, [&](const Vec3& w) -> Color {
       const float a = static_cast<float>(w[0]), b = static_cast<float>(w[1]);
       Color result = a * color[0] + b * color[1] + (1 - a - b) * color[2];
       if (shape.texture != nullptr) {
-        const ism::Vec2 at = w[0] * uv[0] + w[1] * uv[1] + w[2] * uv[2];
+        const Vec2 at = w[0] * uv[0] + w[1] * uv[1] + w[2] * uv[2];
         result = sample(*shape.texture, at.x(), at.y());
       }
       if (!shape.is_shaded) return result;
-      const ism::Vec3 n = (w[0] * normal[0] + w[1] * normal[1] + w[2] * normal[2]).normalized();
+      const Vec3 n = (w[0] * normal[0] + w[1] * normal[1] + w[2] * normal[2]).normalized();
       const bool is_back = n.z() < 0;
-      const double diffuse = std::max(0.0, (is_back ? ism::Vec3(-n) : n).dot(light));
+      const double diffuse = std::max(0.0, (is_back ? Vec3(-n) : n).dot(light));
       const float shade = static_cast<float>((is_back ? 0.6 : 1.0) * (0.42 + 0.62 * diffuse));
       return (shade * result).min(1.0f);
     });
@@ -353,62 +369,60 @@ inline void Canvas::draw(const View& view, const Shape& shape, double lift) {
 }
 
 /// A thick segment with round ends, in pixels.
-inline void Canvas::segment(const ism::Vec3& p, const ism::Vec3& q, double width,
-                            const Color& color) {
-  const ism::Vec2 along = (q - p).head<2>();
+void Canvas::segment(const Vec3& p, const Vec3& q, double width, const Color& color) {
+  const Vec2 along = (q - p).head<2>();
   disk(p, 0.5 * width, color);
   disk(q, 0.5 * width, color);
   if (along.norm() == 0) return;
-  const ism::Vec2 side = 0.5 * width * ism::Vec2(-along.y(), along.x()).normalized();
-  const ism::Vec3 s(side.x(), side.y(), 0);
-  const auto paint = [&](const ism::Vec3&) { return color; };
+  const Vec2 side = 0.5 * width * Vec2(-along.y(), along.x()).normalized();
+  const Vec3 s(side.x(), side.y(), 0);
+  const auto paint = [&](const Vec3&) { return color; };
   triangle({p - s, q - s, q + s}, paint);
   triangle({p - s, q + s, p + s}, paint);
 }
 
-inline void Canvas::disk(const ism::Vec3& center, double radius, const Color& color) {
+void Canvas::disk(const Vec3& center, double radius, const Color& color) {
   const double r = kSamples * radius;
-  const ism::Vec2 c = kSamples * center.head<2>() - ism::Vec2(0.5, 0.5);
+  const Vec2 c = kSamples * center.head<2>() - Vec2(0.5, 0.5);
   for (int y = static_cast<int>(std::floor(c.y() - r)); y <= c.y() + r; ++y)
     for (int x = static_cast<int>(std::floor(c.x() - r)); x <= c.x() + r; ++x)
-      if ((ism::Vec2(x, y) - c).squaredNorm() <= r * r)
-        set(x, y, static_cast<float>(center.z()), color);
+      if ((Vec2(x, y) - c).squaredNorm() <= r * r) set(x, y, static_cast<float>(center.z()), color);
 }
 
-inline void Canvas::draw_line(const View& view, const std::vector<ism::Vec3>& points, double width,
-                              const Color& color, double lift) {
-  const ism::Vec3 up(0, 0, lift);
+void Canvas::draw_line(const View& view, const std::vector<Vec3>& points, double width,
+                       const Color& color, double lift) {
+  const Vec3 up(0, 0, lift);
   for (std::size_t i = 0; i + 1 < points.size(); ++i)
     segment(view.project(points[i]) + up, view.project(points[i + 1]) + up, width, color);
 }
 
-inline void Canvas::draw_ball(const View& view, const ism::Vec3& point, double radius,
-                              const Color& color, double lift) {
-  const ism::Vec3 center = view.project(point) + ism::Vec3(0, 0, lift);
+void Canvas::draw_ball(const View& view, const Vec3& point, double radius, const Color& color,
+                       double lift) {
+  const Vec3 center = view.project(point) + Vec3(0, 0, lift);
   disk(center, radius, 0.35f * color);
   disk(center, 0.78 * radius, color);
 }
 
 constexpr double kOnTop = 1e30;  // depth of what is drawn over everything
 
-inline void Canvas::line(const std::vector<ism::Vec2>& points, double width, const Color& color) {
+void Canvas::line(const std::vector<Vec2>& points, double width, const Color& color) {
   for (std::size_t i = 0; i + 1 < points.size(); ++i)
     segment({points[i].x(), points[i].y(), kOnTop}, {points[i + 1].x(), points[i + 1].y(), kOnTop},
             width, color);
 }
 
-inline void Canvas::fill(const Rect& r, const Color& color) {
-  const std::array<ism::Vec3, 4> corner = {{{r.x, r.y, kOnTop},
-                                            {r.x + r.width, r.y, kOnTop},
-                                            {r.x + r.width, r.y + r.height, kOnTop},
-                                            {r.x, r.y + r.height, kOnTop}}};
-  const auto paint = [&](const ism::Vec3&) { return color; };
+void Canvas::fill(const Rect& r, const Color& color) {
+  const std::array<Vec3, 4> corner = {{{r.x, r.y, kOnTop},
+                                       {r.x + r.width, r.y, kOnTop},
+                                       {r.x + r.width, r.y + r.height, kOnTop},
+                                       {r.x, r.y + r.height, kOnTop}}};
+  const auto paint = [&](const Vec3&) { return color; };
   triangle({corner[0], corner[1], corner[2]}, paint);
   triangle({corner[0], corner[2], corner[3]}, paint);
 }
 
-inline void Canvas::legend(const Rect& r, Color (*map)(double), const std::string& low,
-                           const std::string& high, const std::string& title) {
+void Canvas::legend(const Rect& r, Color (*map)(double), const std::string& low,
+                    const std::string& high, const std::string& title) {
   constexpr int kSteps = 64;
   constexpr double kText = 9;
   for (int i = 0; i < kSteps; ++i)
@@ -428,7 +442,7 @@ inline void Canvas::legend(const Rect& r, Color (*map)(double), const std::strin
 }
 
 /// The mean of the samples of every pixel.
-inline Image Canvas::image(int samples) const {
+Image Canvas::image(int samples) const {
   Image image(samples_.width / samples, samples_.height / samples, {0, 0, 0});
   const float share = 1.0f / static_cast<float>(samples * samples);
   for (int y = 0; y < image.height * samples; ++y)
@@ -475,12 +489,11 @@ inline const char* glyph(char c) {
   return id >= 0 && id < static_cast<int>(std::size(kGlyphs)) ? kGlyphs[id] : kGlyphs['?' - ' '];
 }
 
-inline void Canvas::text(const ism::Vec2& at, double size, const std::string& words,
-                         const Color& color) {
+void Canvas::text(const Vec2& at, double size, const std::string& words, const Color& color) {
   const double unit = size / 6;  // six rows from the base line to the height of capitals
   double left = at.x();
   for (char c : words) {
-    std::vector<ism::Vec2> stroke;
+    std::vector<Vec2> stroke;
     for (const char* p = glyph(c); *p != '\0'; ++p) {
       if (*p == ' ') {
         line(stroke, 0.16 * size, color);
@@ -547,7 +560,7 @@ inline std::string deflated(const std::string& bytes) {
 #endif
 }
 
-inline std::string png_text(const Image& image) {
+std::string png_text(const Image& image) {
   std::string rows;
   for (int y = 0; y < image.height; ++y) {
     std::array<int, 3> before{};
@@ -722,7 +735,7 @@ inline ImageResult read_ppm(const std::string& bytes) {
   return {"", image};
 }
 
-inline ImageResult read_image(const std::string& bytes) {
+ImageResult read_image(const std::string& bytes) {
   if (bytes.compare(0, 8, "\x89PNG\r\n\x1A\n") == 0) return read_png(bytes);
   if (bytes.compare(0, 2, "P6") == 0) return read_ppm(bytes);
   return unreadable("only PNG and binary PPM images can be read");
@@ -730,4 +743,4 @@ inline ImageResult read_image(const std::string& bytes) {
 
 }  // namespace render
 
-#endif  // ISM_EXAMPLES_RENDER_HPP
+#endif  // RENDER_IMPLEMENTATION

@@ -1,37 +1,50 @@
-// Single polygons and matrices put through the batches of the header, for the tests.
+// Single polygons, triangles and matrices put through the batches of the header, for the tests.
 
 #ifndef ISM_TESTS_ELEMENTS_HPP
 #define ISM_TESTS_ELEMENTS_HPP
 
 #include "ism.hpp"
+#include "shapes.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
 
 namespace elements {
 
-using Vec12 = Eigen::Matrix<double, 12, 1>;
-using Mat12 = Eigen::Matrix<double, 12, 12>;
+// Matrices are of dynamic size: Eigen unrolls what it does with fixed ones, which takes compilers
+// long.
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 struct PolygonDerivatives {
   bool is_negligible = false;  // then all the rest is zero
   double value = 0;
-  Vec12 gradient = Vec12::Zero();
-  Mat12 hessian = Mat12::Zero();
+  VectorXd gradient = VectorXd::Zero(12);
+  MatrixXd hessian = MatrixXd::Zero(12, 12);
 };
 
-/// Jacobian of the triangle in columns first .. first + 2 of x.
+struct TriangleDerivatives {
+  double value = 0;
+  VectorXd gradient = VectorXd::Zero(6);
+  MatrixXd hessian = MatrixXd::Zero(6, 6);
+};
+
+/// Jacobian of the triangle of points first .. first + 2 of x.
 inline Eigen::Matrix2d jacobian(const ism::detail::SixPoints& x, int first,
-                                const Eigen::Matrix2d& rest_inverse) {
-  return ism::detail::jacobian(x.col(first), x.col(first + 1), x.col(first + 2), rest_inverse);
+                                const ism::detail::Mat2& rest_inverse) {
+  return shapes::eigen(ism::detail::jacobian(x[first], x[first + 1], x[first + 2], rest_inverse));
 }
 
 template <int N>
-void put(const Eigen::Matrix<double, N, N>& M, int lane, ism::detail::LaneMatrix<N>& lanes) {
+void put(const MatrixXd& M, int lane, ism::detail::LaneMatrix<N>& lanes) {
   for (int i = 0; i < N; ++i)
     for (int j = 0; j <= i; ++j) lanes(i, j)[lane] = M(i, j);
 }
 
 template <int N>
-Eigen::Matrix<double, N, N> get(const ism::detail::LaneMatrix<N>& lanes, int lane) {
-  Eigen::Matrix<double, N, N> M;
+MatrixXd get(const ism::detail::LaneMatrix<N>& lanes, int lane) {
+  MatrixXd M(N, N);
   for (int i = 0; i < N; ++i)
     for (int j = 0; j < N; ++j) M(i, j) = lanes.symmetric(i, j)[lane];
   return M;
@@ -40,7 +53,7 @@ Eigen::Matrix<double, N, N> get(const ism::detail::LaneMatrix<N>& lanes, int lan
 /// What differentiate() finds in one lane.
 inline PolygonDerivatives result_in(const ism::detail::PolygonBatch& batch, int lane) {
   PolygonDerivatives d;
-  d.is_negligible = batch.is_negligible[static_cast<std::size_t>(lane)];
+  d.is_negligible = batch.is_negligible[lane];
   if (d.is_negligible) return d;
   d.value = batch.value[lane];
   for (int i = 0; i < 12; ++i) d.gradient[i] = batch.gradient[i][lane];
@@ -48,26 +61,82 @@ inline PolygonDerivatives result_in(const ism::detail::PolygonBatch& batch, int 
   return d;
 }
 
+/// One polygon at several positions of its points, each in a lane; `fill` differentiates a batch.
+template <class Fill>
+std::vector<PolygonDerivatives> in_lanes(const ism::detail::OverlayPolygon& p,
+                                         const std::vector<ism::detail::SixPoints>& positions,
+                                         const ism::detail::Mat2& rest_inverse_a,
+                                         const ism::detail::Mat2& rest_inverse_b, Fill fill) {
+  std::vector<PolygonDerivatives> all;
+  while (all.size() < positions.size()) {
+    ism::detail::PolygonBatch batch;
+    for (int lane = 0; lane < ism::detail::kLanes; ++lane) {
+      const std::size_t i =
+          std::min(all.size() + static_cast<std::size_t>(lane), positions.size() - 1);
+      ism::detail::load(p, positions[i], rest_inverse_a, rest_inverse_b, lane, batch);
+    }
+    fill(batch);
+    for (int lane = 0; lane < ism::detail::kLanes && all.size() < positions.size(); ++lane)
+      all.push_back(result_in(batch, lane));
+  }
+  return all;
+}
+
+/// E_ρ of one polygon at several positions of its points.
+inline std::vector<PolygonDerivatives> polygon_derivatives(
+    const ism::detail::OverlayPolygon& p, const std::vector<ism::detail::SixPoints>& positions,
+    const ism::detail::Mat2& rest_inverse_a, const ism::detail::Mat2& rest_inverse_b,
+    const ism::DistortionMeasure& measure, double kappa) {
+  return in_lanes(
+      p, positions, rest_inverse_a, rest_inverse_b,
+      [&](ism::detail::PolygonBatch& batch) { ism::detail::differentiate(measure, kappa, batch); });
+}
+
 /// E_ρ of one polygon.
 inline PolygonDerivatives polygon_derivatives(const ism::detail::OverlayPolygon& p,
                                               const ism::detail::SixPoints& x,
-                                              const Eigen::Matrix2d& rest_inverse_a,
-                                              const Eigen::Matrix2d& rest_inverse_b,
+                                              const ism::detail::Mat2& rest_inverse_a,
+                                              const ism::detail::Mat2& rest_inverse_b,
                                               const ism::DistortionMeasure& measure, double kappa) {
-  ism::detail::PolygonBatch batch;
-  for (int lane = 0; lane < ism::detail::kLanes; ++lane)
-    ism::detail::load(p, x, rest_inverse_a, rest_inverse_b, lane, batch);
-  ism::detail::differentiate(measure, kappa, batch);
-  return result_in(batch, 0);
+  const std::vector<ism::detail::SixPoints> positions = {x};
+  return polygon_derivatives(p, positions, rest_inverse_a, rest_inverse_b, measure, kappa)[0];
+}
+
+/// The area of one polygon by itself, at several positions of its points.
+inline std::vector<PolygonDerivatives> area_derivatives(
+    const ism::detail::OverlayPolygon& p, const std::vector<ism::detail::SixPoints>& positions) {
+  const ism::detail::Mat2 any = ism::detail::diagonal(1);
+  return in_lanes(p, positions, any, any, [](ism::detail::PolygonBatch& batch) {
+    batch.value = batch.area;
+    ism::detail::area_gradient(batch, batch.gradient);
+    ism::detail::set_area_hessian(batch, 1.0, batch.hessian);
+  });
+}
+
+/// E_f of one triangle with Jacobian J.
+inline TriangleDerivatives triangle_derivatives(const ism::detail::Mat2& J,
+                                                const ism::detail::Mat2& rest_inverse,
+                                                double area) {
+  const auto w = ism::detail::triangle_density(J.entry);
+  const ism::detail::CornerWeights<double> B(rest_inverse.entry);
+  TriangleDerivatives d;
+  d.value = area * w.value;
+  for (int i = 0; i < 3; ++i) {
+    d.gradient.segment<2>(2 * i) = shapes::eigen(area * ism::detail::point_gradient(w, B, i));
+    for (int j = 0; j < 3; ++j)
+      d.hessian.block<2, 2>(2 * i, 2 * j) =
+          shapes::eigen(area * ism::detail::point_hessian(w, B, i, j));
+  }
+  return d;
 }
 
 /// project_spd() of one matrix.
 template <int P>
-void project_spd(Eigen::Matrix<double, 2 * P, 2 * P>& H, double epsilon) {
+void project_spd(MatrixXd& H, double epsilon) {
   ism::detail::LaneMatrix<2 * P> lanes;
-  for (int lane = 0; lane < ism::detail::kLanes; ++lane) put<2 * P>(H, lane, lanes);
+  for (int lane = 0; lane < ism::detail::kLanes; ++lane) put(H, lane, lanes);
   ism::detail::project_spd<P>(lanes, epsilon);
-  H = get<2 * P>(lanes, 0);
+  H = get(lanes, 0);
 }
 
 }  // namespace elements

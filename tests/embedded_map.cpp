@@ -1,6 +1,7 @@
 // The header as an engine would build it: without exceptions, RTTI and threads, and in more than
-// one file of a program. The other file is embedded_main.cpp.
+// one file of a program. This file has the implementation, embedded_main.cpp the API only.
 
+#define ISM_IMPLEMENTATION
 #include "ism.hpp"
 
 ism::TriangleMesh bent_square(double height) {

@@ -5,6 +5,7 @@
 
 #include "ism.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -13,11 +14,11 @@
 
 namespace shapes {
 
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
 using ism::Points2;
 using ism::Points3;
 using ism::Triangles;
-using ism::Vec2;
-using ism::Vec3;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -35,18 +36,30 @@ class Rng {
   int between(int lo, int hi) { return lo + below(hi - lo + 1); }           // both included
   double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }  // [0, 1)
   double uniform(double lo, double hi) { return lo + (hi - lo) * uniform(); }
-  Vec2 point(double size) {
+  Vector2d point(double size) {
     const double x = uniform(-size, size);
-    return Vec2(x, uniform(-size, size));
+    return Vector2d(x, uniform(-size, size));
   }
 
  private:
   std::uint64_t state_;
 };
 
+#ifdef ISM_IMPLEMENTATION
 inline ism::detail::HalfEdgeMesh half_edges(const ism::TriangleMesh& mesh) {
   return ism::detail::build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
 }
+
+// The header's small types as Eigen's, and the other way round.
+inline Vector2d eigen(ism::detail::Vec2 p) { return {p.x, p.y}; }
+inline Eigen::Vector3d eigen(const ism::detail::Vec3& p) { return {p.x, p.y, p.z}; }
+inline Matrix2d eigen(const ism::detail::Mat2& M) { return Eigen::Map<const Matrix2d>(M.entry); }
+inline ism::detail::Vec2 to_vec2(const Vector2d& p) { return {p.x(), p.y()}; }
+inline ism::detail::Vec3 to_vec3(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+inline ism::detail::Mat2 to_mat2(const Matrix2d& M) {
+  return {{M(0, 0), M(1, 0), M(0, 1), M(1, 1)}};
+}
+#endif
 
 /// A disk and one injective embedding of it; row i of plane belongs to row i of mesh.vertices.
 struct Disk {
@@ -68,7 +81,7 @@ inline ism::Options from_planes(const Disk& a, const Disk& b) {
 class DiskBuilder {
  public:
   int vertex(double x, double y) {
-    points_.push_back(Vec2(x, y));
+    points_.push_back(Vector2d(x, y));
     return static_cast<int>(points_.size()) - 1;
   }
   void triangle(int i, int j, int k) { triangles_.push_back({i, j, k}); }
@@ -79,7 +92,7 @@ class DiskBuilder {
     disk.plane.resize(static_cast<int>(points_.size()), 2);
     disk.mesh.triangles.resize(static_cast<int>(triangles_.size()), 3);
     int row = 0;
-    for (const Vec2& p : points_) disk.plane.row(row++) = p.transpose();
+    for (const Vector2d& p : points_) disk.plane.row(row++) = p.transpose();
     row = 0;
     for (const auto& t : triangles_) disk.mesh.triangles.row(row++) << t[0], t[1], t[2];
     disk.mesh.vertices = Points3::Zero(disk.plane.rows(), 3);
@@ -88,13 +101,13 @@ class DiskBuilder {
   }
 
  private:
-  std::vector<Vec2> points_;
+  std::vector<Vector2d> points_;
   std::vector<std::array<int, 3>> triangles_;
 };
 
-inline Disk triangle(const Vec2& a, const Vec2& b, const Vec2& c) {
+inline Disk triangle(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
   DiskBuilder builder;
-  for (const Vec2& p : {a, b, c}) builder.vertex(p.x(), p.y());
+  for (const Vector2d& p : {a, b, c}) builder.vertex(p.x(), p.y());
   builder.triangle(0, 1, 2);
   return builder.build();
 }
@@ -156,11 +169,11 @@ inline Disk limbs(int arms, int length, double width) {
   const int centre = builder.vertex(0, 0);
   std::vector<int> ring;
   for (int i = 0; i < arms; ++i) {
-    const Vec2 along(std::cos(2 * kPi * i / arms), std::sin(2 * kPi * i / arms));
-    const Vec2 across(-along.y(), along.x());
+    const Vector2d along(std::cos(2 * kPi * i / arms), std::sin(2 * kPi * i / arms));
+    const Vector2d across(-along.y(), along.x());
     int right = -1, left = -1;
     for (int k = 0; k <= length; ++k) {
-      const Vec2 p = (1 + 0.5 * k) * along - width * across, q = p + 2 * width * across;
+      const Vector2d p = (1 + 0.5 * k) * along - width * across, q = p + 2 * width * across;
       const int r = builder.vertex(p.x(), p.y()), l = builder.vertex(q.x(), q.y());
       if (k == 0)
         ring.push_back(r), ring.push_back(l);
@@ -211,7 +224,7 @@ inline Disk slit_ring(int n, double gap, double angle) {
 }
 
 inline double turn(const Points2& x, int i, int j, int k) {
-  const Vec2 u = (x.row(j) - x.row(i)).transpose(), v = (x.row(k) - x.row(i)).transpose();
+  const Vector2d u = (x.row(j) - x.row(i)).transpose(), v = (x.row(k) - x.row(i)).transpose();
   return u.x() * v.y() - u.y() * v.x();
 }
 
@@ -264,12 +277,12 @@ inline void bend(Disk& disk, double height) {
 }
 
 /// M x + t for every row x.
-inline Points2 moved(const Points2& x, const Eigen::Matrix2d& M, const Vec2& t) {
+inline Points2 moved(const Points2& x, const Matrix2d& M, const Vector2d& t) {
   return (x * M.transpose()).rowwise() + t.transpose();
 }
 
-inline Eigen::Matrix2d rotation(double angle) {
-  Eigen::Matrix2d R;
+inline Matrix2d rotation(double angle) {
+  Matrix2d R;
   R << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
   return R;
 }
@@ -280,7 +293,7 @@ inline std::pair<Disk, Disk> overlapping_pair(std::uint64_t seed) {
   Disk a = random_disk(5, 5, rng), b = random_disk(6, 4, rng);
   bend(a, 0.5);
   bend(b, -0.3);
-  b.plane = moved(b.plane, rotation(0.35), Vec2(0.83, -0.37));
+  b.plane = moved(b.plane, rotation(0.35), Vector2d(0.83, -0.37));
   return {a, b};
 }
 
@@ -289,8 +302,8 @@ inline ism::SurfaceMap map_of(const Disk& a, const Disk& b) {
 }
 
 /// Where a point of a disk lies in its plane.
-inline Vec2 planar(const Disk& disk, const ism::SurfacePoint& p) {
-  Vec2 x = Vec2::Zero();
+inline Vector2d planar(const Disk& disk, const ism::SurfacePoint& p) {
+  Vector2d x = Vector2d::Zero();
   for (int k = 0; k < 3; ++k)
     x += p.barycentric[k] * disk.plane.row(disk.mesh.triangles(p.face, k)).transpose();
   return x;

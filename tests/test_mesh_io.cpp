@@ -68,8 +68,9 @@ struct Areas {
 Areas planar_areas(const ism::TriangleMesh& m) {
   Areas result{1e300, 0};
   for (Eigen::Index i = 0; i < m.triangles.rows(); ++i) {
-    const ism::Vec3 a = m.vertices.row(m.triangles(i, 0)), b = m.vertices.row(m.triangles(i, 1)),
-                    c = m.vertices.row(m.triangles(i, 2));
+    const Eigen::Vector3d a = m.vertices.row(m.triangles(i, 0)),
+                          b = m.vertices.row(m.triangles(i, 1)),
+                          c = m.vertices.row(m.triangles(i, 2));
     const double area = (b - a).cross(c - a).z() / 2;
     result.least = (std::min)(result.least, area);
     result.sum += area;

@@ -1,6 +1,8 @@
 // The renderer of the examples: what is near covers what is far, PNG files are what they should be.
 // Built without zlib, so that the stored form is the one that is read here.
 
+#define RENDER_IMPLEMENTATION
+#undef RENDER_ZLIB
 #include "render.hpp"
 
 #include <doctest/doctest.h>
@@ -11,12 +13,12 @@
 
 namespace {
 
-using ism::Vec2;
-using ism::Vec3;
 using render::Canvas;
 using render::Color;
 using render::Image;
 using render::Shape;
+using render::Vec2;
+using render::Vec3;
 
 /// One triangle over the lower left half of the square [-1, 1]² at height z.
 Shape half_square(double z, const Color& color) {

@@ -5,7 +5,7 @@
 
 #include "figure.hpp"
 
-int main(int argc, char** argv) {
+int fig01_end_to_end(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   figure::Pair pair = figure::read_pair(args.pairs[0]);
   if (pair.landmarks.size() < 5) figure::fail("the pair needs five landmarks");

@@ -3,7 +3,7 @@
 
 #include "figure.hpp"
 
-int main(int argc, char** argv) {
+int fig03_meta_mesh(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair pair = figure::read_pair(args.pairs[0]);
   const ism::Result r = figure::optimize(pair, args.options);

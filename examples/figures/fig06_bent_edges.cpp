@@ -3,6 +3,8 @@
 
 #include "figure.hpp"
 
+#include <Eigen/Geometry>
+
 #include <cmath>
 
 namespace {
@@ -20,17 +22,18 @@ ism::Points2 swirled(const ism::Points2& points) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig06_bent_edges(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {});
   const ism::TriangleMesh fine = figure::hill(24);
   ism::TriangleMesh quad = figure::square_grid(1);
   quad.vertices *= 0.55;
   const std::vector<std::array<int, 2>> sides = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
   const auto edges = figure::edges_of(fine);
-  const Eigen::Matrix3d tilted = Eigen::AngleAxisd(-0.7, ism::Vec3::UnitX()).toRotationMatrix();
+  const Eigen::Matrix3d tilted =
+      Eigen::AngleAxisd(-0.7, Eigen::Vector3d::UnitX()).toRotationMatrix();
   const ism::Points2 f = quad.vertices.leftCols<2>(), g = fine.vertices.leftCols<2>();
   const render::Color light(0.72f, 0.72f, 0.74f);
-  const ism::Vec2 lo(-1.02, -1.02), hi(1.02, 1.02);
+  const Eigen::Vector2d lo(-1.02, -1.02), hi(1.02, 1.02);
   render::Canvas canvas(1240, 420);
   double left = 10;
   for (const ism::Points2& plane : {g, swirled(g)}) {

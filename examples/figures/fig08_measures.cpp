@@ -6,6 +6,8 @@
 
 #include "figure.hpp"
 
+#include <Eigen/Geometry>
+
 namespace {
 
 struct Measure {
@@ -39,7 +41,7 @@ double energy(const ism::DistortionMeasure& measure, const figure::Pair& pair, i
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig08_measures(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {});
   const Measure measures[] = {{"SD", ism::symmetric_dirichlet()},
                               {"ARAP", ism::arap()},
@@ -48,7 +50,8 @@ int main(int argc, char** argv) {
   figure::Pair pair = {"quad", figure::square_grid(1), figure::hill(30), {}, {}};
   pair.a.vertices *= 0.6;
   const std::vector<std::array<int, 2>> sides = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
-  const Eigen::Matrix3d tilted = Eigen::AngleAxisd(-0.7, ism::Vec3::UnitX()).toRotationMatrix();
+  const Eigen::Matrix3d tilted =
+      Eigen::AngleAxisd(-0.7, Eigen::Vector3d::UnitX()).toRotationMatrix();
   render::Canvas canvas(1240, 310);
   Eigen::Matrix4d values;  // row: the measure that is optimised, column: the one that is evaluated
   std::string table =

@@ -33,16 +33,23 @@ Start common_start(const std::string& folder, const ism::Options& given) {
   return start;
 }
 
+/// Options of PN, SPN and the full method.
+ism::Options options_of(int variant, ism::Options options) {
+  if (variant < 2) options.omega_start = 0;
+  if (variant < 1) options.history_length = 1;
+  return options;
+}
+
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig09_variants(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand", "starfish"}, 2);
   constexpr double kHeight = 340;  // of a row
   const char* const captions[] = {"A", "start", "PN", "SPN", "full"};
   render::Canvas canvas(1280, 740);
   for (int i = 0; i < 5; ++i) canvas.text({20.0 + 255 * i, 34}, 14, captions[i]);
   for (std::size_t row = 0; row < 2; ++row) {
-    Start start = common_start(args.pairs[row], args.options);
+    const Start start = common_start(args.pairs[row], args.options);
     const double top = 50 + kHeight * static_cast<double>(row);
     const auto panel = [&](int column) -> render::Rect {
       return {10.0 + 255 * column, top + 10, 240, kHeight - 60};
@@ -52,8 +59,7 @@ int main(int argc, char** argv) {
     };
     picture::Axes axes;
     for (int i = 2; i >= 0; --i) {  // the directions to look along are those of the full method
-      start.options.variant = static_cast<ism::Variant>(i);
-      const ism::Result r = figure::optimize(start.pair, start.options);
+      const ism::Result r = figure::optimize(start.pair, options_of(i, start.options));
       const ism::SurfaceMap map = figure::map_of(r);
       if (i == 2) {
         axes = picture::scene_of(map).axes;

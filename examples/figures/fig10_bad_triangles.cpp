@@ -3,6 +3,8 @@
 
 #include "figure.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -18,18 +20,18 @@ constexpr double kBend = 0.7;  // least cosine between normals before and after 
 double least_angle(const ism::TriangleMesh& mesh, const std::array<int, 3>& t) {
   double least = 180 * kDegree;
   for (std::size_t k = 0; k < 3; ++k) {
-    const ism::Vec3 p = mesh.vertices.row(t[k]);
-    const ism::Vec3 u = mesh.vertices.row(t[(k + 1) % 3]).transpose() - p;
-    const ism::Vec3 v = mesh.vertices.row(t[(k + 2) % 3]).transpose() - p;
+    const Eigen::Vector3d p = mesh.vertices.row(t[k]);
+    const Eigen::Vector3d u = mesh.vertices.row(t[(k + 1) % 3]).transpose() - p;
+    const Eigen::Vector3d v = mesh.vertices.row(t[(k + 2) % 3]).transpose() - p;
     least = std::min(least, std::atan2(u.cross(v).norm(), u.dot(v)));
   }
   return least;
 }
 
-ism::Vec3 normal(const ism::TriangleMesh& mesh, const std::array<int, 3>& t) {
-  const ism::Vec3 p = mesh.vertices.row(t[0]);
-  const ism::Vec3 u = mesh.vertices.row(t[1]).transpose() - p;
-  const ism::Vec3 v = mesh.vertices.row(t[2]).transpose() - p;
+Eigen::Vector3d normal(const ism::TriangleMesh& mesh, const std::array<int, 3>& t) {
+  const Eigen::Vector3d p = mesh.vertices.row(t[0]);
+  const Eigen::Vector3d u = mesh.vertices.row(t[1]).transpose() - p;
+  const Eigen::Vector3d v = mesh.vertices.row(t[2]).transpose() - p;
   return u.cross(v).normalized();
 }
 
@@ -97,7 +99,7 @@ class Spoiler {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig10_bad_triangles(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   figure::Pair pair = figure::read_pair(args.pairs[0]);
   Spoiler spoiler(pair.b);

@@ -3,7 +3,9 @@
 
 #include "figure.hpp"
 
-int main(int argc, char** argv) {
+#include <Eigen/Geometry>
+
+int fig11_starts(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair pair = figure::read_pair(args.pairs[0]);
   const double degrees[] = {0, 15, 30, 60};

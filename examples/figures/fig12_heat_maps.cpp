@@ -3,7 +3,7 @@
 
 #include "figure.hpp"
 
-int main(int argc, char** argv) {
+int fig12_heat_maps(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"starfish"});
   constexpr int kWidth = 420, kHeight = 340;
   const int n = static_cast<int>(args.pairs.size());

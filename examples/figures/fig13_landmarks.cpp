@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-int main(int argc, char** argv) {
+int fig13_landmarks(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair all = figure::read_pair(args.pairs[0]);
   const std::size_t n = all.landmarks.size();

@@ -43,7 +43,7 @@ figure::Pair with_grid(const figure::Pair& pair, int n) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig14_quad_template(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"face"});
   figure::Pair pair = figure::read_pair(args.pairs[0]);
   if (pair.edges_a.size() == figure::edges_of(pair.a).size()) pair = with_grid(pair, 18);

@@ -21,7 +21,7 @@ Landmarks joined(const Landmarks& first, const Landmarks& second) {
 figure::Pair stretched(const figure::Pair& pair) {
   constexpr double kStretch = 1.6;
   figure::Pair result = pair;
-  const ism::Vec3 up = picture::front_axes(pair.a).row(1);
+  const Eigen::Vector3d up = picture::front_axes(pair.a).row(1);
   result.b = pair.a;
   result.b.vertices += (kStretch - 1) * (pair.a.vertices * up) * up.transpose();
   for (ism::Landmark& l : result.landmarks) l.b = l.a;
@@ -30,7 +30,7 @@ figure::Pair stretched(const figure::Pair& pair) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int fig15_textures(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair first = figure::read_pair(args.pairs[0]);
   const figure::Pair second =

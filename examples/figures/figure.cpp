@@ -1,6 +1,7 @@
 // figure.cpp: see figure.hpp.
 
 #include "figure.hpp"
+#include "mesh_io.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -23,9 +24,9 @@ void fail(const std::string& message) {
 
 Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs,
                          std::size_t least) {
-  const std::string program = std::filesystem::path(argv[0]).stem().string();
+  const std::string name = argv[0];
   Arguments args;
-  args.picture = program + ".png";
+  args.picture = name + ".png";
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     long long n = 0;
@@ -40,15 +41,15 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
       args.options.max_iterations = static_cast<int>(n);
       ++i;
     } else {
-      fail("usage: " + program + " [PAIR ...] [-o PICTURE] [--small] [--iterations N]");
+      fail("usage: figures " + name + " [PAIR ...] [-o PICTURE] [--small] [--iterations N]");
     }
   }
-  if (pairs.empty() && !args.pairs.empty()) fail(program + " draws no pairs");
+  if (pairs.empty() && !args.pairs.empty()) fail(name + " draws no pairs");
   if (args.pairs.empty())
     for (const std::string& pair : pairs)
       args.pairs.push_back(std::string(ISM_SOURCE_DIR) + "/data/" + pair);
   if (args.pairs.size() < std::min(least, pairs.size()))
-    fail(program + " needs " + std::to_string(least) + " pairs");
+    fail(name + " needs " + std::to_string(least) + " pairs");
   return args;
 }
 
@@ -166,18 +167,19 @@ Lines carried(const picture::Scene& scene, ism::Side from,
 
 void draw_lines(const render::View& view, const Lines& lines, double width,
                 const render::Color& color, render::Canvas& canvas) {
-  for (const std::vector<ism::Vec3>& line : lines) canvas.draw_line(view, line, width, color, 2.5);
+  for (const std::vector<Eigen::Vector3d>& line : lines)
+    canvas.draw_line(view, line, width, color, 2.5);
 }
 
 // ==== [3] THE PLANE ==============================================================================
 
 void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
-                const ism::Vec2& lo, const ism::Vec2& hi, const render::Rect& panel, double width,
-                const render::Color& color, render::Canvas& canvas) {
+                const Eigen::Vector2d& lo, const Eigen::Vector2d& hi, const render::Rect& panel,
+                double width, const render::Color& color, render::Canvas& canvas) {
   const double scale = std::min(panel.width / (hi.x() - lo.x()), panel.height / (hi.y() - lo.y()));
-  const ism::Vec2 middle(panel.x + 0.5 * panel.width, panel.y + 0.5 * panel.height);
-  const auto at = [&](int v) -> ism::Vec2 {
-    const ism::Vec2 p = scale * (points.row(v).transpose() - 0.5 * (lo + hi));
+  const Eigen::Vector2d middle(panel.x + 0.5 * panel.width, panel.y + 0.5 * panel.height);
+  const auto at = [&](int v) -> Eigen::Vector2d {
+    const Eigen::Vector2d p = scale * (points.row(v).transpose() - 0.5 * (lo + hi));
     return {middle.x() + p.x(), middle.y() - p.y()};
   };
   for (const std::array<int, 2>& e : edges) canvas.line({at(e[0]), at(e[1])}, width, color);
@@ -242,26 +244,26 @@ void plot(const render::Rect& rect, const std::vector<Curve>& curves, render::Ca
   hi += margin;
   const double width = rect.width - kLeft, height = rect.height - kBelow;
   const auto at = [&](double x, double y) {
-    return ism::Vec2(rect.x + kLeft + width * x / static_cast<double>(n - 1),
-                     rect.y + height * (hi - y) / (hi - lo));
+    return Eigen::Vector2d(rect.x + kLeft + width * x / static_cast<double>(n - 1),
+                           rect.y + height * (hi - y) / (hi - lo));
   };
   const double last = static_cast<double>(n - 1);
   for (double y : ticks(lo, hi, 6)) {
     canvas.line({at(0, y), at(last, y)}, 1, grey);
     const std::string label = format("%.4g", y);
-    canvas.text(at(0, y) + ism::Vec2(-6 - render::text_width(kText, label), 0.5 * kText), kText,
-                label);
+    canvas.text(at(0, y) + Eigen::Vector2d(-6 - render::text_width(kText, label), 0.5 * kText),
+                kText, label);
   }
   for (double x : ticks(0, last, 8)) {
-    const ism::Vec2 foot = at(x, lo);
-    canvas.line({foot, foot + ism::Vec2(0, 5)}, 1, black);
+    const Eigen::Vector2d foot = at(x, lo);
+    canvas.line({foot, foot + Eigen::Vector2d(0, 5)}, 1, black);
     const std::string label = format("%.4g", x);
-    canvas.text(foot + ism::Vec2(-0.5 * render::text_width(kText, label), 20), kText, label);
+    canvas.text(foot + Eigen::Vector2d(-0.5 * render::text_width(kText, label), 20), kText, label);
   }
   canvas.line({at(0, hi), at(0, lo), at(last, lo)}, 1, black);
   double left = rect.x + kLeft;
   for (const Curve& c : curves) {
-    std::vector<ism::Vec2> points;
+    std::vector<Eigen::Vector2d> points;
     for (std::size_t i = 0; i < c.values.size(); ++i)
       points.push_back(at(static_cast<double>(i), c.values[i]));
     canvas.line(points, 2, c.color);

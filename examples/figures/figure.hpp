@@ -1,26 +1,41 @@
-// figure.hpp: what the programs that redraw the paper's figures have in common.
+// figure.hpp: what the figures have in common. Each takes
 //
-//   FIGURE [PAIR ...] [-o PICTURE] [--small] [--iterations N]
+//   [PAIR ...] [-o PICTURE] [--small] [--iterations N]
 //
 // A PAIR is a folder with A.obj, B.obj and landmarks.txt, and perhaps A_quads.obj, the polygons
 // that A was cut from; without, those of data/ are drawn. PICTURE is a PNG file, by default named
-// after the program, in the folder it is started from; --small makes it 0.6 times as wide.
+// after the figure, in the folder the program is started from; --small makes it 0.6 times as wide.
 
 #ifndef ISM_EXAMPLES_FIGURE_HPP
 #define ISM_EXAMPLES_FIGURE_HPP
 
 #include "ism.hpp"
 #include "map_picture.hpp"
-#include "mesh_io.hpp"
 #include "render.hpp"
 
 #include <array>
 #include <string>
 #include <vector>
 
+// The figures; argv[0] is the name. They return an exit code.
+int fig01_end_to_end(int argc, char** argv);
+int fig03_meta_mesh(int argc, char** argv);
+int fig06_bent_edges(int argc, char** argv);
+int fig07_energies(int argc, char** argv);
+int fig08_measures(int argc, char** argv);
+int fig09_variants(int argc, char** argv);
+int fig10_bad_triangles(int argc, char** argv);
+int fig11_starts(int argc, char** argv);
+int fig12_heat_maps(int argc, char** argv);
+int fig13_landmarks(int argc, char** argv);
+int fig14_quad_template(int argc, char** argv);
+int fig15_textures(int argc, char** argv);
+int sec6_complexity(int argc, char** argv);
+int sec7_boundaries(int argc, char** argv);
+
 namespace figure {
 
-using Lines = std::vector<std::vector<ism::Vec3>>;  // polylines in space
+using Lines = std::vector<std::vector<Eigen::Vector3d>>;  // polylines in space
 
 const render::Color kBlue(0.12f, 0.30f, 0.62f), kRed(0.75f, 0.16f, 0.12f);
 const render::Color kGreen(0.20f, 0.55f, 0.25f), kGrey(0.6f, 0.6f, 0.62f);
@@ -87,8 +102,8 @@ void draw_lines(const render::View& view, const Lines& lines, double width,
 
 /// Edges between points of the plane, in a panel that shows the square from lo to hi.
 void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
-                const ism::Vec2& lo, const ism::Vec2& hi, const render::Rect& panel, double width,
-                const render::Color& color, render::Canvas& canvas);
+                const Eigen::Vector2d& lo, const Eigen::Vector2d& hi, const render::Rect& panel,
+                double width, const render::Color& color, render::Canvas& canvas);
 
 // ---- A quad over a hill ----
 

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-int main(int argc, char** argv) {
+int sec6_complexity(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand", "face", "starfish"});
   constexpr double kBound = 10, kRow = 46, kLeft = 250, kUnit = 56;
   const double bottom = 60 + kRow * static_cast<double>(args.pairs.size());

@@ -4,7 +4,7 @@
 
 #include "figure.hpp"
 
-int main(int argc, char** argv) {
+int sec7_boundaries(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"starfish"});
   const figure::Pair pair = figure::read_pair(args.pairs[0]);
   const char* const names[] = {"free", "fixed", "sliding"};
@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
     const double left = 10 + 415.0 * i;
     ism::Points2 both(r.f.rows() + r.g.rows(), 2);
     both << r.f, r.g;
-    const ism::Vec2 lo = both.colwise().minCoeff(), hi = both.colwise().maxCoeff();
+    const Eigen::Vector2d lo = both.colwise().minCoeff(), hi = both.colwise().maxCoeff();
     const render::Rect plane = {left, 60, 390, 390};
     figure::draw_plane(r.g, figure::edges_of(r.start.b), lo, hi, plane, 0.5, figure::kRed, canvas);
     figure::draw_plane(r.f, figure::edges_of(r.start.a), lo, hi, plane, 0.5, figure::kBlue, canvas);

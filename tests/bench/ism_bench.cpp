@@ -8,10 +8,11 @@
 // input with as many threads, and their results are compared. --scaling instead refines a pair
 // again and again and fits an exponent.
 
-#include "rivals.hpp"
-
+#define ISM_IMPLEMENTATION
 #include "ism.hpp"
+
 #include "mesh_io.hpp"
+#include "rivals.hpp"
 
 #include <Eigen/Eigenvalues>
 
@@ -264,7 +265,7 @@ std::vector<Sample> samples(const State& s, int wanted) {
     load_batch(s, k * kLanes, *batch);
     differentiate(*s.weights.measure, s.weights.kappa, *batch);
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (batch->is_negligible[static_cast<std::size_t>(lane)]) continue;
+      if (batch->is_negligible[lane]) continue;
       Sample sample;
       sample.polygon = s.x.overlay.polygons[k * kLanes + lane];
       for (int i = 0; i < 12; ++i) sample.x[static_cast<std::size_t>(i)] = batch->x[i][lane];
@@ -376,7 +377,7 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
   const Executor run = executor(threads);
   const SystemBuilder systems(s.pair, true, run);
   ModelBuilder models(s.pair, s.weights, systems.one_ring(), run);
-  const double derivatives = median_seconds(repeats, [&] { models.differentiate(s.x); });
+  const double derivatives = median_seconds(repeats, [&] { models.differentiate_elements(s.x); });
   report.add("all derivatives, projected", threads, derivatives, 1e3, "ms");
   Array<QuadraticModel> history(1);
   const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(s.x); });
@@ -389,7 +390,7 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
 
 void bench_ldlt(const State& s, const LinearSystem& system, double omega, int threads, int repeats,
                 Report& report) {
-  const ShiftedMatrix matrix = {&system.H, &system.Q, omega};
+  const ShiftedMatrix matrix = system.shifted(omega);
   const Executor run = executor(threads);
   ism::Points2 positions(s.pair.rows(), 2);
   positions << s.x.f, s.x.g;
@@ -401,23 +402,24 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
       median_seconds(repeats, [&] { ldlt_factorize(symbolic, matrix, run, factor); });
   const double own = analysis + factorisation;
   rivals::Sparse A = rivals::lower_triangle(system.pattern, matrix);
-  const Eigen::VectorXd b = -system.gradient;
+  const Array<Vec2> b = negated(system.gradient);
+  const Eigen::VectorXd flat_b = rivals::flattened(b);
   const auto residual = [&](const Eigen::VectorXd& x) {
     return Report::format("residual %.1e",
-                          (A.selfadjointView<Eigen::Lower>() * x - b).norm() / b.norm());
+                          (A.selfadjointView<Eigen::Lower>() * x - flat_b).norm() / flat_b.norm());
   };
-  Eigen::VectorXd x;
+  Array<Vec2> x;
   const double solve = median_seconds(repeats, [&] { x = ldlt_solve(symbolic, factor, b); });
   report.add("LDLT: analysis", threads, analysis, 1e3, "ms");
   report.add("LDLT: factorisation", threads, factorisation, 1e3, "ms", 0,
              std::to_string(factor.negative) + " negative pivots");
-  report.add("LDLT: solve", threads, solve, 1e3, "ms", 0, residual(x));
+  report.add("LDLT: solve", threads, solve, 1e3, "ms", 0, residual(rivals::flattened(x)));
   Eigen::SimplicialLDLT<rivals::Sparse> simplicial;
   const double eigen = median_seconds((std::min)(repeats, 3), [&] { simplicial.compute(A); });
   const auto negative = (simplicial.vectorD().array() < 0).count();
   report.add("LDLT: analysis and factorisation", threads, own, 1e3, "ms", eigen,
              "Eigen::SimplicialLDLT, 1 thread; " + std::to_string(negative) + " negative pivots, " +
-                 residual(simplicial.solve(b)));
+                 residual(simplicial.solve(flat_b)));
 #ifdef ISM_BENCH_CHOLMOD
   rivals::set_blas_threads(threads);
   for (int ordering : {CHOLMOD_AMD, CHOLMOD_METIS}) {
@@ -425,12 +427,12 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
     const double seconds = median_seconds(repeats, [&] { cholmod.factorize(A); });
     report.add("LDLT: analysis and factorisation", threads, own, 1e3, "ms", seconds,
                std::string("CHOLMOD supernodal, ") +
-                   (ordering == CHOLMOD_AMD ? "AMD, " : "METIS, ") + residual(cholmod.solve(b)));
+                   (ordering == CHOLMOD_AMD ? "AMD, " : "METIS, ") +
+                   residual(cholmod.solve(flat_b)));
   }
 #endif
   const double neighbour = median_seconds(repeats, [&] {
-    x = solve_with_neighbour(symbolic, factor, system.pattern, {&system.H, &system.Q, omega / 2}, b,
-                             1e-3);
+    x = solve_with_neighbour(symbolic, factor, system.pattern, system.shifted(omega / 2), b, 1e-3);
   });
   report.add("conjugate gradients to 1e-3 for omega / 2", 1, neighbour, 1e3, "ms");
 }
@@ -484,18 +486,17 @@ ism::TriangleMesh refined(const ism::TriangleMesh& mesh) {
   const int n = static_cast<int>(mesh.vertices.rows());
   const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
   Array<int> middle(3 * static_cast<int>(mesh.triangles.rows()));
-  std::vector<ism::Vec3> added;
+  std::vector<Eigen::RowVector3d> added;
   for_each_edge(uses, [&](int begin, int end) {
     for (int k = begin; k < end; ++k)
       middle[uses[k].half_edge] = n + static_cast<int>(added.size());
-    added.push_back(
-        0.5 * (mesh.vertices.row(uses[begin].lo) + mesh.vertices.row(uses[begin].hi)).transpose());
+    added.push_back(0.5 * (mesh.vertices.row(uses[begin].lo) + mesh.vertices.row(uses[begin].hi)));
   });
   ism::TriangleMesh fine;
   fine.vertices.resize(n + static_cast<int>(added.size()), 3);
   fine.vertices.topRows(n) = mesh.vertices;
   for (std::size_t i = 0; i < added.size(); ++i)
-    fine.vertices.row(n + static_cast<int>(i)) = added[i].transpose();
+    fine.vertices.row(n + static_cast<int>(i)) = added[i];
   fine.triangles.resize(4 * mesh.triangles.rows(), 3);
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int m0 = middle[3 * f], m1 = middle[3 * f + 1], m2 = middle[3 * f + 2];

@@ -3,7 +3,7 @@
 #ifndef ISM_BENCH_RIVALS_HPP
 #define ISM_BENCH_RIVALS_HPP
 
-#include "ism.hpp"
+#include "ism.hpp"  // with its implementation
 
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
@@ -34,7 +34,7 @@ inline Sparse lower_triangle(const ism::detail::BlockPattern& pattern,
   std::vector<Eigen::Triplet<double>> entries;
   for (int r = 0; r < pattern.rows(); ++r)
     for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const Eigen::Matrix2d block = matrix.block(b);
+      const ism::detail::Mat2 block = matrix.block(b);
       const int c = pattern.column[b];
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < 2; ++j)
@@ -44,6 +44,12 @@ inline Sparse lower_triangle(const ism::detail::BlockPattern& pattern,
   Sparse A(2 * pattern.rows(), 2 * pattern.rows());
   A.setFromTriplets(entries.begin(), entries.end());
   return A;
+}
+
+inline Eigen::VectorXd flattened(const ism::detail::Array<ism::detail::Vec2>& points) {
+  Eigen::VectorXd result(2 * points.size());
+  for (int i = 0; i < points.size(); ++i) result.segment<2>(2 * i) << points[i].x, points[i].y;
+  return result;
 }
 
 inline void set_blas_threads(int n) {

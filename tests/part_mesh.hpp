@@ -1,9 +1,14 @@
 // Half-edges, rest frames and validation.
 
+#ifndef ISM_TESTS_PART_MESH_HPP
+#define ISM_TESTS_PART_MESH_HPP
+
 #include "ism.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cmath>
@@ -13,28 +18,49 @@
 #include <utility>
 #include <vector>
 
+namespace mesh_tests {
 namespace {
 
+using Eigen::Vector3d;
 using ism::Problem;
 using ism::TriangleMesh;
-using ism::Vec3;
 using ism::detail::build_half_edges;
 using ism::detail::HalfEdgeMesh;
+using ism::detail::row2;
 using ism::detail::Surface;
 using shapes::half_edges;
 using Kind = ism::Problem::Kind;
+
+/// b - a and c - a of triangle f = (a, b, c).
+Eigen::Matrix<double, 3, 2> edges_of(const TriangleMesh& mesh, int f) {
+  const auto corner = [&](int k) -> Vector3d { return mesh.vertices.row(mesh.triangles(f, k)); };
+  Eigen::Matrix<double, 3, 2> edges;
+  edges << corner(1) - corner(0), corner(2) - corner(0);
+  return edges;
+}
+
+double area_of(const TriangleMesh& mesh, int f) {
+  const Eigen::Matrix<double, 3, 2> edges = edges_of(mesh, f);
+  return edges.col(0).cross(edges.col(1)).norm() / 2;
+}
+
+double surface_area(const TriangleMesh& mesh) {
+  double area = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) area += area_of(mesh, f);
+  return area;
+}
 
 int count_boundary(const HalfEdgeMesh& m) {
   return static_cast<int>(std::count(m.twin.begin(), m.twin.end(), -1));
 }
 
-TriangleMesh mesh(std::initializer_list<Vec3> points,
+TriangleMesh mesh(std::initializer_list<Vector3d> points,
                   std::initializer_list<std::array<int, 3>> triangles) {
   TriangleMesh result;
   result.vertices.resize(static_cast<int>(points.size()), 3);
   result.triangles.resize(static_cast<int>(triangles.size()), 3);
   int row = 0;
-  for (const Vec3& p : points) result.vertices.row(row++) = p.transpose();
+  for (const Vector3d& p : points) result.vertices.row(row++) = p.transpose();
   row = 0;
   for (const auto& t : triangles) result.triangles.row(row++) << t[0], t[1], t[2];
   return result;
@@ -108,7 +134,7 @@ TriangleMesh annulus(int n) {
   result.triangles.resize(2 * n, 3);
   for (int i = 0; i < n; ++i) {
     const double angle = 2 * shapes::kPi * i / n;
-    const Vec3 p(std::cos(angle), std::sin(angle), 0);
+    const Vector3d p(std::cos(angle), std::sin(angle), 0);
     result.vertices.row(i) = p.transpose();
     result.vertices.row(n + i) = 2 * p.transpose();
     const int j = (i + 1) % n;
@@ -163,7 +189,7 @@ TEST_CASE("the boundary loop is closed, complete and counter-clockwise") {
     for (int i = 0; i < n; ++i) {
       const int h = m.boundary[i];
       wrong += m.twin[h] >= 0 || m.tip(h) != m.tail[m.boundary[(i + 1) % n]];
-      loop_area += ism::detail::cross(disk.plane.row(m.tail[h]), disk.plane.row(m.tip(h))) / 2;
+      loop_area += cross(row2(disk.plane, m.tail[h]), row2(disk.plane, m.tip(h))) / 2;
     }
     for (int f = 0; f < m.n_faces; ++f)
       mesh_area += shapes::turn(disk.plane, m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)) / 2;
@@ -214,10 +240,12 @@ TEST_CASE("the rest frame is isometric to the triangle") {
   shapes::Rng rng(1);
   for (int i = 0; i < 200; ++i) {
     const double size = std::ldexp(1.0, rng.between(-30, 30));
-    Vec3 p[3];
-    for (Vec3& q : p) q = size * Vec3(rng.uniform(), rng.uniform(), rng.uniform());
-    const Vec3 u = p[1] - p[0], v = p[2] - p[0];
-    const Eigen::Matrix2d R = ism::detail::rest_frame(p[0], p[1], p[2]);
+    Vector3d p[3];
+    for (Vector3d& q : p)
+      for (int c = 0; c < 3; ++c) q[c] = size * rng.uniform();
+    const Vector3d u = p[1] - p[0], v = p[2] - p[0];
+    const Eigen::Matrix2d R = shapes::eigen(ism::detail::rest_frame(
+        shapes::to_vec3(p[0]), shapes::to_vec3(p[1]), shapes::to_vec3(p[2])));
     const double tolerance = 1e-13 * size * size;
     CHECK(R(1, 0) == 0);
     CHECK(std::abs(R.col(0).squaredNorm() - u.squaredNorm()) < tolerance);
@@ -234,14 +262,10 @@ TEST_CASE("a surface keeps inverse rest frames and areas of its faces") {
     const Surface s = ism::detail::build_surface(disk.mesh, true);
     double total = 0, worst = 0;
     for (int f = 0; f < s.mesh.n_faces; ++f) {
-      const Vec3 a = disk.mesh.vertices.row(disk.mesh.triangles(f, 0));
-      const Vec3 b = disk.mesh.vertices.row(disk.mesh.triangles(f, 1));
-      const Vec3 c = disk.mesh.vertices.row(disk.mesh.triangles(f, 2));
-      const double area = (b - a).cross(c - a).norm() / 2;
-      Eigen::Matrix<double, 3, 2> edges;
-      edges << b - a, c - a;
+      const Eigen::Matrix<double, 3, 2> edges = edges_of(disk.mesh, f);
+      const double area = area_of(disk.mesh, f);
       // edges R⁻¹ is an isometry of the plane into space.
-      const Eigen::Matrix<double, 3, 2> J = edges * s.rest_inverse[f];
+      const Eigen::Matrix<double, 3, 2> J = edges * shapes::eigen(s.rest_inverse[f]);
       const Eigen::Matrix2d metric = J.transpose() * J;
       worst = std::max(worst, (metric - Eigen::Matrix2d::Identity()).norm());
       worst = std::max(worst, std::abs(s.area[f] - area) / area);
@@ -258,7 +282,7 @@ TEST_CASE("a surface is scaled to unit area whatever its unit") {
     for (double unit : {1e-300, 1e-160, 1e-6, 1.0, 1e6, 1e160, 1e300}) {
       CAPTURE(disk.name);
       CAPTURE(unit);
-      const double area = ism::detail::surface_area(disk.mesh.vertices, disk.mesh.triangles);
+      const double area = surface_area(disk.mesh);
       TriangleMesh given = disk.mesh;
       given.vertices *= unit;
       const Surface s = ism::detail::build_surface(given, false);
@@ -504,3 +528,7 @@ TEST_CASE("random triangle soups are never taken for disks they are not") {
   }
   CHECK(valid > 20);
 }
+
+}  // namespace mesh_tests
+
+#endif  // ISM_TESTS_PART_MESH_HPP

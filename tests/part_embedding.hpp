@@ -1,6 +1,10 @@
 // The initial embedding: decimation, its reversal, and injectivity on hostile shapes.
 
+#ifndef ISM_TESTS_PART_EMBEDDING_HPP
+#define ISM_TESTS_PART_EMBEDDING_HPP
+
 #include "ism.hpp"
+#include "runs.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -14,17 +18,20 @@
 #include <utility>
 #include <vector>
 
+namespace embedding_tests {
 namespace {
 
 using namespace ism::detail;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
 using ism::Embedding;
 using ism::Landmark;
 using ism::Points2;
 using ism::Status;
 using ism::TriangleMesh;
-using ism::Vec2;
-using ism::Vec3;
+using runs::on_one_thread;
 using shapes::Disk;
+using shapes::eigen;
 using shapes::half_edges;
 using shapes::Rng;
 
@@ -33,7 +40,7 @@ int n_vertices(const TriangleMesh& mesh) { return static_cast<int>(mesh.vertices
 // ---- hostile shapes ----
 
 /// Rings of `sectors` vertices around an axis, and an apex that closes the last one.
-TriangleMesh surface_of_revolution(const std::vector<Vec2>& radius_and_height, double apex,
+TriangleMesh surface_of_revolution(const std::vector<Vector2d>& radius_and_height, double apex,
                                    int sectors) {
   const int rings = static_cast<int>(radius_and_height.size()), top = rings * sectors;
   TriangleMesh mesh;
@@ -42,7 +49,7 @@ TriangleMesh surface_of_revolution(const std::vector<Vec2>& radius_and_height, d
   const auto id = [&](int r, int s) { return r * sectors + s % sectors; };
   for (int r = 0; r < rings; ++r)
     for (int s = 0; s < sectors; ++s) {
-      const Vec2& p = radius_and_height[static_cast<std::size_t>(r)];
+      const Vector2d& p = radius_and_height[static_cast<std::size_t>(r)];
       const double angle = 2 * shapes::kPi * s / sectors;
       mesh.vertices.row(id(r, s)) << p.x() * std::cos(angle), p.x() * std::sin(angle), p.y();
       if (r + 1 == rings) {
@@ -59,19 +66,19 @@ TriangleMesh surface_of_revolution(const std::vector<Vec2>& radius_and_height, d
   return mesh;
 }
 
-/// A tube 60 times as long as its radius, closed at one end; its boundary is the other end.
-TriangleMesh limb(int sectors) {
-  std::vector<Vec2> profile;
-  for (int r = 0; r < 60; ++r) profile.push_back(Vec2(1, r));
-  return surface_of_revolution(profile, 60, sectors);
+/// A tube `length` times as long as its radius, closed at one end; its boundary is the other end.
+TriangleMesh limb(int length, int sectors) {
+  std::vector<Vector2d> profile;
+  for (int r = 0; r < length; ++r) profile.push_back(Vector2d(1, r));
+  return surface_of_revolution(profile, length, sectors);
 }
 
 /// A sphere without one triangle, of which nearly all area lies behind three edges.
 TriangleMesh punctured_sphere(int rings, int sectors) {
-  std::vector<Vec2> profile;
+  std::vector<Vector2d> profile;
   for (int r = 1; r <= rings; ++r) {
     const double angle = shapes::kPi * (1 - static_cast<double>(r) / (rings + 1));
-    profile.push_back(Vec2(std::sin(angle), std::cos(angle)));
+    profile.push_back(Vector2d(std::sin(angle), std::cos(angle)));
   }
   const TriangleMesh open = surface_of_revolution(profile, 1, sectors);
   TriangleMesh mesh = open;  // close the first ring but for one triangle
@@ -84,12 +91,24 @@ TriangleMesh punctured_sphere(int rings, int sectors) {
   return mesh;
 }
 
-/// Isosceles triangles with apex angles of one degree around a point.
-Disk slivers() { return shapes::fan(360); }
+/// Isosceles triangles around a point with apex angles of one degree, and of 30 behind `end`
+/// degrees.
+Disk slivers(int end) {
+  shapes::DiskBuilder builder;
+  builder.vertex(0, 0);
+  std::vector<int> ring;
+  for (int degrees = 0; degrees < 360; degrees += degrees < end ? 1 : 30) {
+    const double phi = shapes::kPi / 180 * degrees;
+    ring.push_back(builder.vertex(std::cos(phi), std::sin(phi)));
+  }
+  for (std::size_t i = 0; i < ring.size(); ++i)
+    builder.triangle(0, ring[i], ring[(i + 1) % ring.size()]);
+  return builder.build();
+}
 
 /// A grid squeezed until its triangles are needles.
-Disk needles(double squeeze) {
-  Disk disk = shapes::grid(12, 8);
+Disk needles(int nx, int ny, double squeeze) {
+  Disk disk = shapes::grid(nx, ny);
   disk.plane.col(1) *= squeeze;
   disk.mesh.vertices.col(1) *= squeeze;
   return disk;
@@ -128,26 +147,50 @@ struct Named {
   TriangleMesh mesh;
 };
 
-std::vector<Named> hostile_meshes() {
+Named bent_disk(int nx, int ny) {
   Rng rng(31);
-  Disk bent = shapes::random_disk(9, 8, rng);
+  Disk bent = shapes::random_disk(nx, ny, rng);
   shapes::bend(bent, 1.5);
+  return {"bent", bent.mesh};
+}
+
+std::vector<Named> hostile_meshes() {
   return {{"triangle", shapes::single_triangle().mesh},
           {"two triangles", shapes::strip(1).mesh},
           {"strip", shapes::strip(100).mesh},
           {"fan", shapes::fan(200).mesh},
           {"comb", shapes::comb(4, 3).mesh},
           {"limbs", shapes::limbs(5, 12, 0.05).mesh},
-          {"limb", limb(5)},
-          {"thin limb", limb(3)},
+          {"limb", limb(60, 5)},
+          {"thin limb", limb(60, 3)},
           {"punctured sphere", punctured_sphere(12, 14)},
-          {"slivers", slivers().mesh},
-          {"needles", needles(1e-3).mesh},
+          {"slivers", slivers(360).mesh},
+          {"needles", needles(12, 8, 1e-3).mesh},
           {"spikes", spikes(100, 0.003).mesh},
           {"folded", folded_grid(28, 28).mesh},
           {"folded strip", folded_grid(6, 80).mesh},
           {"graded", graded_disk(9, 1e-3).mesh},
-          {"bent", bent.mesh}};
+          bent_disk(9, 8)};
+}
+
+/// The same with fewer triangles, for what takes longer.
+std::vector<Named> smaller_hostile_meshes() {
+  return {{"triangle", shapes::single_triangle().mesh},
+          {"two triangles", shapes::strip(1).mesh},
+          {"strip", shapes::strip(60).mesh},
+          {"fan", shapes::fan(60).mesh},
+          {"comb", shapes::comb(4, 3).mesh},
+          {"limbs", shapes::limbs(5, 8, 0.05).mesh},
+          {"limb", limb(24, 5)},
+          {"thin limb", limb(60, 3)},
+          {"punctured sphere", punctured_sphere(9, 10)},
+          {"slivers", slivers(90).mesh},
+          {"needles", needles(9, 6, 1e-3).mesh},
+          {"spikes", spikes(60, 0.003).mesh},
+          {"folded", folded_grid(28, 28).mesh},
+          {"folded strip", folded_grid(6, 80).mesh},
+          {"graded", graded_disk(9, 1e-3).mesh},
+          bent_disk(7, 6)};
 }
 
 // ---- checks ----
@@ -156,7 +199,7 @@ void check_embeds(const TriangleMesh& a, const TriangleMesh& b,
                   const std::vector<Landmark>& landmarks = {}) {
   REQUIRE(ism::validate(a).empty());
   REQUIRE(ism::validate(b).empty());
-  const Embedding e = ism::initial_embedding(a, b, landmarks);
+  const Embedding e = ism::initial_embedding(a, b, landmarks, on_one_thread());
   CAPTURE(e.message);
   CHECK(e.status == Status::kConverged);
   if (e.status != Status::kConverged) return;
@@ -308,7 +351,7 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     CAPTURE(shape.name);
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
-    const Hierarchy h(s, free, Metric::kSurface, even_angles(s.mesh));
+    const Hierarchy h(s, free, Approach::kShape, even_angles(s.mesh));
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -333,36 +376,36 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   const Surface s = build_surface(disk.mesh, true);
   Array<char> is_protected(s.mesh.n_vertices, 0);
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
-  const Level level = Hierarchy(s, is_protected, Metric::kSurface, even_angles(s.mesh)).current();
+  const Level level = Hierarchy(s, is_protected, Approach::kShape, even_angles(s.mesh)).current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
 
 TEST_CASE("a mesh refined from its base has every vertex and is embedded at every level") {
-  // In the metric of the surface a vertex may find no room; in the uniform one there is some.
+  // By shape a vertex may find no room; by connectivity there is some.
   for (const Named& shape : hostile_meshes())
-    for (Metric metric : {Metric::kSurface, Metric::kUniform}) {
+    for (Approach approach : {Approach::kShape, Approach::kConnectivity}) {
       CAPTURE(shape.name);
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
-      const Executor executor{ism::Options()};
-      Hierarchy h(s, free, metric, even_angles(s.mesh));
-      const bool has_base = h.embed_base();
-      if (metric == Metric::kUniform) REQUIRE(has_base);
+      const Executor executor{on_one_thread()};
+      Hierarchy h(s, free, approach, even_angles(s.mesh));
+      const bool has_base = h.embed_base(executor);
+      if (approach == Approach::kConnectivity) REQUIRE(has_base);
       std::vector<Points2> x;
       while (has_base && !h.is_full()) {
         const int target = 2 * h.active();
         const int stuck = h.refine(target);
-        if (metric == Metric::kUniform) CHECK(stuck == -1);
+        if (approach == Approach::kConnectivity) CHECK(stuck == -1);
         if (stuck >= 0) break;
         CHECK(h.active() == std::min(target, s.mesh.n_vertices));
         Level level = h.current();
-        if (metric == Metric::kUniform) level.surface = softened(level.surface, 0, 1);
+        if (approach == Approach::kConnectivity) level.surface = softened(level.surface, 0, 1);
         x.assign(1, h.positions(level));
         CHECK(is_injective(level.surface.mesh, x[0]));
         const FlatProblem problem = {
             {&level.surface},
             {},
-            metric == Metric::kUniform ? ism::Boundary::kFixed : ism::Boundary::kFree};
+            approach == Approach::kConnectivity ? ism::Boundary::kFixed : ism::Boundary::kFree};
         FlatNewton(problem, executor).minimize(10, 1e-3, x);
         CHECK(is_injective(level.surface.mesh, x[0]));
         h.set(level, x[0]);
@@ -379,15 +422,16 @@ TEST_CASE("lengths are softened from all alike to those of the surface") {
   const int n = s.mesh.n_faces;
   const Surface own = softened(s, 1, s.total_area), alike = softened(s, 0, n);
   for (int f = 0; f < n; ++f) {
-    CHECK((own.rest_inverse[f] - s.rest_inverse[f]).norm() < 1e-12 * s.rest_inverse[f].norm());
+    const Eigen::Matrix2d expected = eigen(s.rest_inverse[f]);
+    CHECK((eigen(own.rest_inverse[f]) - expected).norm() < 1e-12 * expected.norm());
     CHECK(own.area[f] == doctest::Approx(s.area[f]).epsilon(1e-12));
     CHECK(alike.area[f] == doctest::Approx(1).epsilon(1e-12));
-    const Eigen::Matrix2d R = alike.rest_inverse[f].inverse();
+    const Eigen::Matrix2d R = eigen(inverse(alike.rest_inverse[f]));
     CHECK(R.col(0).norm() == doctest::Approx(R.col(1).norm()).epsilon(1e-12));
     CHECK(R.col(0).norm() == doctest::Approx((R.col(1) - R.col(0)).norm()).epsilon(1e-12));
   }
   for (double t : {0.1, 0.5, 0.9}) {
-    const Surface soft = softened(build_surface(slivers().mesh, false), t, 1);
+    const Surface soft = softened(build_surface(slivers(360).mesh, false), t, 1);
     CHECK(soft.total_area == 1);
     for (double area : soft.area) CHECK(area > 0);
   }
@@ -396,16 +440,19 @@ TEST_CASE("lengths are softened from all alike to those of the surface") {
 // ---- the embedding of pairs ----
 
 TEST_CASE("every hostile mesh is embedded injectively, paired with itself and with a grid") {
-  const TriangleMesh grid = shapes::grid(5, 5).mesh;
+  const TriangleMesh grid = shapes::grid(5, 5).mesh, small_grid = shapes::grid(3, 3).mesh;
   for (const Named& shape : hostile_meshes()) {
     CAPTURE(shape.name);
     check_embeds(shape.mesh, shape.mesh, {{0, 0}, {1, 1}});
     check_embeds(shape.mesh, grid, {{0, 0}, {2, 12}});
-    check_embeds(grid, shape.mesh, {{35, 2}});
+  }
+  for (const Named& shape : smaller_hostile_meshes()) {
+    CAPTURE(shape.name);
+    check_embeds(small_grid, shape.mesh, {{15, 2}});  // one landmark: rotations are tried
   }
 }
 
-// Their free boundary meets itself while it unfolds; the uniform metric takes over.
+// Their free boundary meets itself while it unfolds; the other approach takes over.
 TEST_CASE("long outlines are embedded injectively") {
   check_embeds(shapes::comb(9, 12).mesh, shapes::comb(9, 12).mesh, {{0, 0}, {1, 1}});
   check_embeds(shapes::limbs(5, 40, 0.02).mesh, shapes::grid(5, 5).mesh, {{0, 0}, {2, 12}});
@@ -421,9 +468,9 @@ TEST_CASE("small pairs are embedded without landmarks") {
 }
 
 TEST_CASE("meshes of very different resolution are embedded together") {
-  const TriangleMesh two = shapes::strip(1).mesh, many = shapes::grid(20, 15).mesh;
+  const TriangleMesh two = shapes::strip(1).mesh, many = shapes::grid(12, 10).mesh;
   for (const std::vector<Landmark>& landmarks :
-       {std::vector<Landmark>{}, {{0, 100}}, {{0, 0}, {1, 20}, {2, 300}, {3, 150}}}) {
+       {std::vector<Landmark>{}, {{0, 50}}, {{0, 0}, {1, 12}, {2, 130}, {3, 70}}}) {
     CAPTURE(landmarks.size());
     check_embeds(two, many, landmarks);
   }
@@ -432,9 +479,9 @@ TEST_CASE("meshes of very different resolution are embedded together") {
 
 TEST_CASE("any number of landmarks leaves the embedding injective") {
   Rng rng(35);
-  Disk a = shapes::random_disk(6, 6, rng);
+  Disk a = shapes::random_disk(5, 6, rng);
   shapes::bend(a, 0.6);
-  const TriangleMesh b = shapes::spherical_cap(6, 12, 1.3).mesh;
+  const TriangleMesh b = shapes::spherical_cap(5, 11, 1.3).mesh;
   for (int n : {0, 1, 2, 3, 10, 1000}) {
     CAPTURE(n);
     check_embeds(a.mesh, b, first_landmarks(a.mesh, b, n));
@@ -443,7 +490,7 @@ TEST_CASE("any number of landmarks leaves the embedding injective") {
 }
 
 TEST_CASE("more landmarks than the coarse level has vertices leave the embedding injective") {
-  const TriangleMesh a = shapes::grid(62, 60).mesh, b = shapes::grid(60, 62).mesh;
+  const TriangleMesh a = shapes::grid(58, 56).mesh, b = shapes::grid(56, 58).mesh;
   std::vector<Landmark> landmarks;
   for (int v = 0; v < a.vertices.rows(); ++v) landmarks.push_back({v, v});
   check_embeds(a, b, landmarks);
@@ -463,14 +510,14 @@ TEST_CASE("landmarks of an easy pair end near each other") {
   Disk a = shapes::random_disk(7, 6, rng);
   shapes::bend(a, 0.4);
   TriangleMesh b = a.mesh;  // another place in space, stretched a little
-  const Eigen::Matrix3d R = Eigen::AngleAxisd(1.3, Vec3(1, -1, 2).normalized()).matrix();
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(1.3, Vector3d(1, -1, 2).normalized()).matrix();
   b.vertices.col(0) *= 1.2;
   b.vertices = (b.vertices * R.transpose()).eval();
   for (const std::vector<Landmark>& landmarks : {std::vector<Landmark>{{5, 5}},
                                                  {{5, 5}, {40, 40}},
                                                  first_landmarks(a.mesh, b, 12),
                                                  first_landmarks(a.mesh, b, 1000)}) {
-    const Embedding e = ism::initial_embedding(a.mesh, b, landmarks);
+    const Embedding e = ism::initial_embedding(a.mesh, b, landmarks, on_one_thread());
     REQUIRE(e.status == Status::kConverged);
     double largest = 0;
     for (const Landmark& l : landmarks)
@@ -483,12 +530,12 @@ TEST_CASE("landmarks of an easy pair end near each other") {
 TEST_CASE("a flat mesh is embedded without distortion") {
   Rng rng(37);
   for (const Disk& disk : {shapes::grid(8, 7), shapes::perturbed_grid(9, 5, 0.2, rng)}) {
-    ism::Options options;
+    ism::Options options = on_one_thread();
     options.keep_scale = true;
     const Embedding e = ism::initial_embedding(disk.mesh, disk.mesh, {{0, 0}, {30, 30}}, options);
     REQUIRE(e.status == Status::kConverged);
     const Surface s = build_surface(disk.mesh, true);
-    Array<Eigen::Matrix2d> unused;
+    Array<Mat2> unused;
     const double isometry = 4 * s.total_area;  // of the symmetric Dirichlet energy
     CHECK(embedding_energy(s, e.f, unused) >= isometry * (1 - 1e-12));
     CHECK(embedding_energy(s, e.f, unused) < isometry * 1.001);
@@ -505,7 +552,7 @@ TEST_CASE("the planes are in scaled units unless asked otherwise") {
                                  disk.mesh.triangles(f, 2));
     return area;
   };
-  ism::Options options;
+  ism::Options options = on_one_thread();
   const std::vector<Landmark> landmarks = {{0, 0}, {40, 40}};
   const Embedding scaled = ism::initial_embedding(disk.mesh, disk.mesh, landmarks, options);
   CHECK(planar_area(scaled.f) == doctest::Approx(1).epsilon(0.01));
@@ -518,9 +565,9 @@ TEST_CASE("with one landmark, on a boundary or not, the planes overlap") {
   const Disk fan = shapes::fan(7), grid = shapes::grid(3, 3), strip = shapes::strip(9);
   const std::pair<Disk, Disk> pairs[] = {{fan, grid}, {grid, strip}, {strip, fan}, {grid, grid}};
   for (const auto& [a, b] : pairs)
-    for (int v = 0; v < 8; ++v) {
+    for (int v = 0; v < 4; ++v) {  // v = 0 is the centre of the fan, v = 2 inside of the grid
       CAPTURE(v);
-      ism::Options options;
+      ism::Options options = on_one_thread();
       options.max_iterations = 0;
       const ism::Result result = ism::compute_map(a.mesh, b.mesh, {{v, v}}, options);
       CAPTURE(result.message);
@@ -531,20 +578,20 @@ TEST_CASE("with one landmark, on a boundary or not, the planes overlap") {
 }
 
 TEST_CASE("planes overlap, whatever lies at their centres") {
-  Disk thin_ring = shapes::slit_ring(24, 0.3, 6);  // nothing at its centre
+  Disk thin_ring = shapes::slit_ring(16, 0.3, 6);  // nothing at its centre
   for (int v = 0; v < thin_ring.plane.rows(); ++v) {
     const double r = thin_ring.plane.row(v).norm();
     thin_ring.mesh.vertices.row(v) << (1 + 0.1 * r) / r * thin_ring.plane.row(v), 0;
   }
-  const Disk folded = folded_grid(12, 40);
-  const Disk grid = shapes::grid(10, 10), comb = shapes::comb(3, 80);
+  const Disk folded = folded_grid(12, 24);
+  const Disk grid = shapes::grid(6, 6), comb = shapes::comb(3, 30);
   const std::pair<Disk, Disk> pairs[] = {
       {thin_ring, grid}, {grid, thin_ring}, {thin_ring, thin_ring}, {folded, grid}, {comb, grid}};
   for (const auto& [a, b] : pairs)
     for (const std::vector<Landmark>& landmarks :
          {std::vector<Landmark>(), {{3, 5}}, {{3, 5}, {20, 7}}}) {
       CAPTURE(landmarks.size());
-      ism::Options options;
+      ism::Options options = on_one_thread();
       options.max_iterations = 0;
       const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks, options);
       CAPTURE(result.message);
@@ -555,11 +602,15 @@ TEST_CASE("planes overlap, whatever lies at their centres") {
 }
 
 TEST_CASE("strained outlines start isometric to themselves") {
-  for (const Disk& disk : {shapes::comb(5, 5), spikes(100, 0.003), folded_grid(8, 30)}) {
-    ism::Options options;
+  for (const Disk& disk : {shapes::comb(5, 5), spikes(34, 0.003), folded_grid(8, 30)}) {
+    ism::Options options = on_one_thread();
     options.max_iterations = 0;
     const ism::Result result = ism::compute_map(disk.mesh, disk.mesh, {}, options);
     REQUIRE(ism::is_usable(result.status));
     CHECK(result.initial.mean_distortion < 2.001);
   }
 }
+
+}  // namespace embedding_tests
+
+#endif  // ISM_TESTS_PART_EMBEDDING_HPP

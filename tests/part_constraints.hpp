@@ -1,7 +1,11 @@
 // Pins: substituted systems, residuals, and what is refused.
 
+#ifndef ISM_TESTS_PART_CONSTRAINTS_HPP
+#define ISM_TESTS_PART_CONSTRAINTS_HPP
+
 #include "dense.hpp"
 #include "ism.hpp"
+#include "runs.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -10,10 +14,13 @@
 #include <utility>
 #include <vector>
 
+namespace constraints_tests {
 namespace {
 
 using namespace ism::detail;
 using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
 using Eigen::VectorXd;
 using ism::IterationLog;
 using ism::Options;
@@ -22,10 +29,9 @@ using ism::Result;
 using ism::Status;
 using ism::SurfaceMap;
 using ism::TriangleMesh;
-using ism::Vec2;
-using ism::Vec3;
+using runs::given_planes;
+using runs::on_one_thread;
 using shapes::Disk;
-using shapes::from_planes;
 using shapes::half_edges;
 using shapes::Rng;
 
@@ -35,10 +41,15 @@ MatrixXd substitution_matrix(const Array<Follower>& followers, int rows) {
   for (const Follower& follower : followers) {
     P.block<2, 2>(2 * follower.row, 2 * follower.row).setZero();
     for (int k = 0; k < 3; ++k)
-      P.block<2, 2>(2 * follower.row, 2 * follower.master[static_cast<std::size_t>(k)]) +=
+      P.block<2, 2>(2 * follower.row, 2 * follower.master[k]) +=
           follower.weight[k] * Eigen::Matrix2d::Identity();
   }
   return P;
+}
+
+/// A random vector of n rows.
+VectorXd random_vector(int n, Rng& rng) {
+  return VectorXd::NullaryExpr(2 * n, [&](Eigen::Index) { return rng.uniform(-1, 1); });
 }
 
 /// A random symmetric system of n rows.
@@ -48,17 +59,17 @@ LinearSystem random_system(int n, Rng& rng) {
   for (int r = 0; r < n; ++r) {
     for (int c = r; c < n; ++c) {
       if (c > r && rng.below(3) > 0) continue;
-      Eigen::Matrix2d H, Q;
+      Mat2 H;
       for (int i = 0; i < 4; ++i) H(i / 2, i % 2) = rng.uniform(-1, 1);
-      Q = rng.uniform(-1, 1) * Eigen::Matrix2d::Identity();
-      if (c == r) H = (H + H.transpose()).eval();
+      const Mat2 Q = diagonal(rng.uniform(-1, 1));
+      if (c == r) H = H + transposed(H);
       system.pattern.column.push_back(c);
       system.H.push_back(H);
       system.Q.push_back(Q);
     }
     system.pattern.start.push_back(system.pattern.blocks());
   }
-  system.gradient = VectorXd::NullaryExpr(2 * n, [&](Eigen::Index) { return rng.uniform(-1, 1); });
+  system.gradient = per_vertex(random_vector(n, rng));
   return system;
 }
 
@@ -68,13 +79,13 @@ std::pair<Disk, Disk> nested_pair(std::uint64_t seed) {
   Disk a = shapes::random_disk(4, 4, rng), b = shapes::random_disk(6, 6, rng);
   shapes::bend(a, 0.5);
   shapes::bend(b, -0.3);
-  a.plane = shapes::moved(a.plane, shapes::rotation(0.2), Vec2(1.3, 0.9));
+  a.plane = shapes::moved(a.plane, shapes::rotation(0.2), Vector2d(1.3, 0.9));
   return {a, b};
 }
 
 /// Options that pin vertices of both meshes, none in a triangle of another.
 Options with_pins(const Disk& a, const Disk& b) {
-  Options options = from_planes(a, b);
+  Options options = given_planes(a, b);
   options.pins_a = {0, 6, 18};
   options.max_iterations = 0;
   for (int v = 0; v < b.plane.rows(); ++v) {
@@ -104,15 +115,15 @@ TEST_CASE("a substituted system is the product of matrices") {
     LinearSystem system = random_system(n, rng);
     const Array<Follower> followers = [&] {
       Array<Follower> all;
-      all.push_back({2, {{7, 9, 11}}, Vec3(0.2, 0.3, 0.5)});
-      all.push_back({3, {{7, 8, 9}}, Vec3(0.6, 0, 0.4)});
-      all.push_back({10, {{0, 1, 4}}, Vec3(0, 1, 0)});
+      all.push_back({2, {7, 9, 11}, {0.2, 0.3, 0.5}});
+      all.push_back({3, {7, 8, 9}, {0.6, 0, 0.4}});
+      all.push_back({10, {0, 1, 4}, {0, 1, 0}});
       return all;
     }();
     const MatrixXd P = substitution_matrix(followers, n);
     MatrixXd H = P.transpose() * dense(system.pattern, system.H) * P;
     const MatrixXd Q = P.transpose() * dense(system.pattern, system.Q) * P;
-    const VectorXd gradient = P.transpose() * system.gradient;
+    const VectorXd gradient = P.transpose() * dense(system.gradient);
     for (const Follower& follower : followers)
       for (int i : {2 * follower.row, 2 * follower.row + 1}) H(i, i) = 1;
     substitute(followers, system);
@@ -121,9 +132,11 @@ TEST_CASE("a substituted system is the product of matrices") {
         CHECK(system.pattern.column[b] < system.pattern.column[b + 1]);
     CHECK((dense(system.pattern, system.H) - H).norm() < 1e-14 * H.norm());
     CHECK((dense(system.pattern, system.Q) - Q).norm() < 1e-14 * Q.norm());
-    CHECK((system.gradient - gradient).norm() < 1e-14 * gradient.norm());
-    const VectorXd y = VectorXd::NullaryExpr(2 * n, [&](Eigen::Index) { return rng.uniform(); });
-    CHECK((expanded(followers, y) - P * y).norm() < 1e-14 * y.norm());
+    CHECK((dense(system.gradient) - gradient).norm() < 1e-14 * gradient.norm());
+    const VectorXd y = random_vector(n, rng);
+    Array<Vec2> direction = per_vertex(y);
+    expand_direction(followers, direction);
+    CHECK((dense(direction) - P * y).norm() < 1e-14 * y.norm());
   }
 }
 
@@ -151,7 +164,7 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const Iterate x = at(a.plane, b.plane);
   CHECK((x.f - a.plane).norm() + (x.g - b.plane).norm() < 1e-14);
   ModelBuilder builder(pair, weights, systems.one_ring(), executor);
-  builder.differentiate(x);
+  builder.differentiate_elements(x);
   LinearSystem system = systems.blend(Array<QuadraticModel>(1, builder.assemble(x)), 1);
   substitute(followers, system);
   VectorXd expected(2 * pair.rows());
@@ -167,7 +180,7 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
     expected[i] = (e[1] - e[0]) / (2 * h);
   }
   CHECK(expected.norm() > 1);
-  CHECK((system.gradient - expected).norm() < 1e-6 * expected.norm());
+  CHECK((dense(system.gradient) - expected).norm() < 1e-6 * expected.norm());
 }
 
 TEST_CASE("pinned vertices stay where they are on the other surface") {
@@ -185,18 +198,18 @@ TEST_CASE("pinned vertices stay where they are on the other surface") {
     CHECK(is_injective(half_edges(b.mesh), result.g));
     const SurfaceMap after(a.mesh, b.mesh, result.f, result.g);
     for (int v : options.pins_a) {
-      const Vec3 p = before.position_on_b(before.forward_vertex(v).point);
-      const Vec3 q = after.position_on_b(after.forward_vertex(v).point);
+      const Vector3d p = before.position_on_b(before.forward_vertex(v).point);
+      const Vector3d q = after.position_on_b(after.forward_vertex(v).point);
       CHECK((p - q).norm() < 1e-12);
     }
-    const Vec3 p = before.position_on_a(before.backward_vertex(pin_b).point);
-    const Vec3 q = after.position_on_a(after.backward_vertex(pin_b).point);
+    const Vector3d p = before.position_on_a(before.backward_vertex(pin_b).point);
+    const Vector3d q = after.position_on_a(after.backward_vertex(pin_b).point);
     CHECK((p - q).norm() < 1e-12);
     options.pins_a.clear();
     const Result free = ism::compute_map(a.mesh, b.mesh, {}, options);
     CHECK(free.final_state().energy < result.final_state().energy);
     const SurfaceMap moved(a.mesh, b.mesh, free.f, free.g);
-    const Vec3 r = moved.position_on_b(moved.forward_vertex(6).point);
+    const Vector3d r = moved.position_on_b(moved.forward_vertex(6).point);
     CHECK((before.position_on_b(before.forward_vertex(6).point) - r).norm() > 1e-3);
   }
 }
@@ -206,7 +219,7 @@ TEST_CASE("several pins in one triangle") {
   Disk a = shapes::random_disk(5, 5, rng);
   shapes::bend(a, 0.5);
   Disk b = shapes::triangle({-9, -9}, {16, -8}, {3, 17});
-  Options options = from_planes(a, b);
+  Options options = given_planes(a, b);
   for (int v = 0; v < 12; ++v) options.pins_a.push_back(v);
   const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
   REQUIRE(ism::is_usable(result.status));
@@ -219,7 +232,7 @@ TEST_CASE("bad pins are refused with the vertices") {
   const auto refuse = [&, &a = a, &b = b](const std::vector<int>& pins_a,
                                           const std::vector<int>& pins_b, const std::string& what,
                                           const std::vector<int>& ids) {
-    Options options = from_planes(a, b);
+    Options options = given_planes(a, b);
     options.pins_a = pins_a;
     options.pins_b = pins_b;
     check_refused(ism::compute_map(a.mesh, b.mesh, {}, options), what, ids);
@@ -248,7 +261,7 @@ TEST_CASE("exact landmarks coincide to the last bit, from the start to the end")
     shapes::bend(a, 0.5);
     shapes::bend(b, -0.4);
     const std::vector<ism::Landmark> landmarks = {{8, 7}, {20, 22}, {30, 31}};
-    Options options;
+    Options options = on_one_thread();
     options.exact_landmarks = true;
     const Result result = ism::compute_map(a.mesh, b.mesh, landmarks, options);
     CAPTURE(result.message);
@@ -282,10 +295,14 @@ TEST_CASE("pins that do not exist are refused before the embedding") {
 
 TEST_CASE("given positions must agree with exact landmarks") {
   const auto [a, b] = nested_pair(12);
-  Options options = from_planes(a, b);
+  Options options = given_planes(a, b);
   options.exact_landmarks = true;
   const Result result = ism::compute_map(a.mesh, b.mesh, {{3, 5}}, options);
   CHECK(result.status == Status::kInvalidPositions);
   CHECK(result.message.find("landmark 3 5: ") == 0);
   CHECK(result.ids == std::vector<int>{3, 5});
 }
+
+}  // namespace constraints_tests
+
+#endif  // ISM_TESTS_PART_CONSTRAINTS_HPP

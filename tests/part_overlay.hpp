@@ -1,11 +1,16 @@
 // The overlay of two embeddings against brute force, and the injectivity decision.
 
+#ifndef ISM_TESTS_PART_OVERLAY_HPP
+#define ISM_TESTS_PART_OVERLAY_HPP
+
 #include "allocations.hpp"
 #include "elements.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
+
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <array>
@@ -17,11 +22,12 @@
 #include <utility>
 #include <vector>
 
+namespace overlay_tests {
 namespace {
 
 using namespace ism::detail;
+using Eigen::Vector2d;
 using ism::Points2;
-using ism::Vec2;
 using shapes::Disk;
 using shapes::half_edges;
 using shapes::Rng;
@@ -47,8 +53,8 @@ struct Pair {
   SixPoints points(const OverlayPolygon& p) const {
     SixPoints x;
     for (int k = 0; k < 3; ++k) {
-      x.col(k) = f.row(a.corner(p.ta, k)).transpose();
-      x.col(3 + k) = g.row(b.corner(p.tb, k)).transpose();
+      x[k] = row2(f, a.corner(p.ta, k));
+      x[3 + k] = row2(g, b.corner(p.tb, k));
     }
     return x;
   }
@@ -92,9 +98,9 @@ FacePairs brute_force_pairs(const Pair& pair) {
 
 /// The area common to two triangles by clipping one with the edges of the other, in doubles.
 double clipped_area(const SixPoints& x) {
-  std::vector<Vec2> polygon = {x.col(0), x.col(1), x.col(2)};
+  std::vector<Vec2> polygon = {x[0], x[1], x[2]};
   for (int k = 0; k < 3; ++k) {
-    const Vec2 p = x.col(3 + k), d = x.col(3 + (k + 1) % 3) - p;
+    const Vec2 p = x[3 + k], d = x[3 + (k + 1) % 3] - p;
     std::vector<Vec2> kept;
     for (std::size_t i = 0; i < polygon.size(); ++i) {
       const Vec2 u = polygon[i], v = polygon[(i + 1) % polygon.size()];
@@ -202,7 +208,7 @@ void check_overlay(const Pair& pair) {
   CHECK(pair.total_area() == doctest::Approx(clipped).epsilon(1e-11));
 }
 
-Disk moved(Disk disk, double angle, const Vec2& shift, double scale = 1) {
+Disk moved(Disk disk, double angle, const Vector2d& shift, double scale = 1) {
   disk.plane = shapes::moved(disk.plane, scale * shapes::rotation(angle), shift);
   return disk;
 }
@@ -229,7 +235,7 @@ Disk winding_fan(int n, int turns) {
 }
 
 /// A strip of n quads along a path: given left and right rims.
-Disk strip_along(const std::vector<Vec2>& right, const std::vector<Vec2>& left) {
+Disk strip_along(const std::vector<Vector2d>& right, const std::vector<Vector2d>& left) {
   shapes::DiskBuilder builder;
   for (std::size_t i = 0; i < right.size(); ++i) {
     const int r = builder.vertex(right[i].x(), right[i].y());
@@ -242,10 +248,10 @@ Disk strip_along(const std::vector<Vec2>& right, const std::vector<Vec2>& left) 
 /// A strip bent by `angle` around the origin, between radii inner and outer + `widening` at the
 /// end.
 Disk bent_strip(int n, double angle, double inner, double outer, double drift = 0) {
-  std::vector<Vec2> right, left;
+  std::vector<Vector2d> right, left;
   for (int i = 0; i <= n; ++i) {
     const double phi = angle * i / n, out = drift * i / n;
-    const Vec2 d(std::cos(phi), std::sin(phi));
+    const Vector2d d(std::cos(phi), std::sin(phi));
     right.push_back((outer + out) * d);
     left.push_back((inner + out) * d);
   }
@@ -276,7 +282,7 @@ TEST_CASE("grids in degenerate positions have the overlay that brute force finds
     R(1, 0) = std::round(std::sin(quarter * shapes::kPi / 2));
     R(0, 1) = -R(1, 0), R(1, 1) = R(0, 0);
     Disk turned = b;
-    const Vec2 shift(rng.between(-3, 5), rng.between(-3, 5));
+    const Vector2d shift(rng.between(-3, 5), rng.between(-3, 5));
     turned.plane = shapes::moved(b.plane, R * rng.between(1, 2), shift);
     check_overlay(Pair(a, turned));
   }
@@ -295,11 +301,11 @@ TEST_CASE("random meshes on few integer positions have the overlay that brute fo
 
 TEST_CASE("overlaps of several components are found completely") {
   const Disk comb = shapes::comb(5, 7);
-  const Disk across = moved(shapes::comb(4, 8), shapes::kPi / 2, Vec2(9.3, 0.4), 0.9);
+  const Disk across = moved(shapes::comb(4, 8), shapes::kPi / 2, Vector2d(9.3, 0.4), 0.9);
   Pair pair(comb, across);
   check_overlay(pair);
   CHECK(pair.overlay.polygons.size() > 50);
-  check_overlay(Pair(comb, moved(comb, 0, Vec2(1, 3))));  // teeth between teeth, sharing edges
+  check_overlay(Pair(comb, moved(comb, 0, Vector2d(1, 3))));  // teeth between teeth, sharing edges
   check_overlay(Pair(shapes::limbs(7, 9, 0.1), moved(shapes::limbs(5, 9, 0.1), 0.2, {0.3, 0.1})));
 }
 
@@ -350,7 +356,7 @@ TEST_CASE("a nested embedding is covered on its own surface, whichever mesh it i
   Disk large = shapes::random_disk(6, 6, rng), small = shapes::random_disk(5, 4, rng);
   shapes::bend(large, 0.5);
   shapes::bend(small, 0.5);
-  small = moved(small, 0.4, Vec2(2.5, 1.5), 0.5);
+  small = moved(small, 0.4, Vector2d(2.5, 1.5), 0.5);
   const Surface s = build_surface(small.mesh, true);
   for (bool inner_is_a : {true, false}) {
     CAPTURE(inner_is_a);
@@ -385,7 +391,8 @@ TEST_CASE("embeddings apart have an empty overlay") {
 
 TEST_CASE("embeddings that touch have an overlay without area") {
   const Disk a = shapes::grid(3, 3);
-  for (const Vec2& shift : {Vec2(3, 0), Vec2(0, -3), Vec2(3, 3), Vec2(-3, 1), Vec2(3, 0.5)}) {
+  for (const Vector2d& shift :
+       {Vector2d(3, 0), Vector2d(0, -3), Vector2d(3, 3), Vector2d(-3, 1), Vector2d(3, 0.5)}) {
     CAPTURE(shift.transpose());
     const Pair pair(a, moved(a, 0, shift));
     check_overlay(pair);
@@ -426,7 +433,7 @@ TEST_CASE("intersect finds hexagons, containment and nothing") {
 }
 
 TEST_CASE("identical triangles intersect in all of their area for every order of corners") {
-  const Vec2 p[3] = {{0.1, 0.2}, {1.3, 0.4}, {0.6, 0.9}};
+  const Vector2d p[3] = {{0.1, 0.2}, {1.3, 0.4}, {0.6, 0.9}};
   for (int k = 0; k < 3; ++k) {
     const Disk a = shapes::triangle(p[0], p[1], p[2]);
     const Disk b = shapes::triangle(p[k], p[(k + 1) % 3], p[(k + 2) % 3]);
@@ -499,9 +506,8 @@ TEST_CASE("a flipped triangle is found wherever it is") {
     for (int k = 0; k < 3; ++k) {  // corner k goes slightly beyond the opposite edge
       Points2 x = disk.plane;
       const int v = m.corner(f, k), p = m.corner(f, (k + 1) % 3), q = m.corner(f, (k + 2) % 3);
-      const Vec2 middle = 0.5 * (x.row(p) + x.row(q)).transpose();
-      const Vec2 from = x.row(v).transpose();
-      x.row(v) = (middle + 1e-6 * (middle - from)).transpose();
+      const Eigen::RowVector2d middle = 0.5 * (x.row(p) + x.row(q)), from = x.row(v);
+      x.row(v) = middle + 1e-6 * (middle - from);
       CHECK(!all_triangles_positive(m, x));
       CHECK(!is_injective(m, x));
     }
@@ -555,8 +561,8 @@ TEST_CASE("a boundary that crosses itself is not injective though all triangles 
 TEST_CASE("a boundary that touches itself is not injective") {
   // A strip around a square whose ends meet, with integer coordinates.
   const auto ring = [](double end) {  // the last quad ends at x = end; it starts from x = 0
-    const std::vector<Vec2> right = {{0, -2}, {2, -2}, {2, 2}, {-2, 2}, {-2, -2}, {end, -2}};
-    const std::vector<Vec2> left = {{0, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}, {end, -1}};
+    const std::vector<Vector2d> right = {{0, -2}, {2, -2}, {2, 2}, {-2, 2}, {-2, -2}, {end, -2}};
+    const std::vector<Vector2d> left = {{0, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}, {end, -1}};
     return strip_along(right, left);
   };
   CHECK(injective(ring(-0.5)));
@@ -589,7 +595,8 @@ TEST_CASE("a boundary corner folded onto itself is not injective") {
   CHECK(injective(shapes::grid(5, 5)));  // straight rims
   // A fan around boundary vertex 0 that turns by exactly 2π: its rims lie on one another.
   shapes::DiskBuilder builder;
-  for (const Vec2& p : {Vec2(0, 0), Vec2(2, 0), Vec2(0, 1), Vec2(-1, -1), Vec2(1, -1), Vec2(1, 0)})
+  for (const Vector2d& p : {Vector2d(0, 0), Vector2d(2, 0), Vector2d(0, 1), Vector2d(-1, -1),
+                            Vector2d(1, -1), Vector2d(1, 0)})
     builder.vertex(p.x(), p.y());
   for (int i = 1; i < 5; ++i) builder.triangle(0, i, i + 1);
   Disk fold = builder.build();
@@ -639,10 +646,7 @@ TEST_CASE("segments_touch knows crossings, contacts and near misses") {
       {{1, 1}, {1, 1}, {0, 0}, {2, 2 + 4 * ulp}, false},  // a point beside a segment
       {{1, 1}, {1, 1}, {1, 1}, {1, 1}, true}};            // a point on itself
   for (const Case& c : cases) {
-    CAPTURE(c.p.transpose());
-    CAPTURE(c.q.transpose());
-    CAPTURE(c.r.transpose());
-    CAPTURE(c.s.transpose());
+    CAPTURE(&c - cases);
     for (int swap = 0; swap < 8; ++swap) {
       Vec2 p = c.p, q = c.q, r = c.r, s = c.s;
       if (swap & 1) std::swap(p, q);
@@ -671,8 +675,8 @@ TEST_CASE("segments_touch agrees with enumeration on an integer grid") {
   for (int code = 0; code < 6561; ++code) {
     int c[8], rest = code;
     for (int& digit : c) digit = rest % 3, rest /= 3;
-    const bool touch =
-        segments_touch(Vec2(c[0], c[1]), Vec2(c[2], c[3]), Vec2(c[4], c[5]), Vec2(c[6], c[7]));
+    const auto end = [&](int k) { return shapes::to_vec2(Vector2d(c[k], c[k + 1])); };
+    const bool touch = segments_touch(end(0), end(2), end(4), end(6));
     wrong += touch != brute_force(c);
     touching += touch;
   }
@@ -680,3 +684,7 @@ TEST_CASE("segments_touch agrees with enumeration on an integer grid") {
   CHECK(touching > 1000);
   CHECK(touching < 5500);
 }
+
+}  // namespace overlay_tests
+
+#endif  // ISM_TESTS_PART_OVERLAY_HPP

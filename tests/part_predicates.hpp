@@ -1,5 +1,8 @@
 // Exact predicates against integer arithmetic that cannot round, and against actual perturbations.
 
+#ifndef ISM_TESTS_PART_PREDICATES_HPP
+#define ISM_TESTS_PART_PREDICATES_HPP
+
 #include "ism.hpp"
 #include "shapes.hpp"
 
@@ -10,12 +13,13 @@
 #include <utility>
 #include <vector>
 
+namespace predicate_tests {
 namespace {
 
-using ism::Vec2;
 using ism::detail::LabelledPoint;
 using ism::detail::orient2d;
 using ism::detail::oriented;
+using ism::detail::Vec2;
 using shapes::Rng;
 
 __extension__ typedef __int128 Int128;
@@ -97,26 +101,41 @@ PowerSum exact_orientation(const ExactPoint& a, const ExactPoint& b, const Exact
   return (a.x - c.x) * (b.y - c.y) - (a.y - c.y) * (b.x - c.x);
 }
 
-ExactPoint exact(const Vec2& p) { return {PowerSum::of_double(p.x()), PowerSum::of_double(p.y())}; }
+ExactPoint exact(Vec2 p) { return {PowerSum::of_double(p.x), PowerSum::of_double(p.y)}; }
 
-int exact_sign(const Vec2& a, const Vec2& b, const Vec2& c) {
+int exact_sign(Vec2 a, Vec2 b, Vec2 c) {
   return exact_orientation(exact(a), exact(b), exact(c)).sign_if_word();
 }
 
-int integer_sign(const Vec2& a, const Vec2& b, const Vec2& c) {
+int integer_sign(Vec2 a, Vec2 b, Vec2 c) {
   const auto whole = [](double x) { return Int128(static_cast<long long>(x)); };
-  return sign_of((whole(a.x()) - whole(c.x())) * (whole(b.y()) - whole(c.y())) -
-                 (whole(a.y()) - whole(c.y())) * (whole(b.x()) - whole(c.x())));
+  return sign_of((whole(a.x) - whole(c.x)) * (whole(b.y) - whole(c.y)) -
+                 (whole(a.y) - whole(c.y)) * (whole(b.x) - whole(c.x)));
 }
 
-int sign(const Vec2& a, const Vec2& b, const Vec2& c) { return sign_of(orient2d(a, b, c)); }
+int sign(Vec2 a, Vec2 b, Vec2 c) { return sign_of(orient2d(a, b, c)); }
+
+Vec2 lattice_point(int x, int y) { return {static_cast<double>(x), static_cast<double>(y)}; }
 
 /// The points of an n×n integer grid.
 std::vector<Vec2> grid_points(int n) {
   std::vector<Vec2> points;
   for (int y = 0; y < n; ++y)
-    for (int x = 0; x < n; ++x) points.push_back(Vec2(x, y));
+    for (int x = 0; x < n; ++x) points.push_back(lattice_point(x, y));
   return points;
+}
+
+Vec2 random_point(Rng& rng, double size) { return shapes::to_vec2(rng.point(size)); }
+
+/// With integer coordinates from lo to hi.
+Vec2 random_lattice_point(Rng& rng, int lo, int hi) {
+  const int x = rng.between(lo, hi);
+  return lattice_point(x, rng.between(lo, hi));
+}
+
+/// With integer coordinates of at most this size.
+Vec2 random_whole_point(Rng& rng, double size) {
+  return shapes::to_vec2(rng.point(size).array().round());
 }
 
 double random_magnitude(Rng& rng, int lowest, int highest) {
@@ -142,7 +161,7 @@ void for_each_triple(const std::vector<Vec2>& points, Visit visit) {
 
 TEST_CASE("orient2d agrees with integer arithmetic on every triple of a small grid") {
   int wrong = 0, ties = 0;
-  for_each_triple(grid_points(6), [&](const Vec2& a, const Vec2& b, const Vec2& c) {
+  for_each_triple(grid_points(6), [&](Vec2 a, Vec2 b, Vec2 c) {
     wrong += sign(a, b, c) != integer_sign(a, b, c);
     ties += sign(a, b, c) == 0;
   });
@@ -155,9 +174,9 @@ TEST_CASE("orient2d agrees with integer arithmetic for 52-bit coordinates of thi
   int wrong = 0, signs[3] = {0, 0, 0};
   for (int i = 0; i < 20000; ++i) {
     const double bits = std::ldexp(1.0, rng.between(20, 50));
-    const Vec2 a = (rng.point(bits)).array().floor(), d = (rng.point(bits)).array().floor();
+    const Vec2 a = random_whole_point(rng, bits), d = random_whole_point(rng, bits);
     const Vec2 b = a + 2 * d;  // a, a + d, a + 2 d are collinear
-    const Vec2 c = a + d + Vec2(rng.between(-1, 1), rng.between(-1, 1));
+    const Vec2 c = a + d + random_lattice_point(rng, -1, 1);
     const int s = sign(a, b, c);
     wrong += s != integer_sign(a, b, c) || s != exact_sign(a, b, c);
     ++signs[s + 1];
@@ -170,14 +189,14 @@ TEST_CASE("orient2d decides points within a few last places of a line") {
   Rng rng(2);
   int wrong = 0, signs[3] = {0, 0, 0}, rounded_wrong = 0;
   for (int i = 0; i < 20000; ++i) {
-    const Vec2 a = rng.point(1), b = rng.point(1);
+    const Vec2 a = random_point(rng, 1), b = random_point(rng, 1);
     const double t = rng.below(4) == 0 ? 0.5 : rng.uniform(-1, 2);
     Vec2 c = a + t * (b - a);
-    c = Vec2(nudged(c.x(), rng), nudged(c.y(), rng));
+    c = {nudged(c.x, rng), nudged(c.y, rng)};
     const int s = exact_sign(a, b, c);
     wrong += sign(a, b, c) != s;
     ++signs[s + 1];
-    const double naive = (a - c).x() * (b - c).y() - (a - c).y() * (b - c).x();
+    const double naive = (a - c).x * (b - c).y - (a - c).y * (b - c).x;
     rounded_wrong += sign_of(naive) != s;
   }
   CHECK(wrong == 0);
@@ -187,11 +206,11 @@ TEST_CASE("orient2d decides points within a few last places of a line") {
 }
 
 TEST_CASE("orient2d decides neighbouring doubles beside a diagonal") {
-  const Vec2 b(12, 12), c(24, 24);
+  const Vec2 b = {12, 12}, c = {24, 24};
   int wrong = 0, ties = 0;
   for (int i = 0; i < 128; ++i)
     for (int j = 0; j < 128; ++j) {
-      const Vec2 a(0.5 + i * 0x1p-53, 0.5 + j * 0x1p-53);
+      const Vec2 a = {0.5 + i * 0x1p-53, 0.5 + j * 0x1p-53};
       wrong += sign(a, b, c) != exact_sign(a, b, c);
       ties += sign(a, b, c) == 0;
     }
@@ -202,16 +221,14 @@ TEST_CASE("orient2d decides neighbouring doubles beside a diagonal") {
 TEST_CASE("orient2d is exact over the whole range of magnitudes") {
   Rng rng(3);
   int wrong = 0;
-  const auto check = [&](const Vec2& a, const Vec2& b, const Vec2& c) {
-    wrong += sign(a, b, c) != exact_sign(a, b, c);
-  };
+  const auto check = [&](Vec2 a, Vec2 b, Vec2 c) { wrong += sign(a, b, c) != exact_sign(a, b, c); };
   const auto any = [&] { return random_magnitude(rng, -400, 400); };
   for (int i = 0; i < 10000; ++i) {
-    const Vec2 a(any(), any()), b(any(), any()), c(any(), any());
+    const Vec2 a = {any(), any()}, b = {any(), any()}, c = {any(), any()};
     check(a, b, c);
-    check(a, Vec2(0, b.y()), c);
-    check(a, b, Vec2(nudged(a.x(), rng), nudged(a.y(), rng)));
-    check(a, 2 * a, Vec2(nudged(4 * a.x(), rng), nudged(4 * a.y(), rng)));
+    check(a, {0, b.y}, c);
+    check(a, b, {nudged(a.x, rng), nudged(a.y, rng)});
+    check(a, 2 * a, {nudged(4 * a.x, rng), nudged(4 * a.y, rng)});
   }
   CHECK(wrong == 0);
 }
@@ -225,9 +242,9 @@ TEST_CASE("orient2d is exact at both ends of its range") {
   int wrong = 0, signs[3] = {0, 0, 0};
   for (int i = 0; i < 5000; ++i)
     for (int exponent : {-400, 398}) {
-      const Vec2 a(random_magnitude(rng, exponent, exponent + 1),
-                   random_magnitude(rng, exponent, exponent + 1));
-      const Vec2 b = -a, c(nudged(1.5 * a.x(), rng), nudged(1.5 * a.y(), rng));
+      const Vec2 a = {random_magnitude(rng, exponent, exponent + 1),
+                      random_magnitude(rng, exponent, exponent + 1)};
+      const Vec2 b = -a, c = {nudged(1.5 * a.x, rng), nudged(1.5 * a.y, rng)};
       const int s = exact_sign(a, b, c);
       wrong += sign(a, b, c) != s;
       ++signs[s + 1];
@@ -240,8 +257,8 @@ TEST_CASE("orient2d changes sign when two points are swapped") {
   Rng rng(5);
   int wrong = 0;
   for (int i = 0; i < 20000; ++i) {
-    const Vec2 a = rng.point(1), b = rng.point(1);
-    const Vec2 c = rng.below(2) ? rng.point(1) : Vec2(a + rng.uniform() * (b - a));
+    const Vec2 a = random_point(rng, 1), b = random_point(rng, 1);
+    const Vec2 c = rng.below(2) ? random_point(rng, 1) : a + rng.uniform() * (b - a);
     const int s = sign(a, b, c);
     wrong += sign(b, c, a) != s || sign(c, a, b) != s;
     wrong += sign(b, a, c) != -s || sign(a, c, b) != -s || sign(c, b, a) != -s;
@@ -264,8 +281,8 @@ TEST_CASE("oriented follows orient2d where that is not zero") {
   Rng rng(6);
   int wrong = 0;
   for (int i = 0; i < 5000; ++i) {
-    const Vec2 a = rng.point(3).array().round(), b = rng.point(3).array().round();
-    const Vec2 c = rng.point(3).array().round();
+    const Vec2 a = random_whole_point(rng, 3), b = random_whole_point(rng, 3);
+    const Vec2 c = random_whole_point(rng, 3);
     const int s = sign(a, b, c), first = rng.below(3);
     if (s == 0) continue;
     const int j = (first + 1) % 3, k = (first + 2) % 3;
@@ -277,7 +294,7 @@ TEST_CASE("oriented follows orient2d where that is not zero") {
 
 TEST_CASE("oriented is cyclic and changes when two points are swapped, ties included") {
   int wrong = 0, ties = 0;
-  for_each_triple(grid_points(4), [&](const Vec2& p, const Vec2& q, const Vec2& r) {
+  for_each_triple(grid_points(4), [&](Vec2 p, Vec2 q, Vec2 r) {
     ties += sign(p, q, r) == 0;
     const int ids[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
     for (const int* id : ids) {
@@ -292,15 +309,15 @@ TEST_CASE("oriented is cyclic and changes when two points are swapped, ties incl
 }
 
 TEST_CASE("oriented is the sign after the documented infinitesimal displacement") {
-  const auto displaced = [](const Vec2& p, int id) {  // powers of ε
-    ExactPoint e{PowerSum(static_cast<long long>(p.x())), PowerSum(static_cast<long long>(p.y()))};
+  const auto displaced = [](Vec2 p, int id) {  // powers of ε
+    ExactPoint e{PowerSum(static_cast<long long>(p.x)), PowerSum(static_cast<long long>(p.y))};
     const long long power = 1ll << (2 * id);
     e.x.add(1, power);
     e.y.add(1, 2 * power);
     return e;
   };
   int wrong = 0;
-  for_each_triple(grid_points(3), [&](const Vec2& a, const Vec2& b, const Vec2& c) {
+  for_each_triple(grid_points(3), [&](Vec2 a, Vec2 b, Vec2 c) {
     for (int i = 0; i < 5; ++i)
       for (int j = 0; j < 5; ++j)
         for (int k = 0; k < 5; ++k) {
@@ -314,7 +331,7 @@ TEST_CASE("oriented is the sign after the documented infinitesimal displacement"
 }
 
 TEST_CASE("oriented is the sign after an actual displacement of collinear doubles") {
-  const auto displaced = [](const Vec2& p, int id) {  // ε = 2^-3200
+  const auto displaced = [](Vec2 p, int id) {  // ε = 2^-3200
     ExactPoint e = exact(p);
     const long long power = 1ll << (2 * id);
     e.x.add(1, -100 * power);
@@ -324,7 +341,7 @@ TEST_CASE("oriented is the sign after an actual displacement of collinear double
   Rng rng(8);
   int wrong = 0, ties = 0;
   for (int i = 0; i < 5000; ++i) {
-    const Vec2 a = rng.point(1), d = Vec2(rng.below(3) - 1, rng.below(3) - 1) * 0.37;
+    const Vec2 a = random_point(rng, 1), d = 0.37 * random_lattice_point(rng, -1, 1);
     Vec2 p[3];
     for (Vec2& q : p) q = a + rng.between(-2, 2) * d;
     ties += sign(p[0], p[1], p[2]) == 0;
@@ -345,7 +362,7 @@ TEST_CASE("oriented answers fit one configuration of points in general position"
   int wrong = 0, applied[2] = {0, 0};
   for (int i = 0; i < 200000; ++i) {
     LabelledPoint p[5];
-    for (int k = 0; k < 5; ++k) p[k] = {Vec2(rng.below(3), rng.below(3)), k};
+    for (int k = 0; k < 5; ++k) p[k] = {random_lattice_point(rng, 0, 2), k};
     for (int k = 4; k > 0; --k) std::swap(p[k], p[rng.below(k + 1)]);
     const auto left = [&](int a, int b, int c) { return oriented(p[a], p[b], p[c]); };
     if (left(3, 1, 2) && left(0, 3, 2) && left(0, 1, 3)) {
@@ -362,3 +379,7 @@ TEST_CASE("oriented answers fit one configuration of points in general position"
   CHECK(applied[0] > 1000);
   CHECK(applied[1] > 1000);
 }
+
+}  // namespace predicate_tests
+
+#endif  // ISM_TESTS_PART_PREDICATES_HPP

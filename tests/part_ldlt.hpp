@@ -1,10 +1,15 @@
 // The sparse factorisation against Eigen's, and its promises on order, inertia and threads.
 
+#ifndef ISM_TESTS_PART_LDLT_HPP
+#define ISM_TESTS_PART_LDLT_HPP
+
+#include "dense.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 
@@ -17,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+namespace ldlt_tests {
 namespace {
 
 using namespace ism::detail;
@@ -92,16 +98,17 @@ Edges random_edges(int n, int count, Rng& rng) {
 /// Random blocks; each diagonal entry exceeds the others of its row, with the sign of `sign(v)`.
 template <class Sign>
 BlockValues dominant_values(const BlockPattern& pattern, Rng& rng, Sign sign) {
-  BlockValues values(pattern.blocks(), Matrix2d::Zero());
+  BlockValues values(pattern.blocks());
   VectorXd row_sum = VectorXd::Zero(2 * pattern.rows());
   for (int r = 0; r < pattern.rows(); ++r)
     for (int b = pattern.start[r] + 1; b < pattern.start[r + 1]; ++b) {
-      for (int k = 0; k < 4; ++k) values[b](k) = rng.uniform(-1, 1);
-      row_sum.segment<2>(2 * r) += values[b].cwiseAbs().rowwise().sum();
-      row_sum.segment<2>(2 * pattern.column[b]) += values[b].cwiseAbs().colwise().sum().transpose();
+      for (double& entry : values[b].entry) entry = rng.uniform(-1, 1);
+      const Matrix2d magnitude = shapes::eigen(values[b]).cwiseAbs();
+      row_sum.segment<2>(2 * r) += magnitude.rowwise().sum();
+      row_sum.segment<2>(2 * pattern.column[b]) += magnitude.colwise().sum().transpose();
     }
   for (int r = 0; r < pattern.rows(); ++r) {
-    Matrix2d& D = values[pattern.start[r]];
+    Mat2& D = values[pattern.start[r]];
     D(0, 1) = D(1, 0) = rng.uniform(-0.5, 0.5);
     for (int c = 0; c < 2; ++c) D(c, c) = sign(r) * (row_sum(2 * r + c) + rng.uniform(0.6, 1.6));
   }
@@ -122,7 +129,7 @@ Sparse assembled(const BlockPattern& pattern, const ShiftedMatrix& matrix) {
   for (int r = 0; r < pattern.rows(); ++r)
     for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
       const int c = pattern.column[b];
-      const Matrix2d block = matrix.block(b);
+      const Mat2 block = matrix.block(b);
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < 2; ++j) {
           entries.emplace_back(2 * r + i, 2 * c + j, block(i, j));
@@ -142,6 +149,10 @@ Executor executor(int threads) {
 
 LdltSymbolic dissected(const BlockPattern& pattern, const Points2& positions) {
   return NestedDissection(pattern, positions, executor(1)).build();
+}
+
+VectorXd solved(const LdltSymbolic& symbolic, const LdltFactor& factor, const VectorXd& b) {
+  return dense(ldlt_solve(symbolic, factor, per_vertex(b)));
 }
 
 VectorXd random_vector(int n, Rng& rng) {
@@ -168,7 +179,7 @@ void check_solve(const BlockPattern& pattern, const Points2& positions,
     const Sparse A = assembled(pattern, matrix);
     CHECK(factor.negative == eigen_negative_pivots(A));
     const VectorXd b = random_vector(2 * pattern.rows(), rng);
-    const VectorXd x = ldlt_solve(symbolic, factor, b);
+    const VectorXd x = solved(symbolic, factor, b);
     CHECK((A * x - b).norm() <= 1e-12 * b.norm());
   }
 }
@@ -226,9 +237,7 @@ bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
 
 bool same_factor(const LdltSymbolic& symbolic, const LdltFactor& a, const LdltFactor& b) {
   for (const Front& front : symbolic.fronts)
-    if (!same_bits(Eigen::MatrixXd(panel_of(front, a.panels)),
-                   Eigen::MatrixXd(panel_of(front, b.panels))))
-      return false;
+    if (!same_bits(mapped(panel_of(front, a)), mapped(panel_of(front, b)))) return false;
   return true;
 }
 
@@ -429,7 +438,7 @@ TEST_CASE("a zero or non-finite pivot is reported, and leaves no trace in the me
       if (bad == 0) {  // a vertex without any stiffness
         for (int r = 0; r < 144; ++r)
           for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b)
-            if (r == v || pattern.column[b] == v) broken[b].setZero();
+            if (r == v || pattern.column[b] == v) broken[b] = {};
       } else {
         broken[pattern.start[v]](1, 1) = bad;
       }
@@ -444,13 +453,13 @@ TEST_CASE("a zero or non-finite pivot is reported, and leaves no trace in the me
 TEST_CASE("a singular matrix whose last pivot cancels exactly is reported") {
   // The graph Laplacian of a path has rows that add up to 0; all pivots are exact in binary.
   const BlockPattern pattern = pattern_of(2, {{0, 1}});
-  BlockValues values(3, Matrix2d::Identity());
-  values[1] = -Matrix2d::Identity();
+  BlockValues values(3, diagonal(1));
+  values[1] = diagonal(-1);
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(2).topRows(2));
   LdltFactor factor;
   ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
   CHECK(!factor.ok);
-  values[2] *= 2;
+  values[2] = diagonal(2);
   ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
   CHECK(factor.ok);  // the same memory, and nothing left of the failure
   CHECK(factor.negative == 0);
@@ -488,7 +497,7 @@ TEST_CASE("factors and solutions are the same bits for any number of threads") {
     ldlt_factorize(symbolic, {&H, &Q, 0.5}, other, factor);
     CHECK(same_factor(symbolic, one, factor));
     CHECK(factor.negative == one.negative);
-    CHECK(same_bits(ldlt_solve(symbolic, one, b), ldlt_solve(symbolic, factor, b)));
+    CHECK(same_bits(solved(symbolic, one, b), solved(symbolic, factor, b)));
   }
 }
 
@@ -505,9 +514,14 @@ TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wante
     for (double tolerance : {1e-3, 1e-10}) {
       CAPTURE(omega);
       const ShiftedMatrix A = {&H, &Q, omega};
-      const VectorXd x = solve_with_neighbour(symbolic, factor, pattern, A, b, tolerance);
+      const VectorXd x =
+          dense(solve_with_neighbour(symbolic, factor, pattern, A, per_vertex(b), tolerance));
       CHECK((assembled(pattern, A) * x - b).norm() < 10 * tolerance * b.norm());
     }
-  CHECK(solve_with_neighbour(symbolic, factor, pattern, {&H, &Q, 2}, VectorXd::Zero(2 * n * n), 0)
-            .isZero(0));
+  const Array<Vec2> zero(n * n);
+  CHECK(dense(solve_with_neighbour(symbolic, factor, pattern, {&H, &Q, 2}, zero, 0)).isZero(0));
 }
+
+}  // namespace ldlt_tests
+
+#endif  // ISM_TESTS_PART_LDLT_HPP

@@ -1,8 +1,12 @@
 // Held boundaries, fixed vertices, exact landmarks that need more vertices, and the splitting of
 // edges that these are built on.
 
+#ifndef ISM_TESTS_PART_BOUNDARY_HPP
+#define ISM_TESTS_PART_BOUNDARY_HPP
+
 #include "dense.hpp"
 #include "ism.hpp"
+#include "runs.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -14,9 +18,12 @@
 #include <utility>
 #include <vector>
 
+namespace boundary_tests {
 namespace {
 
 using namespace ism::detail;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
 using ism::Boundary;
 using ism::Landmark;
 using ism::Midpoint;
@@ -26,10 +33,9 @@ using ism::Result;
 using ism::Status;
 using ism::SurfaceMap;
 using ism::TriangleMesh;
-using ism::Vec2;
-using ism::Vec3;
+using runs::given_planes;
+using runs::on_one_thread;
 using shapes::Disk;
-using shapes::from_planes;
 using shapes::half_edges;
 using shapes::Rng;
 
@@ -50,7 +56,7 @@ std::vector<Midpoint> edges(const HalfEdgeMesh& m) {
 }
 
 Options held(Boundary boundary, int iterations = 400) {
-  Options options;
+  Options options = on_one_thread();
   options.boundary = boundary;
   options.max_iterations = iterations;
   return options;
@@ -75,11 +81,33 @@ bool boundary_is_a_square(const TriangleMesh& mesh, const Points2& x) {
   std::array<int, 4> corners{};
   for (int h : m.boundary) {
     const Vec2 p = row2(x, m.tail[h]);
-    if (std::abs(p.x()) != half && std::abs(p.y()) != half) return false;
-    if (std::abs(p.x()) == half && std::abs(p.y()) == half)
-      ++corners[(p.x() > 0 ? 1u : 0u) + (p.y() > 0 ? 2u : 0u)];
+    if (std::abs(p.x) != half && std::abs(p.y) != half) return false;
+    if (std::abs(p.x) == half && std::abs(p.y) == half)
+      ++corners[(p.x > 0 ? 1u : 0u) + (p.y > 0 ? 2u : 0u)];
   }
   return corners == std::array<int, 4>{1, 1, 1, 1};
+}
+
+/// One of each kind, as shapes::all_disks(), with fewer triangles.
+std::vector<Disk> small_disks() {
+  Rng rng(7);
+  std::vector<Disk> all;
+  const auto add = [&](const char* name, const Disk& disk) {
+    all.push_back(disk);
+    all.back().name = name;
+  };
+  add("triangle", shapes::single_triangle());
+  add("strip", shapes::strip(6));
+  add("grid", shapes::grid(4, 3));
+  add("comb", shapes::comb(3, 2));
+  add("fan", shapes::fan(7));
+  add("limbs", shapes::limbs(4, 3, 0.05));
+  add("cap", shapes::spherical_cap(3, 8, 1.2));
+  add("perturbed grid", shapes::perturbed_grid(4, 3, 0.2, rng));
+  add("random disk", shapes::random_disk(4, 3, rng));
+  add("bent random disk", shapes::random_disk(3, 4, rng));
+  shapes::bend(all.back(), 0.4);
+  return all;
 }
 
 /// A grid with a bump on one side, which makes one half of that side longer.
@@ -108,11 +136,12 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
       split_edges(halved, s);
       CHECK(s.mesh.n_vertices == n + static_cast<int>(halved.size()));
       const TriangleMesh mesh = with_added_vertices(disk.mesh, s);
-      CHECK(same(s.mesh, half_edges(mesh)));
+      const HalfEdgeMesh built = half_edges(mesh);
+      CHECK(same(s.mesh, built));
       CHECK(ism::validate(mesh).empty());
       for (int v = 0; v < s.mesh.n_vertices; ++v) {
         CHECK(s.mesh.tail[s.mesh.out[v]] == v);
-        CHECK(s.mesh.on_boundary(v) == half_edges(mesh).on_boundary(v));
+        CHECK(s.mesh.on_boundary(v) == built.on_boundary(v));
       }
     }
     CHECK(s.total_area == doctest::Approx(area).epsilon(1e-13));
@@ -122,7 +151,7 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
       const int v = static_cast<int>(disk.mesh.vertices.rows()) + static_cast<int>(i);
       CHECK(s.added[i][0] < v);
       CHECK(s.added[i][1] < v);
-      const Vec3 middle =
+      const Vector3d middle =
           0.5 * (mesh.vertices.row(s.added[i][0]) + mesh.vertices.row(s.added[i][1])).transpose();
       CHECK((middle - mesh.vertices.row(v).transpose()).norm() < 1e-15 * (1 + middle.norm()));
     }
@@ -133,19 +162,22 @@ TEST_CASE("a held boundary leaves a square, and what slides stays on its side") 
   const Disk d = shapes::grid(3, 2);
   const HalfEdgeMesh m = half_edges(d.mesh);
   Points2 x = d.plane;
-  Array<char> is_fixed(2 * (5 + m.n_vertices), 0);
-  hold_boundary(m, x, Boundary::kFree, 5, is_fixed);
-  CHECK(std::count(is_fixed.begin(), is_fixed.end(), 1) == 0);
-  hold_boundary(m, x, Boundary::kSlide, 5, is_fixed);
+  FixedCoordinates is_fixed(5 + m.n_vertices);
+  fix_boundary(m, x, Boundary::kFree, 5, is_fixed);
+  CHECK_FALSE(is_fixed.any());
+  fix_boundary(m, x, Boundary::kSlide, 5, is_fixed);
+  CHECK(is_fixed.any());
+  const FixedCoordinates& flags = is_fixed;
   for (int v = 0; v < m.n_vertices; ++v) {
     const bool on_x = x(v, 0) == 0 || x(v, 0) == 3, on_y = x(v, 1) == 0 || x(v, 1) == 2;
-    CHECK(is_fixed[2 * (5 + v)] == on_x);
-    CHECK(is_fixed[2 * (5 + v) + 1] == on_y);
+    CHECK(flags(5 + v, 0) == on_x);
+    CHECK(flags(5 + v, 1) == on_y);
   }
-  hold_boundary(m, x, Boundary::kFixed, 5, is_fixed);
+  fix_boundary(m, x, Boundary::kFixed, 5, is_fixed);
   for (int v = 0; v < m.n_vertices; ++v)
-    for (int c = 0; c < 2; ++c) CHECK(is_fixed[2 * (5 + v) + c] == m.on_boundary(v));
-  for (int i = 0; i < 10; ++i) CHECK(is_fixed[i] == 0);
+    for (int c = 0; c < 2; ++c) CHECK(flags(5 + v, c) == m.on_boundary(v));
+  for (int v = 0; v < 5; ++v)
+    for (int c = 0; c < 2; ++c) CHECK_FALSE(flags(v, c));
 }
 
 TEST_CASE("places on an outline: corners are exact, sides straight, all counter-clockwise") {
@@ -154,23 +186,24 @@ TEST_CASE("places on an outline: corners are exact, sides straight, all counter-
   double turned = 0;
   for (int i = 0; i < 400; ++i) {
     const Vec2 p = outline.point(i / 100.0), q = outline.point((i + 1) % 400 / 100.0);
-    CHECK((std::max)(std::abs(p.x()), std::abs(p.y())) == 0.7);
+    CHECK((std::max)(std::abs(p.x), std::abs(p.y)) == 0.7);
     CHECK(cross(p, q) > 0);
-    turned += std::atan2(cross(p, q), p.dot(q));
+    turned += std::atan2(cross(p, q), dot(p, q));
   }
   CHECK(turned == doctest::Approx(2 * kPi));
-  CHECK(outline.point(0) == Vec2(-0.7, -0.7));
-  CHECK(outline.point(1) == Vec2(0.7, -0.7));
-  CHECK(outline.point(2) == Vec2(0.7, 0.7));
-  CHECK(outline.point(3) == Vec2(-0.7, 0.7));
+  CHECK(outline.point(0) == Vec2{-0.7, -0.7});
+  CHECK(outline.point(1) == Vec2{0.7, -0.7});
+  CHECK(outline.point(2) == Vec2{0.7, 0.7});
+  CHECK(outline.point(3) == Vec2{-0.7, 0.7});
 }
 
 TEST_CASE("arcs between matches correspond in proportion") {
-  const std::vector<Match> one = {{0.2, 0.9}};
+  const Array<Match> one(1, {0.2, 0.9});
   CHECK(matching_arc(one, 0.2) == 0.9);
   CHECK(matching_arc(one, 0.5) == doctest::Approx(0.2));
   CHECK(matching_arc(one, 0.1) == doctest::Approx(0.8));
-  const std::vector<Match> three = {{0.1, 0.6}, {0.3, 0.7}, {0.9, 0.1}};
+  Array<Match> three;
+  for (const Match& m : std::vector<Match>{{0.1, 0.6}, {0.3, 0.7}, {0.9, 0.1}}) three.push_back(m);
   CHECK(matching_arc(three, 0.1) == 0.6);
   CHECK(matching_arc(three, 0.3) == 0.7);
   CHECK(matching_arc(three, 0.9) == 0.1);
@@ -180,13 +213,13 @@ TEST_CASE("arcs between matches correspond in proportion") {
 }
 
 TEST_CASE("every disk is mapped to itself and to a grid with its boundary along the square") {
-  const TriangleMesh grid = shapes::grid(5, 5).mesh;
-  for (const Disk& disk : shapes::all_disks())
+  const TriangleMesh grid = shapes::grid(3, 3).mesh;
+  for (const Disk& disk : small_disks())
     for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide})
       for (const TriangleMesh* other : {&disk.mesh, &grid}) {
         CAPTURE(disk.name);
         CAPTURE(static_cast<int>(boundary));
-        const Result r = ism::compute_map(disk.mesh, *other, {}, held(boundary, 10));
+        const Result r = ism::compute_map(disk.mesh, *other, {}, held(boundary, 4));
         CAPTURE(r.message);
         REQUIRE(is_valid(r));
         CHECK(boundary_is_a_square(r.start.a, r.f));
@@ -205,9 +238,9 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
 }
 
 TEST_CASE("long outlines are laid along a square") {
-  for (const Disk& disk : {shapes::comb(20, 8), shapes::limbs(5, 30, 0.05), shapes::strip(100),
-                           shapes::slit_ring(30, 1e-3, 0.2)}) {
-    const Result r = ism::compute_map(disk.mesh, disk.mesh, {}, held(Boundary::kFixed, 1));
+  for (const Disk& disk : {shapes::comb(9, 6), shapes::limbs(5, 16, 0.05), shapes::strip(50),
+                           shapes::slit_ring(14, 1e-3, 0.2)}) {
+    const Result r = ism::compute_map(disk.mesh, disk.mesh, {}, held(Boundary::kFixed, 0));
     CAPTURE(disk.name);
     CAPTURE(r.message);
     REQUIRE(is_valid(r));
@@ -217,7 +250,7 @@ TEST_CASE("long outlines are laid along a square") {
 }
 
 TEST_CASE("along held boundaries everything is covered, the edges of boundaries, too") {
-  const Disk a = shapes::grid(9, 9), b = shapes::spherical_cap(6, 25, 1.3);
+  const Disk a = shapes::grid(6, 6), b = shapes::spherical_cap(4, 17, 1.3);
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
   REQUIRE(is_valid(r));
   const SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
@@ -227,15 +260,15 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   for (int h = 0; h < m.tail.size(); ++h) {
     const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);
-    const Vec3 from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
-    const Vec3 to = map.position_on_b(map.forward_vertex(m.tip(h)).point);
+    const Vector3d from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
+    const Vector3d to = map.position_on_b(map.forward_vertex(m.tip(h)).point);
     CHECK((map.position_on_b(image[0].front()) - from).norm() < 1e-9);
     CHECK((map.position_on_b(image[0].back()) - to).norm() < 1e-9);
   }
 }
 
 TEST_CASE("fixed boundaries do not move, sliding ones only along their sides") {
-  constexpr int n = 12;
+  constexpr int n = 8;
   const Disk a = shapes::grid(n, n), b = grid_with_bump(n);
   const HalfEdgeMesh m = half_edges(a.mesh);
   std::vector<Landmark> corners;
@@ -250,8 +283,8 @@ TEST_CASE("fixed boundaries do not move, sliding ones only along their sides") {
       const Vec2 before = row2(r.start.f, m.tail[h]), after = row2(r.f, m.tail[h]);
       if (before == after) continue;
       ++moved;
-      CHECK((before.x() == after.x() || before.y() == after.y()));
-      CHECK(std::abs(before.x()) != std::abs(before.y()));  // no corner
+      CHECK((before.x == after.x || before.y == after.y));
+      CHECK(std::abs(before.x) != std::abs(before.y));  // no corner
     }
     CHECK((moved > 0) == (boundary == Boundary::kSlide));
     end[boundary == Boundary::kSlide] = r.final_state().mean_distortion;
@@ -267,7 +300,7 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
   for (Disk* d : {&a, &b}) {  // vertices of the boundary back onto the unit square
     const HalfEdgeMesh m = half_edges(d->mesh);
     const Points2 even = d == &a ? shapes::grid(4, 3).plane : shapes::grid(5, 4).plane;
-    const Vec2 size = d == &a ? Vec2(4, 3) : Vec2(5, 4);
+    const Vector2d size = d == &a ? Vector2d(4, 3) : Vector2d(5, 4);
     for (int h : m.boundary)
       for (int c = 0; c < 2; ++c) {
         const int v = m.tail[h];
@@ -279,50 +312,47 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
   const SurfacePair pair = {build_surface(a.mesh, false), build_surface(b.mesh, false)};
   const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
   const Weights weights = {2.2, 1e-2, -1e300, &measure};  // Hessians are not projected
-  Array<char> is_fixed(2 * pair.rows(), 0);
-  hold_boundary(pair.a.mesh, a.plane, Boundary::kSlide, 0, is_fixed);
-  hold_boundary(pair.b.mesh, b.plane, Boundary::kSlide, pair.n_a(), is_fixed);
+  FixedCoordinates is_fixed(pair.rows());
+  fix_boundary(pair.a.mesh, a.plane, Boundary::kSlide, 0, is_fixed);
+  fix_boundary(pair.b.mesh, b.plane, Boundary::kSlide, pair.n_a(), is_fixed);
+  const auto fixed = [&](int i) { return is_fixed.flag[i] != 0; };
   const Executor executor{Options()};
   const SystemBuilder systems(pair, false, executor);
   ModelBuilder models(pair, weights, systems.one_ring(), executor);
   const auto system_at = [&](const Eigen::VectorXd& x, Iterate& at) {
-    at.f = Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>>(x.data(), 2, pair.n_a())
-               .transpose();
-    at.g = Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>>(x.data() + 2 * pair.n_a(), 2,
-                                                                      pair.n_b())
-               .transpose();
+    at.f = Eigen::Map<const Points2>(x.data(), pair.n_a(), 2);
+    at.g = Eigen::Map<const Points2>(x.data() + 2 * pair.n_a(), pair.n_b(), 2);
     evaluate(pair, weights, at);
-    models.differentiate(at);
-    Array<QuadraticModel> history;
-    history.push_back(models.assemble(at));
-    LinearSystem system = systems.blend(history, 1);
+    models.differentiate_elements(at);
+    LinearSystem system = systems.blend(Array<QuadraticModel>(1, models.assemble(at)), 1);
     eliminate(is_fixed, system);
     return system;
   };
   Eigen::VectorXd x(2 * pair.rows());
-  for (int v = 0; v < pair.n_a(); ++v) x.segment<2>(2 * v) = row2(a.plane, v);
-  for (int v = 0; v < pair.n_b(); ++v) x.segment<2>(2 * (pair.n_a() + v)) = row2(b.plane, v);
+  x << Eigen::Map<const Eigen::VectorXd>(a.plane.data(), a.plane.size()),
+      Eigen::Map<const Eigen::VectorXd>(b.plane.data(), b.plane.size());
   Iterate at, plus, minus;
   const LinearSystem system = system_at(x, at);
   CHECK(at.area_a == doctest::Approx(1).epsilon(1e-12));
   CHECK(at.area_b == doctest::Approx(1).epsilon(1e-12));
   const Eigen::MatrixXd H = dense(system.pattern, system.H);
+  const Eigen::VectorXd gradient = dense(system.gradient);
   constexpr double kStep = 1e-7;
   int slides = 0;
   for (int i = 0; i < x.size(); ++i) {
-    if (is_fixed[i]) {
-      CHECK(system.gradient[i] == 0);
+    if (fixed(i)) {
+      CHECK(gradient[i] == 0);
       CHECK(H.col(i) == Eigen::VectorXd::Unit(x.size(), i));
       continue;
     }
-    slides += is_fixed[i ^ 1];
+    slides += fixed(i ^ 1);
     const Eigen::VectorXd dx = kStep * Eigen::VectorXd::Unit(x.size(), i);
     const LinearSystem after = system_at(x + dx, plus), before = system_at(x - dx, minus);
     CHECK((plus.energy - minus.energy) / (2 * kStep) ==
-          doctest::Approx(system.gradient[i]).epsilon(1e-5).scale(1));
-    Eigen::VectorXd column = (after.gradient - before.gradient) / (2 * kStep);
+          doctest::Approx(gradient[i]).epsilon(1e-5).scale(1));
+    Eigen::VectorXd column = (dense(after.gradient) - dense(before.gradient)) / (2 * kStep);
     for (int j = 0; j < x.size(); ++j)
-      if (is_fixed[j]) column[j] = 0;
+      if (fixed(j)) column[j] = 0;
     CHECK((column - H.col(i)).norm() < 1e-4 * H.norm());
   }
   CHECK(slides == 2 * (3 + 2 + 4 + 3));
@@ -341,7 +371,7 @@ TEST_CASE("landmarks on the boundaries correspond exactly where both are fixed")
 
 TEST_CASE("landmarks on boundaries that need more vertices for their corners") {
   const Disk triangle = shapes::single_triangle();
-  for (const Disk& other : {shapes::fan(7), shapes::grid(6, 5), shapes::limbs(3, 6, 0.1)})
+  for (const Disk& other : {shapes::fan(7), shapes::grid(4, 3), shapes::limbs(3, 3, 0.1)})
     for (int count = 1; count <= 3; ++count)
       for (int shift = 0; shift < 3; ++shift)
         for (const Boundary boundary : {Boundary::kFixed, Boundary::kSlide}) {
@@ -371,7 +401,7 @@ TEST_CASE("a landmark of A that is held holds that of B") {
   const std::vector<Landmark> on_side = {{at(a, 10, 0), at(wide, 10, 0)}};
   const std::vector<Landmark> on_both = {{at(a, 4, 0), at(shapes::grid(10, 10), 0, 3)}};
   for (const auto& [b, landmarks] : {std::pair(wide, on_side), std::pair(moved, on_both)}) {
-    Options options = from_planes(a, b);
+    Options options = given_planes(a, b);
     options.boundary = Boundary::kSlide;
     options.exact_landmarks = true;
     options.max_iterations = 30;
@@ -500,7 +530,7 @@ TEST_CASE("boundary landmarks in contradictory order or with one inner vertex ar
     CHECK(r.message.find(what) != std::string::npos);
     CHECK(r.ids == ids);
   };
-  Options exact;
+  Options exact = on_one_thread();
   exact.exact_landmarks = true;
   check(mirrored, exact, "in different order on A and B: ", {o, p, q});
   check(mirrored, held(Boundary::kSlide), "different order", {o, p, q});
@@ -514,7 +544,7 @@ TEST_CASE("fixed vertices keep their positions to the last bit") {
   Rng rng(4);
   Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 6, rng);
   shapes::bend(a, 0.5);
-  Options options = from_planes(a, b);
+  Options options = given_planes(a, b);
   options.fixed_a = {0, 7, 12};
   options.fixed_b = {3, 20};
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, options);
@@ -526,12 +556,12 @@ TEST_CASE("fixed vertices keep their positions to the last bit") {
 }
 
 TEST_CASE("given boundaries of any shape can be fixed") {
-  Disk a = shapes::spherical_cap(6, 20, 1.2), b = shapes::spherical_cap(7, 20, 0.9);
+  Disk a = shapes::spherical_cap(5, 15, 1.2), b = shapes::spherical_cap(6, 15, 0.9);
   for (Disk* d : {&a, &b}) {  // the same star
     const HalfEdgeMesh m = half_edges(d->mesh);
     for (int v = 0; v < d->plane.rows(); ++v) {
-      const Vec2 p = row2(d->plane, v).normalized();
-      d->plane.row(v) *= 1 + 0.2 * std::cos(5 * std::atan2(p.y(), p.x()));
+      const Vec2 p = row2(d->plane, v);
+      d->plane.row(v) *= 1 + 0.2 * std::cos(5 * std::atan2(p.y, p.x));
     }
     const double radius = d->plane.row(m.tail[m.boundary[0]]).norm();
     d->plane /= radius;
@@ -539,7 +569,7 @@ TEST_CASE("given boundaries of any shape can be fixed") {
       if (!m.on_boundary(v)) d->plane.row(v) *= std::sqrt(d->plane.row(v).norm());
     REQUIRE(is_injective(m, d->plane));
   }
-  Options options = from_planes(a, b);
+  Options options = given_planes(a, b);
   options.boundary = Boundary::kFixed;
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, options);
   REQUIRE(is_valid(r));
@@ -593,3 +623,7 @@ TEST_CASE("held boundaries give the same bits for any number of threads") {
   CHECK(one.f == three.f);
   CHECK(one.g == three.g);
 }
+
+}  // namespace boundary_tests
+
+#endif  // ISM_TESTS_PART_BOUNDARY_HPP

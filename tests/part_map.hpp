@@ -1,9 +1,15 @@
 // The map as a function in both directions, and the meta mesh.
 
+#ifndef ISM_TESTS_PART_MAP_HPP
+#define ISM_TESTS_PART_MAP_HPP
+
 #include "ism.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +18,11 @@
 #include <utility>
 #include <vector>
 
+namespace map_tests {
 namespace {
 
+using Eigen::Vector2d;
+using Eigen::Vector3d;
 using ism::MappedPoint;
 using ism::MetaMesh;
 using ism::Points2;
@@ -22,8 +31,6 @@ using ism::Status;
 using ism::SurfaceMap;
 using ism::SurfacePoint;
 using ism::TriangleMesh;
-using ism::Vec2;
-using ism::Vec3;
 using shapes::Disk;
 using shapes::map_of;
 using shapes::overlapping_pair;
@@ -34,21 +41,23 @@ int n_faces(const Disk& disk) { return static_cast<int>(disk.mesh.triangles.rows
 int n_vertices(const Disk& disk) { return static_cast<int>(disk.plane.rows()); }
 
 SurfacePoint random_point(const Disk& disk, Rng& rng) {
-  Vec3 weights(rng.uniform(0.01, 1), rng.uniform(0.01, 1), rng.uniform(0.01, 1));
+  Vector3d weights(rng.uniform(0.01, 1), rng.uniform(0.01, 1), rng.uniform(0.01, 1));
   weights /= weights.sum();
   return {rng.below(n_faces(disk)), weights};
 }
 
+double cross(const Vector2d& u, const Vector2d& v) { return u.x() * v.y() - u.y() * v.x(); }
+
 /// The least barycentric coordinate of x in any face of a disk: how deep inside the best one.
-double deepest(const Disk& disk, const Vec2& x) {
+double deepest(const Disk& disk, const Vector2d& x) {
   double best = -1e300;
   for (int f = 0; f < n_faces(disk); ++f) {
-    Vec2 p[3];
+    Vector2d p[3];
     for (int k = 0; k < 3; ++k) p[k] = disk.plane.row(disk.mesh.triangles(f, k)).transpose();
-    const double area = ism::detail::cross(p[1] - p[0], p[2] - p[0]);
+    const double area = cross(p[1] - p[0], p[2] - p[0]);
     double least = 1;
     for (int k = 0; k < 3; ++k)
-      least = std::min(least, ism::detail::cross(p[(k + 1) % 3] - p[k], x - p[k]) / area);
+      least = std::min(least, cross(p[(k + 1) % 3] - p[k], x - p[k]) / area);
     best = std::max(best, least);
   }
   return best;
@@ -63,11 +72,11 @@ void check_surface_point(const Disk& disk, const SurfacePoint& p) {
 
 // ---- meta mesh ----
 
-Vec3 vector_area(const Points3& x, const std::vector<int>& polygon) {
-  Vec3 sum = Vec3::Zero();
-  const Vec3 p = x.row(polygon[0]);
+Vector3d vector_area(const Points3& x, const std::vector<int>& polygon) {
+  Vector3d sum = Vector3d::Zero();
+  const Vector3d p = x.row(polygon[0]);
   for (std::size_t i = 1; i + 1 < polygon.size(); ++i) {
-    const Vec3 u = x.row(polygon[i]), v = x.row(polygon[i + 1]);
+    const Vector3d u = x.row(polygon[i]), v = x.row(polygon[i + 1]);
     sum += 0.5 * (u - p).cross(v - p);
   }
   return sum;
@@ -80,7 +89,12 @@ double area_on(const Points3& x, const MetaMesh& mesh) {
 }
 
 double area_of(const TriangleMesh& mesh) {
-  return ism::detail::surface_area(mesh.vertices, mesh.triangles);
+  double sum = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f)
+    sum += vector_area(mesh.vertices,
+                       {mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2)})
+               .norm();
+  return sum;
 }
 
 /// The covered areas as the objective counts them.
@@ -138,10 +152,10 @@ void check_meta_mesh(const Disk& a, const Disk& b, int expected_characteristic) 
 }
 
 /// Distance of p from the plane and the inside of a triangle of a mesh, as a barycentric excess.
-double outside(const TriangleMesh& mesh, int face, const Vec3& p) {
-  Vec3 q[3];
+double outside(const TriangleMesh& mesh, int face, const Vector3d& p) {
+  Vector3d q[3];
   for (int k = 0; k < 3; ++k) q[k] = mesh.vertices.row(mesh.triangles(face, k));
-  const Vec3 n = (q[1] - q[0]).cross(q[2] - q[0]);
+  const Vector3d n = (q[1] - q[0]).cross(q[2] - q[0]);
   double excess = std::abs(n.dot(p - q[0])) / n.squaredNorm();
   for (int k = 0; k < 3; ++k)
     excess = std::max(excess, -n.dot((q[(k + 1) % 3] - q[k]).cross(p - q[k])) / n.squaredNorm());
@@ -153,8 +167,8 @@ void check_unusable(const SurfaceMap& map, Status status, const std::string& wha
   CAPTURE(map.message());
   CHECK(map.status() == status);
   CHECK(map.message().find(what) != std::string::npos);
-  CHECK_FALSE(map.forward({0, Vec3::Constant(1.0 / 3)}).covered);
-  CHECK_FALSE(map.backward({0, Vec3::Constant(1.0 / 3)}).covered);
+  CHECK_FALSE(map.forward({0, Vector3d::Constant(1.0 / 3)}).covered);
+  CHECK_FALSE(map.backward({0, Vector3d::Constant(1.0 / 3)}).covered);
   CHECK_FALSE(map.forward_vertex(0).covered);
   CHECK_FALSE(map.backward_vertex(0).covered);
   for (const MappedPoint& p : map.forward_vertices()) CHECK_FALSE(p.covered);
@@ -227,7 +241,7 @@ TEST_CASE("vertices are mapped where they lie in the plane") {
   const auto check = [](const Disk& from, const Disk& to, int v, const MappedPoint& p,
                         const MappedPoint& again) {
     CAPTURE(v);
-    const Vec2 x = from.plane.row(v).transpose();
+    const Vector2d x = from.plane.row(v).transpose();
     CHECK(p.covered == (deepest(to, x) > 0));  // no vertex of these pairs lies on a rim
     CHECK(again.covered == p.covered);
     CHECK(again.point.face == p.point.face);
@@ -247,7 +261,7 @@ TEST_CASE("equal positions map every vertex and every point to itself") {
     REQUIRE(map.status() == Status::kConverged);
     for (int v = 0; v < n_vertices(disk); ++v) {
       CAPTURE(v);
-      const Vec3 expected = disk.mesh.vertices.row(v);
+      const Vector3d expected = disk.mesh.vertices.row(v);
       const MappedPoint forward = map.forward_vertex(v), backward = map.backward_vertex(v);
       REQUIRE(forward.covered);
       REQUIRE(backward.covered);
@@ -268,10 +282,10 @@ TEST_CASE("positions are interpolated in the units of the mesh given") {
   Disk disk = shapes::grid(2, 2);
   disk.mesh.vertices *= 25.4;
   const SurfaceMap map = map_of(disk, shapes::grid(2, 2));
-  const SurfacePoint p = {3, Vec3(0.2, 0.3, 0.5)};
-  Vec3 on_a = Vec3::Zero(), on_b = Vec3::Zero();
+  const SurfacePoint p = {3, Vector3d(0.2, 0.3, 0.5)};
+  Vector3d on_a = Vector3d::Zero(), on_b = Vector3d::Zero();
   for (int k = 0; k < 3; ++k) {
-    const Vec3 corner = disk.mesh.vertices.row(disk.mesh.triangles(3, k));
+    const Vector3d corner = disk.mesh.vertices.row(disk.mesh.triangles(3, k));
     on_a += p.barycentric[k] * corner;
     on_b += p.barycentric[k] * corner / 25.4;
   }
@@ -317,7 +331,7 @@ TEST_CASE("the meta mesh of equal positions is a disk that covers both surfaces"
 TEST_CASE("an overlap of several parts has as many disks in its meta mesh") {
   const Disk comb = shapes::comb(4, 3);
   Disk bar = shapes::grid(9, 1);
-  bar.plane = shapes::moved(bar.plane, Eigen::Matrix2d::Identity(), Vec2(-1.013, 2.517));
+  bar.plane = shapes::moved(bar.plane, Eigen::Matrix2d::Identity(), Vector2d(-1.013, 2.517));
   check_meta_mesh(comb, bar, 4);
   check_meta_mesh(bar, comb, 4);
 }
@@ -336,7 +350,7 @@ TEST_CASE("covered vertices of both meshes are vertices of the meta mesh") {
   const auto [a, b] = overlapping_pair(53);
   const SurfaceMap map = map_of(a, b);
   const MetaMesh mesh = map.meta_mesh();
-  const auto find = [&](const Vec3& on_a, const Vec3& on_b) {
+  const auto find = [&](const Vector3d& on_a, const Vector3d& on_b) {
     for (int i = 0; i < mesh.on_a.rows(); ++i) {
       const double apart = (mesh.on_a.row(i).transpose() - on_a).norm() +
                            (mesh.on_b.row(i).transpose() - on_b).norm();
@@ -385,7 +399,7 @@ TEST_CASE("queries outside the meshes are not covered") {
   const Disk a = shapes::grid(2, 2), b = shapes::grid(3, 2);
   const SurfaceMap map = map_of(a, b);
   REQUIRE(map.status() == Status::kConverged);
-  const Vec3 middle = Vec3::Constant(1.0 / 3);
+  const Vector3d middle = Vector3d::Constant(1.0 / 3);
   for (int id : {-1, -1000, 1 << 30}) {
     CHECK_FALSE(map.forward_vertex(id).covered);
     CHECK_FALSE(map.backward_vertex(id).covered);
@@ -406,7 +420,7 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
   Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(7, 6, rng);
   shapes::bend(a, 0.4);
   shapes::bend(b, -0.3);
-  a.plane = shapes::moved(a.plane, shapes::rotation(0.1), Vec2(0.8, 0.4));
+  a.plane = shapes::moved(a.plane, shapes::rotation(0.1), Vector2d(0.8, 0.4));
   const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
   REQUIRE(map.status() == Status::kConverged);
   const ism::detail::HalfEdgeMesh m = shapes::half_edges(a.mesh);
@@ -422,7 +436,7 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
       for (std::size_t k = 0; k + 1 < line.size(); ++k) {
         // The middle of every segment comes from the edge.
         ism::SurfacePoint end = line[k + 1], middle = line[k];
-        const Vec3 p = map.position_on_b(line[k]), q = map.position_on_b(end);
+        const Vector3d p = map.position_on_b(line[k]), q = map.position_on_b(end);
         if (end.face != line[k].face) {  // its coordinates in the triangle of the segment
           Eigen::Matrix<double, 4, 3> corners;
           corners.row(3).setOnes();
@@ -435,8 +449,8 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
         CHECK((map.position_on_b(middle) - 0.5 * (p + q)).norm() < 1e-9);
         const ism::MappedPoint back = map.backward(middle);
         REQUIRE(back.covered);
-        const Vec3 on_a = map.position_on_a(back.point);
-        const Vec3 from = a.mesh.vertices.row(u), to = a.mesh.vertices.row(v);
+        const Vector3d on_a = map.position_on_a(back.point);
+        const Vector3d from = a.mesh.vertices.row(u), to = a.mesh.vertices.row(v);
         CHECK((on_a - from).cross(to - from).norm() < 1e-9 * (to - from).squaredNorm());
         crossings += k > 0;
       }
@@ -490,13 +504,17 @@ TEST_CASE("an edge that leaves the overlap and comes back has two polylines") {
   const Disk a = shapes::triangle({0.2, -1}, {2.8, 0.5}, {0.2, 0.5});
   Disk b = shapes::comb(2, 1);  // a bar with two teeth, from (0, 0) to (3, 2)
   Disk a_up = a;
-  a_up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1));
+  a_up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vector2d(0, 1));
   const SurfaceMap map(a_up.mesh, b.mesh, a_up.plane, b.plane);
   REQUIRE(map.status() == Status::kConverged);
   const auto polylines = map.forward_path({1, 2});  // y = 1.5: across both teeth
   REQUIRE(polylines.size() == 2);
-  CHECK((map.position_on_b(polylines[0].front()) - Vec3(2.8, 1.5, 0)).norm() < 1e-12);
-  CHECK((map.position_on_b(polylines[0].back()) - Vec3(2, 1.5, 0)).norm() < 1e-12);
-  CHECK((map.position_on_b(polylines[1].front()) - Vec3(1, 1.5, 0)).norm() < 1e-12);
-  CHECK((map.position_on_b(polylines[1].back()) - Vec3(0.2, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[0].front()) - Vector3d(2.8, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[0].back()) - Vector3d(2, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[1].front()) - Vector3d(1, 1.5, 0)).norm() < 1e-12);
+  CHECK((map.position_on_b(polylines[1].back()) - Vector3d(0.2, 1.5, 0)).norm() < 1e-12);
 }
+
+}  // namespace map_tests
+
+#endif  // ISM_TESTS_PART_MAP_HPP

@@ -1,24 +1,33 @@
-// What the map is used for: curves, remeshing, attributes, morphing, distortion.
+// What the map is used for: curves, remeshing, attributes, distortion.
+
+#ifndef ISM_TESTS_PART_APPLICATIONS_HPP
+#define ISM_TESTS_PART_APPLICATIONS_HPP
 
 #include "ism.hpp"
+#include "runs.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+namespace applications_tests {
 namespace {
 
+using Eigen::Vector2d;
+using Eigen::Vector3d;
 using ism::Attributes;
 using ism::Element;
 using ism::MappedPoint;
 using ism::MetaMesh;
-using ism::Morph;
-using ism::Points3;
 using ism::PolygonDistortion;
 using ism::Polyline;
 using ism::Side;
@@ -26,48 +35,31 @@ using ism::Status;
 using ism::SurfaceMap;
 using ism::SurfacePoint;
 using ism::TriangleMesh;
-using ism::Vec2;
-using ism::Vec3;
+using runs::good_map;
+using runs::square_pair;
 using shapes::Disk;
 using shapes::overlapping_pair;
 using shapes::planar;
 using shapes::Rng;
 
-SurfaceMap good_map(const Disk& a, const Disk& b) {
-  const SurfaceMap map = shapes::map_of(a, b);
-  REQUIRE(map.status() == Status::kConverged);
-  return map;
-}
-
-/// Two meshes of one square, which cover each other; bent.
-std::pair<Disk, Disk> square_pair(std::uint64_t seed) {
-  Rng rng(seed);
-  Disk a = shapes::perturbed_grid(8, 8, 0.2, rng), b = shapes::perturbed_grid(10, 10, 0.2, rng);
-  b.plane *= 0.8;
-  b.mesh.vertices *= 0.8;
-  shapes::bend(a, 0.5);
-  shapes::bend(b, -0.4);
-  return {a, b};
-}
-
 /// The point of a disk at x in the plane; face -1 if there is none.
-SurfacePoint locate(const Disk& disk, const Vec2& x) {
+SurfacePoint locate(const Disk& disk, const Vector2d& x) {
   for (int f = 0; f < disk.mesh.triangles.rows(); ++f) {
     Eigen::Matrix3d corners;
     for (int k = 0; k < 3; ++k)
       corners.col(k) << disk.plane.row(disk.mesh.triangles(f, k)).transpose(), 1;
-    const Vec3 weights = corners.inverse() * Vec3(x.x(), x.y(), 1);
+    const Vector3d weights = corners.inverse() * Vector3d(x.x(), x.y(), 1);
     if (weights.minCoeff() >= 0) return {f, weights};
   }
   return {};
 }
 
 /// How far x is from triangle f in the plane: minus its least barycentric coordinate there.
-double outside(const Disk& disk, int f, const Vec2& x) {
+double outside(const Disk& disk, int f, const Vector2d& x) {
   Eigen::Matrix3d corners;
   for (int k = 0; k < 3; ++k)
     corners.col(k) << disk.plane.row(disk.mesh.triangles(f, k)).transpose(), 1;
-  return -(corners.inverse() * Vec3(x.x(), x.y(), 1)).minCoeff();
+  return -(corners.inverse() * Vector3d(x.x(), x.y(), 1)).minCoeff();
 }
 
 double length(const Disk& disk, const Polyline& line) {
@@ -86,11 +78,28 @@ void check_continuous(const Disk& disk, const Polyline& line) {
   }
 }
 
-std::vector<SurfacePoint> spiral(const Disk& disk, const Vec2& center, double radius, int n) {
+SurfacePoint vertex_of(const ism::detail::HalfEdgeMesh& m, int v) {
+  return {m.out[v] / 3, Vector3d::Unit(m.out[v] % 3)};
+}
+
+/// The length of the part of pq that lies in a box.
+double length_inside(const Vector2d& p, const Vector2d& q, const Vector2d& lo, const Vector2d& hi) {
+  double s = 0, t = 1;
+  for (int c = 0; c < 2; ++c) {
+    const double d = q[c] - p[c];
+    if (d == 0 && (p[c] < lo[c] || p[c] > hi[c])) return 0;
+    if (d == 0) continue;
+    s = std::max(s, ((d > 0 ? lo : hi)[c] - p[c]) / d);
+    t = std::min(t, ((d > 0 ? hi : lo)[c] - p[c]) / d);
+  }
+  return std::max(0.0, t - s) * (q - p).norm();
+}
+
+std::vector<SurfacePoint> spiral(const Disk& disk, const Vector2d& center, double radius, int n) {
   std::vector<SurfacePoint> points;
   for (int i = 0; i < n; ++i) {
     const double phi = 0.37 * i, r = radius * i / n;
-    points.push_back(locate(disk, center + r * Vec2(std::cos(phi), std::sin(phi))));
+    points.push_back(locate(disk, center + r * Vector2d(std::cos(phi), std::sin(phi))));
     REQUIRE(points.back().face >= 0);
   }
   return points;
@@ -100,15 +109,6 @@ Eigen::MatrixXd random_values(Eigen::Index rows, Rng& rng) {
   Eigen::MatrixXd values(rows, 2);
   for (Eigen::Index i = 0; i < rows; ++i) values.row(i) << rng.uniform(-1, 1), rng.uniform(-1, 1);
   return values;
-}
-
-/// A morph is A at 0 and B at 1.
-void check_ends(const SurfaceMap& map) {
-  const MetaMesh meta = map.meta_mesh();
-  const Morph morph(map);
-  REQUIRE(morph.status() == Status::kConverged);
-  CHECK((morph.at(0) - meta.on_a).cwiseAbs().maxCoeff() < 1e-9);
-  CHECK((morph.at(1) - meta.on_b).cwiseAbs().maxCoeff() < 1e-9);
 }
 
 }  // namespace
@@ -179,10 +179,7 @@ TEST_CASE("a curve between identical meshes is one polyline, also along edges an
   const Disk disk = shapes::perturbed_grid(6, 6, 0.2, rng);
   const SurfaceMap map = good_map(disk, disk);
   const ism::detail::HalfEdgeMesh m = shapes::half_edges(disk.mesh);
-  const auto vertex = [&](int v) {
-    const int h = m.out[v];
-    return SurfacePoint{h / 3, Vec3::Unit(h % 3)};
-  };
+  const auto vertex = [&](int v) { return vertex_of(m, v); };
   for (int h = 0; h < m.tail.size(); ++h) {
     const int u = m.tail[h], v = m.tip(h);
     const std::vector<Polyline> images = map.forward_curve({vertex(u), vertex(v)});
@@ -197,13 +194,50 @@ TEST_CASE("a curve between identical meshes is one polyline, also along edges an
   check_continuous(disk, diagonal[0]);
 }
 
+TEST_CASE("lines along edges and over vertices of aligned grids go as far as both grids") {
+  Rng rng(8);
+  const Disk a = shapes::grid(6, 5);
+  const ism::detail::HalfEdgeMesh m = shapes::half_edges(a.mesh);
+  int inside = 0, outside_of_b = 0;
+  for (double scale : {1.0, 0.5, 0.8, 1.0 / 3})
+    for (double shift : {0.0, 0.5, 1.0, 1e-3, 1e-8, 1e-12}) {
+      CAPTURE(scale);
+      CAPTURE(shift);
+      Disk b = shapes::grid(7, 7);
+      b.plane *= scale;
+      b.plane.col(0).array() += shift;
+      const SurfaceMap map = good_map(a, b);
+      const Vector2d lo(shift, 0), hi = lo + Vector2d::Constant(7 * scale);
+      for (int i = 0; i < 100; ++i) {
+        const int u = rng.below(m.n_vertices), v = rng.below(m.n_vertices);
+        const Vector2d p = a.plane.row(u).transpose(), q = a.plane.row(v).transpose();
+        const double wanted = length_inside(p, q, lo, hi);
+        double found = 0;
+        const std::vector<Polyline> images = map.forward_curve({vertex_of(m, u), vertex_of(m, v)});
+        for (const Polyline& line : images) {
+          check_continuous(b, line);
+          found += length(b, line);
+        }
+        // A line that is beside B by no more than rounding may be on its boundary.
+        const double along =
+            length_inside(p, q, lo - Vector2d::Constant(1e-11), hi + Vector2d::Constant(1e-11));
+        CHECK(found > wanted - 1e-9);
+        CHECK(found < along + 1e-9);
+        if (wanted > 1e-6) CHECK(images.size() == 1);
+        ++(wanted > 1e-6 ? inside : outside_of_b);
+      }
+    }
+  CHECK(inside > 500);
+  CHECK(outside_of_b > 500);
+}
+
 TEST_CASE("a point that is none interrupts a curve") {
   const auto [a, b] = square_pair(8);
   const SurfaceMap map = good_map(a, b);
   const SurfacePoint p = locate(a, {1, 1}), q = locate(a, {2, 1}), r = locate(a, {3, 1});
   CHECK(map.forward_curve({p, q, SurfacePoint(), q, r}).size() == 2);
-  CHECK(map.forward_curve({p, {1 << 30, Vec3::Constant(1.0 / 3)}, r}).empty());
-  CHECK(map.forward_curve({p, {0, Vec3::Constant(std::nan(""))}, r}).empty());
+  CHECK(map.forward_curve({p, {1 << 30, Vector3d::Constant(1.0 / 3)}, r}).empty());
+  CHECK(map.forward_curve({p, {0, Vector3d::Constant(std::nan(""))}, r}).empty());
   CHECK(map.forward_curve({p}).empty());
   CHECK(map.forward_curve({}).empty());
   CHECK(map.forward_curve({p, p, q}).size() == 1);
@@ -352,9 +386,9 @@ TEST_CASE("attributes follow vertices that were added") {
       values.row(c) = m.vertices.row(m.triangles(c / 3, c % 3));
     return values;
   };
-  const auto normal = [](const TriangleMesh& m, Eigen::Index f) -> Vec3 {
-    const Vec3 p = m.vertices.row(m.triangles(f, 0)), q = m.vertices.row(m.triangles(f, 1));
-    const Vec3 r = m.vertices.row(m.triangles(f, 2));
+  const auto normal = [](const TriangleMesh& m, Eigen::Index f) -> Vector3d {
+    const Vector3d p = m.vertices.row(m.triangles(f, 0)), q = m.vertices.row(m.triangles(f, 1));
+    const Vector3d r = m.vertices.row(m.triangles(f, 2));
     return (q - p).cross(r - p).normalized();
   };
   Eigen::MatrixXd normals(mesh.triangles.rows(), 3), given = corners(mesh);
@@ -404,13 +438,13 @@ TEST_CASE("attributes that do not fit a mesh are refused") {
 TEST_CASE("an isometry has singular values 1, a stretch its own") {
   Rng rng(18);
   Disk a = shapes::random_disk(5, 5, rng), b = a;
-  const Eigen::Matrix2d stretch = shapes::rotation(0.3) * Vec2(2, 0.5).asDiagonal();
+  const Eigen::Matrix2d stretch = shapes::rotation(0.3) * Vector2d(2, 0.5).asDiagonal();
   for (const PolygonDistortion& p : good_map(a, b).distortion(true)) {
     CHECK(p.sigma_min == doctest::Approx(1));
     CHECK(p.sigma_max == doctest::Approx(1));
     CHECK(p.density == doctest::Approx(2));
   }
-  b.mesh.vertices.leftCols<2>() = shapes::moved(b.plane, stretch, Vec2(7, 8));
+  b.mesh.vertices.leftCols<2>() = shapes::moved(b.plane, stretch, Vector2d(7, 8));
   for (const PolygonDistortion& p : good_map(a, b).distortion(true)) {
     CHECK(p.sigma_min == doctest::Approx(0.5));
     CHECK(p.sigma_max == doctest::Approx(2));
@@ -446,81 +480,6 @@ TEST_CASE("distortions add up to what the optimisation says") {
   CHECK(ism::summarize({}).mean == 0);
 }
 
-// ---- morphing ----
+}  // namespace applications_tests
 
-TEST_CASE("a morph begins as A and ends as B") {
-  for (std::uint64_t seed : {20u, 21u}) {
-    const auto [a, b] = overlapping_pair(seed);
-    const SurfaceMap map = good_map(a, b);
-    check_ends(map);
-    const MetaMesh meta = map.meta_mesh();
-    CHECK(ism::linear_morph(meta, 0) == meta.on_a);
-    CHECK(ism::linear_morph(meta, 1) == meta.on_b);
-    CHECK((ism::linear_morph(meta, 0.25) - 0.75 * meta.on_a - 0.25 * meta.on_b).norm() < 1e-12);
-  }
-}
-
-TEST_CASE("a morph between positions of one rigid body is rigid") {
-  auto [a, b] = square_pair(22);
-  b = a;
-  const Eigen::Matrix3d R = Eigen::AngleAxisd(2.5, Vec3(1, 2, -1).normalized()).toRotationMatrix();
-  b.mesh.vertices = (a.mesh.vertices * R.transpose()).rowwise() + Vec3(5, -3, 2).transpose();
-  const SurfaceMap map = good_map(a, b);
-  const Points3 start = map.meta_mesh().on_a, halfway = Morph(map).at(0.5);
-  for (int i = 0; i < start.rows(); ++i)
-    for (int j = 0; j < i; j += 7)
-      CHECK((halfway.row(i) - halfway.row(j)).norm() ==
-            doctest::Approx((start.row(i) - start.row(j)).norm()).epsilon(1e-9));
-}
-
-TEST_CASE("a sheet that rolls up more than once keeps its lengths on the way") {
-  Disk a = shapes::grid(40, 2), b = a;
-  for (int v = 0; v < b.plane.rows(); ++v) {
-    const double turns = 1.4, phi = 2 * shapes::kPi * turns * b.plane(v, 0) / 40;
-    const double radius = 40 / (2 * shapes::kPi * turns);
-    b.mesh.vertices.row(v) << radius * std::sin(phi), b.plane(v, 1), radius * (1 - std::cos(phi));
-  }
-  const SurfaceMap map = good_map(a, b);
-  const MetaMesh meta = map.meta_mesh();
-  const auto worst_stretch = [&](const Points3& x) {
-    double worst = 0;
-    for (const std::vector<int>& p : meta.polygons)
-      for (std::size_t k = 0; k < p.size(); ++k) {
-        const int i = p[k], j = p[(k + 1) % p.size()];
-        const double before = (meta.on_a.row(i) - meta.on_a.row(j)).norm();
-        if (before < 1e-6) continue;
-        worst = std::max(worst, std::abs((x.row(i) - x.row(j)).norm() / before - 1));
-      }
-    return worst;
-  };
-  CHECK(worst_stretch(Morph(map).at(0.5)) < 0.02);
-  CHECK(worst_stretch(ism::linear_morph(meta, 0.5)) > 0.3);
-}
-
-TEST_CASE("a morph from B to A shows the same shapes") {
-  const auto [a, b] = overlapping_pair(23);
-  const Points3 there = Morph(good_map(a, b)).at(0.3), back = Morph(good_map(b, a)).at(0.7);
-  REQUIRE(there.rows() == back.rows());
-  const auto sum = [](const Points3& x) { return Vec3(x.colwise().sum().transpose()); };
-  CHECK((sum(there) - sum(back)).norm() < 1e-7);
-  CHECK(there.norm() == doctest::Approx(back.norm()).epsilon(1e-9));
-}
-
-TEST_CASE("a morph of an overlap in two parts has both of them") {
-  const Disk a = shapes::triangle({0.2, -1}, {2.8, 0.5}, {0.2, 0.5});
-  const Disk b = shapes::comb(2, 1);
-  Disk up = a;
-  up.plane = shapes::moved(a.plane, Eigen::Matrix2d::Identity(), Vec2(0, 1.4));
-  check_ends(good_map(up, b));
-}
-
-TEST_CASE("a morph of no map has no shapes, and threads do not matter") {
-  const Morph none{SurfaceMap({}, {}, {}, {})};
-  CHECK(none.status() == Status::kInvalidMesh);
-  CHECK(none.at(0.5).rows() == 0);
-  const auto [a, b] = overlapping_pair(24);
-  ism::Options one, three;
-  one.threads = 1;
-  three.threads = 3;
-  CHECK(Morph(good_map(a, b), one).at(0.4) == Morph(good_map(a, b), three).at(0.4));
-}
+#endif  // ISM_TESTS_PART_APPLICATIONS_HPP
