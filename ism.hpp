@@ -43,7 +43,7 @@
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
 //            the ids of offending elements.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has parts [3] to [17], the implementation
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [17]
 //            ISM_NO_THREADS       there: builds without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
@@ -2039,8 +2039,9 @@ inline double density_value(const DistortionMeasure& measure, const Mat2& F, con
   const double K = squared_norm(adjugate(G) * F);
   if (measure.is_symmetric_dirichlet())
     return K * (1 / (det_f * det_f * det_f) + 1 / (det_g * det_g * det_g));
-  return measure.density(K / (det_g * det_g), det_f / det_g).value *
-         (measure.on_a() / det_f + measure.on_b() / det_g);
+  const double d = det_f / det_g;
+  const double S = (std::max)(K / (det_g * det_g), 2 * d);  // rounding could take it below
+  return measure.density(S, d).value * (measure.on_a() / det_f + measure.on_b() / det_g);
 }
 
 /// S (1 + 1 / d³), of which Eq. 3 is the integral over B'.
@@ -2483,11 +2484,11 @@ inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S
 inline InvariantDensity<Lanes> invariant_density(const DistortionMeasure& measure, double kappa,
                                                  const Lanes& K, const Lanes& det_f,
                                                  const Lanes& det_g) {
-  InvariantDensity<Lanes> w =
-      measure.is_symmetric_dirichlet()
-          ? dirichlet_density(K, det_f, det_g)
-          : stretch_density(stretches(measure, K / (det_g * det_g), det_f / det_g), measure.on_a(),
-                            measure.on_b(), K, det_f, det_g);
+  const Lanes d = det_f / det_g, S = larger(K / (det_g * det_g), 2 * d);
+  InvariantDensity<Lanes> w = measure.is_symmetric_dirichlet()
+                                  ? dirichlet_density(K, det_f, det_g)
+                                  : stretch_density(stretches(measure, S, d), measure.on_a(),
+                                                    measure.on_b(), K, det_f, det_g);
   add_coverage(kappa, det_f, det_g, w);
   return w;
 }
@@ -3490,6 +3491,7 @@ inline Array<Vec2> ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& fa
   for (int i = 0; i < n; ++i) y[i] = b[symbolic.order[i]];
   for (int id = 0; id < n_fronts; ++id) {
     const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
     const DenseBlock P = panel_of(front, factor);
     local.assign(front.size(), {});
     std::copy(y.data() + front.begin, y.data() + front.end, local.data());
@@ -3501,6 +3503,7 @@ inline Array<Vec2> ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& fa
   }
   for (int id = n_fronts - 1; id >= 0; --id) {
     const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
     const DenseBlock P = panel_of(front, factor);
     local.resize(front.size());
     std::copy(y.data() + front.begin, y.data() + front.end, local.data());
