@@ -552,9 +552,11 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 // ==== [3] NOTATION ===============================================================================
 //
-//   A, B          the meshes; a, b in names. f, g their embeddings, rows of Points2
-//   x             all unknowns (Eq. 5): vertex i of A is row i, vertex i of B row #V_A + i
-//   tA, tB        triangles of A and B; ta, tb their ids
+//   A, B          the meshes; a, b in names. f, g their embeddings
+//   A ⊔ B         both as one (JointSurface): vertices, triangles and half-edges of B come behind
+//                 those of A
+//   x             all unknowns (Eq. 5), f and then g, a row per vertex of A ⊔ B
+//   tA, tB        triangles of A and B; ta, tb their ids in A ⊔ B
 //   h             a half-edge; u, v, w vertices; e an edge of a pair of triangles, 0 to 5
 //   ρ             a polygon f(tA) ∩ g(tB) of the meta mesh; a its planar area
 //   R             rest shape of a triangle in its own plane (columns b - a, c - a); J = [..] R⁻¹
@@ -825,11 +827,27 @@ class Timer {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// A function to be called during a call it is passed to: std::function without a copy.
+template <class... Arguments>
+class Callback {
+ public:
+  template <class Function>
+  Callback(const Function& function)
+      : function_(&function), call_([](const void* f, Arguments... arguments) {
+          (*static_cast<const Function*>(f))(arguments...);
+        }) {}
+  void operator()(Arguments... arguments) const { call_(function_, arguments...); }
+
+ private:
+  const void* function_;
+  void (*call_)(const void*, Arguments...);
+};
+
 /// Runs independent tasks. Tasks are cut by the callers without regard to the number of threads
 /// and write to places of their own, so results are the same bits for any number of threads.
 class Executor {
  public:
-  using Task = std::function<void(int)>;
+  using Task = Callback<int>;
 
   explicit Executor(const Options& options)
       : threads_(options.threads), hook_(options.parallel_for) {
@@ -851,7 +869,7 @@ class Executor {
   }
 
   /// task(begin, end) over [0, n) in blocks of a fixed size.
-  void run_blocks(int n, int block, const std::function<void(int, int)>& task) const {
+  void run_blocks(int n, int block, const Callback<int, int>& task) const {
     run((n + block - 1) / block, [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
   }
 
@@ -873,9 +891,6 @@ class Executor {
   ParallelFor hook_;
 };
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ================
 //
 // Purpose:    the sign of the area of a planar triangle, never wrong; and the same with ties
@@ -884,9 +899,6 @@ class Executor {
 //             (flush_tiny() sees to the lower end); oriented() is the sign under one fixed
 //             infinitesimal displacement of all vertices, so any set of its answers is consistent.
 // Fails:      never. Non-finite coordinates must be excluded by the caller.
-
-namespace ism {
-namespace detail {
 
 constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers and
                                        // their tails do not underflow
@@ -929,12 +941,11 @@ struct Expansion {
 
 inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
   Expansion sum;
-  sum.add_product(a.x, b.y);
-  sum.add_product(-a.y, b.x);
-  sum.add_product(b.x, c.y);
-  sum.add_product(-b.y, c.x);
-  sum.add_product(c.x, a.y);
-  sum.add_product(-c.y, a.x);
+  const Vec2 p[4] = {a, b, c, a};
+  for (int i = 0; i < 3; ++i) {
+    sum.add_product(p[i].x, p[i + 1].y);
+    sum.add_product(-p[i].y, p[i + 1].x);
+  }
   return sum.sign();
 }
 
@@ -980,9 +991,6 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
   return perturbed_sign(q[0]->p, q[1]->p, q[2]->p) == even;
 }
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [6] HALF-EDGE MESH =========================================================================
 //
 // Purpose:    connectivity of a triangulated disk, its validation, and the isometric rest frame of
@@ -991,9 +999,6 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 //             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
 //             counter-clockwise from it visits every face of v.
 // Fails:      find_problems() says why a mesh is no disk; build_surface() wants a validated one.
-
-namespace ism {
-namespace detail {
 
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -1004,7 +1009,10 @@ struct HalfEdgeMesh {
   Array<int> tail;      // #F·3, the vertex a half-edge starts at
   Array<int> twin;      // #F·3, the opposite half-edge, or -1 on the boundary
   Array<int> out;       // #V
-  Array<int> boundary;  // boundary half-edges in order, counter-clockwise around the disk
+  Array<int> boundary;  // boundary half-edges in order, loop by loop, their faces on the left
+  Array<int> loop;      // where in `boundary` loops begin, and its end
+
+  int loops() const { return loop.size() - 1; }
 
   int tip(int h) const { return tail[next(h)]; }
   int corner(int f, int k) const { return tail[3 * f + k]; }
@@ -1054,16 +1062,18 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
-/// Lists the boundary, counter-clockwise; empty for a closed mesh.
+/// Lists the boundary.
 inline void trace_boundary(HalfEdgeMesh& m) {
+  Array<char> seen(m.tail.size(), 0);
   m.boundary.clear();
-  int first = 0;
-  while (first < 3 * m.n_faces && m.twin[first] >= 0) ++first;
-  if (first == 3 * m.n_faces) return;
-  for (int h = first, n = 0; n < 3 * m.n_faces; ++n) {
-    m.boundary.push_back(h);
-    h = m.out[m.tip(h)];
-    if (h == first) break;
+  m.loop.assign(1, 0);
+  for (int start = 0; start < m.tail.size(); ++start) {
+    if (m.twin[start] >= 0 || seen[start]) continue;
+    for (int h = start; m.twin[h] < 0 && !seen[h]; h = m.out[m.tip(h)]) {
+      seen[h] = 1;
+      m.boundary.push_back(h);
+    }
+    m.loop.push_back(m.boundary.size());
   }
 }
 
@@ -1091,26 +1101,22 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   return build_half_edges(n_vertices, F, sorted_edges(F));
 }
 
-inline Triangles triangles_of(const HalfEdgeMesh& m) {
-  Triangles triangles(m.n_faces, 3);
-  for (int h = 0; h < m.tail.size(); ++h) triangles(h / 3, h % 3) = m.tail[h];
+/// Triangles of which all corners are listed, one after the other.
+inline Triangles triangles_from(const Array<int>& corners) {
+  Triangles triangles(corners.size() / 3, 3);
+  std::copy(corners.begin(), corners.end(), triangles.data());
   return triangles;
 }
 
-/// The half-edge from u to v, or -1.
-inline int find_half_edge(const HalfEdgeMesh& m, int u, int v) {
-  int found = -1;
-  if (u >= 0 && u < m.n_vertices)
-    m.for_each_outgoing(u, [&](int h) {
-      if (m.tip(h) == v) found = h;
-    });
-  return found;
-}
-
-/// The half-edge of an edge in the direction it has, or in the other one; -1 if there is none.
+/// The half-edge from u to v, or, if only that is there, from v to u; -1 if there is no such edge.
 inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
-  const int h = find_half_edge(m, u, v);
-  return h >= 0 ? h : find_half_edge(m, v, u);
+  int found = -1;
+  if (u < 0 || u >= m.n_vertices) return found;
+  m.for_each_outgoing(u, [&](int h) {
+    if (m.tip(h) == v) found = h;
+    if (m.tail[prev(h)] == v && m.twin[prev(h)] < 0) found = prev(h);
+  });
+  return found;
 }
 
 /// Cuts the triangle of h in two along the line from the middle of its edge u → v to the corner
@@ -1142,6 +1148,7 @@ inline void split_edge(HalfEdgeMesh& m, int h) {
 struct Surface {
   HalfEdgeMesh mesh;
   Points3 vertices;             // scaled to total area 1 unless asked otherwise
+  double scale = 1;             // by which the given ones were multiplied
   std::vector<Midpoint> added;  // the last of them, which were not given
   double total_area = 0;
   Array<double> area;        // #F
@@ -1172,29 +1179,35 @@ inline Mat2 rest_frame(double ab, double bc, double ca) {
   return {{ab, 0, (ab * ab + (ca - bc) * (ca + bc)) / (2 * ab), 2 * area / ab}};
 }
 
-inline void compute_rest_frames(Surface& s) {
-  const int n = s.mesh.n_faces;
-  s.area.resize(n);
-  s.rest_inverse.resize(n);
+/// Sets areas and frames; frame(f) is R of triangle f.
+template <class Frame>
+void set_rest_frames(const Frame& frame, Surface& s) {
+  s.area.resize(s.mesh.n_faces);
+  s.rest_inverse.resize(s.mesh.n_faces);
   s.total_area = 0;
-  for (int f = 0; f < n; ++f) {
-    const Mat2 R = rest_frame(s.corner(f, 0), s.corner(f, 1), s.corner(f, 2));
+  for (int f = 0; f < s.mesh.n_faces; ++f) {
+    const Mat2 R = frame(f);
     s.area[f] = 0.5 * determinant(R);
     s.rest_inverse[f] = inverse(R);
     s.total_area += s.area[f];
   }
 }
 
+inline void compute_rest_frames(Surface& s) {
+  set_rest_frames([&](int f) { return rest_frame(s.corner(f, 0), s.corner(f, 1), s.corner(f, 2)); },
+                  s);
+}
+
 /// Scales a surface to area 1.
 inline void normalize(Surface& s) {
   double extent = 0, area = 0;
-  for (int v = 0; v < s.vertices.rows(); ++v)
-    for (int k = 0; k < 3; ++k) extent = (std::max)(extent, std::abs(s.vertices(v, k)));
-  // First by a power of two, which is exact: in any unit, squares then neither over- nor underflow.
   const auto scale = [&](double factor) {
-    for (int v = 0; v < s.vertices.rows(); ++v)
-      set_row(s.vertices, v, factor * row3(s.vertices, v));
+    for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
+    s.scale *= factor;
   };
+  for (int i = 0; i < s.vertices.size(); ++i)
+    extent = (std::max)(extent, std::abs(s.vertices.data()[i]));
+  // First by a power of two, which is exact: in any unit, squares then neither over- nor underflow.
   scale(std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)));
   for (int f = 0; f < s.mesh.n_faces; ++f)
     area += 0.5 * norm(cross(s.corner(f, 1) - s.corner(f, 0), s.corner(f, 2) - s.corner(f, 0)));
@@ -1216,12 +1229,15 @@ inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
 }
 
 /// Vertices with the middles of edges behind them; earlier middles may be ends.
-inline Points3 with_midpoints(const Points3& vertices, const std::vector<Midpoint>& edges) {
+template <class Points>
+Points with_midpoints(const Points& vertices, const std::vector<Midpoint>& edges) {
   int v = static_cast<int>(vertices.rows());
-  Points3 all(v + static_cast<int>(edges.size()), 3);
+  Points all(v + static_cast<int>(edges.size()), vertices.cols());
   std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
-  for (const Midpoint& edge : edges)
-    set_row(all, v++, 0.5 * row3(all, edge[0]) + 0.5 * row3(all, edge[1]));
+  for (const Midpoint& edge : edges) {
+    for (int c = 0; c < all.cols(); ++c) all(v, c) = 0.5 * (all(edge[0], c) + all(edge[1], c));
+    ++v;
+  }
   return all;
 }
 
@@ -1232,6 +1248,62 @@ inline void split_edges(const std::vector<Midpoint>& edges, Surface& s) {
   s.vertices = with_midpoints(s.vertices, edges);
   s.added.insert(s.added.end(), edges.begin(), edges.end());
   compute_rest_frames(s);
+}
+
+// ---- two surfaces, and both as one ----
+
+struct SurfacePair {
+  Surface a, b;
+};
+
+/// A ⊔ B: vertices, triangles and half-edges of B come behind those of A.
+struct JointSurface : Surface {
+  int n_a = 0;         // vertices of A
+  int faces_a = 0;     // triangles of A
+  int boundary_a = 0;  // boundary half-edges of A
+  double area_a = 0, area_b = 0;
+  double scale_a = 1, scale_b = 1;
+};
+
+/// The rows of one matrix, then those of another.
+template <class Points>
+Points stacked(const Points& a, const Points& b) {
+  Points all(a.rows() + b.rows(), a.cols());
+  std::copy(a.data(), a.data() + a.size(), all.data());
+  std::copy(b.data(), b.data() + b.size(), all.data() + a.size());
+  return all;
+}
+
+/// Rows begin to end - 1.
+inline Points2 rows_between(const Points2& x, int begin, int end) {
+  Points2 rows(end - begin, 2);
+  std::copy(x.data() + 2 * std::ptrdiff_t{begin}, x.data() + 2 * std::ptrdiff_t{end}, rows.data());
+  return rows;
+}
+
+inline JointSurface join(const SurfacePair& pair) {
+  const Surface &a = pair.a, &b = pair.b;
+  JointSurface s;
+  static_cast<Surface&>(s) = a;
+  s.n_a = a.mesh.n_vertices;
+  s.faces_a = a.mesh.n_faces;
+  s.boundary_a = a.mesh.boundary.size();
+  s.area_a = a.total_area, s.area_b = b.total_area;
+  s.scale_a = a.scale, s.scale_b = b.scale;
+  s.total_area += b.total_area;
+  HalfEdgeMesh& m = s.mesh;
+  const int first = 3 * s.faces_a;  // half-edge of B
+  m.n_vertices += b.mesh.n_vertices;
+  m.n_faces += b.mesh.n_faces;
+  for (int v : b.mesh.tail) m.tail.push_back(s.n_a + v);
+  for (int h : b.mesh.twin) m.twin.push_back(h < 0 ? h : first + h);
+  for (int h : b.mesh.out) m.out.push_back(first + h);
+  for (int h : b.mesh.boundary) m.boundary.push_back(first + h);
+  for (int i = 1; i <= b.mesh.loops(); ++i) m.loop.push_back(s.boundary_a + b.mesh.loop[i]);
+  s.vertices = stacked(a.vertices, b.vertices);
+  s.area.append(b.area.data(), b.area.size());
+  s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
+  return s;
 }
 
 // ---- validation ----
@@ -1275,38 +1347,33 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
 /// or if it is smaller than 1e-30 of the largest one: fourth powers of the ratio have to exist.
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
+  const Triangles& F = mesh.triangles;
   const auto edge = [&](int f, int k) {
-    return row3(mesh.vertices, mesh.triangles(f, (k + 1) % 3)) -
-           row3(mesh.vertices, mesh.triangles(f, k));
+    return row3(mesh.vertices, F(f, (k + 1) % 3)) - row3(mesh.vertices, F(f, k));
   };
-  const auto extent_of = [&](int f) {
-    double extent = 0;
-    for (int k = 0; k < 3; ++k)
-      for (int c = 0; c < 3; ++c) extent = (std::max)(extent, std::abs(edge(f, k)[c]));
-    return extent;
-  };
-  const auto add = [&](int f, const char* what) {
-    list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, what}, {f});
-  };
+  Array<double> extent(static_cast<int>(F.rows()), 0);
   double largest = 0;
-  for (int f = 0; f < mesh.triangles.rows(); ++f) largest = (std::max)(largest, extent_of(f));
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    const int i = mesh.triangles(f, 0), j = mesh.triangles(f, 1), k = mesh.triangles(f, 2);
-    const double extent = extent_of(f);
-    const double unit = extent > 0 ? extent : 1;  // divided by, so that squares exist
+  for (int f = 0; f < F.rows(); ++f) {
+    for (int k = 0; k < 3; ++k)
+      for (int c = 0; c < 3; ++c) extent[f] = (std::max)(extent[f], std::abs(edge(f, k)[c]));
+    largest = (std::max)(largest, extent[f]);
+  }
+  for (int f = 0; f < F.rows(); ++f) {
     Vec3 side[3];
-    for (int c = 0; c < 3; ++c) {
-      const Vec3 e = edge(f, c);
-      side[c] = {e.x / unit, e.y / unit, e.z / unit};
+    double longest2 = 0;
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 e = edge(f, k);
+      const double unit = extent[f] > 0 ? extent[f] : 1;  // divided by, so that squares exist
+      side[k] = {e.x / unit, e.y / unit, e.z / unit};
+      longest2 = (std::max)(longest2, squared_norm(side[k]));
     }
-    const double longest2 =
-        (std::max)({squared_norm(side[0]), squared_norm(side[1]), squared_norm(side[2])});
-    if (i == j || j == k || k == i)
-      add(f, " uses a vertex twice");
-    else if (!(norm(cross(side[0], side[1])) > kThinnest * longest2))
-      add(f, " has no area");
-    else if (extent < kSmallest * largest)
-      add(f, " is smaller than 1e-30 of the largest triangle");
+    const char* defect = nullptr;
+    if (extent[f] < kSmallest * largest) defect = " is smaller than 1e-30 of the largest triangle";
+    if (!(norm(cross(side[0], side[1])) > kThinnest * longest2)) defect = " has no area";
+    if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
+      defect = " uses a vertex twice";
+    if (defect != nullptr)
+      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defect}, {f});
   }
 }
 
@@ -1390,24 +1457,13 @@ inline int count_components(const HalfEdgeMesh& m) {
   return components;
 }
 
-/// The boundary loops, each as one of its vertices.
-inline std::vector<int> boundary_loops(const HalfEdgeMesh& m) {
-  Array<char> seen(m.tail.size(), 0);
-  std::vector<int> loops;
-  for (int start = 0; start < m.tail.size(); ++start) {
-    if (m.twin[start] >= 0 || seen[start]) continue;
-    loops.push_back(m.tail[start]);
-    for (int h = start; !seen[h]; h = m.out[m.tip(h)]) seen[h] = 1;
-  }
-  return loops;
-}
-
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
     list.add(Problem::Kind::kSeveralComponents,
              {"the mesh has ", components, " components, 1 is needed"}, {});
-  const std::vector<int> loops = boundary_loops(m);
+  std::vector<int> loops;  // one vertex of each
+  for (int i = 0; i < m.loops(); ++i) loops.push_back(m.tail[m.boundary[m.loop[i]]]);
   if (loops.empty())
     list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole so that it is a disk"}, {});
   if (loops.size() > 1)
@@ -1415,9 +1471,7 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
              {"the mesh has ", static_cast<int>(loops.size()),
               " boundary loops, 1 is needed; they pass through vertices ", join(loops)},
              loops);
-  int half_edges_on_boundary = 0;
-  for (int t : m.twin) half_edges_on_boundary += t < 0;
-  const int n_edges = (m.tail.size() + half_edges_on_boundary) / 2;
+  const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   if (chi != 1 && components == 1 && loops.size() == 1)
     list.add(Problem::Kind::kWrongEulerCharacteristic,
@@ -1445,15 +1499,6 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   return list.problems;
 }
 
-}  // namespace detail
-
-std::vector<Problem> validate(const TriangleMesh& mesh) {
-  detail::HalfEdgeMesh m;
-  return detail::find_problems(mesh, m);
-}
-
-}  // namespace ism
-
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
 //
 // Purpose:    the meta mesh of two planar embeddings as polygons ρ = f(t_A) ∩ g(t_B), and the exact
@@ -1465,15 +1510,12 @@ std::vector<Problem> validate(const TriangleMesh& mesh) {
 //             triangle of A meets B in many separate pieces, plus O((a + b + crossings) log(a b))
 //             for boundaries of a and b edges.
 
-namespace ism {
-namespace detail {
-
 /// One polygon of the meta mesh. Its boundary is a cycle of pieces, each on an edge of t_A
 /// (0, 1, 2) or of t_B (3, 4, 5), three bits per piece, counter-clockwise. Corner i is where
 /// piece i starts: the first vertex of its edge if piece i-1 lies on the same triangle, else the
 /// crossing of the two edges. So the code alone holds the combinatorics.
 struct OverlayPolygon {
-  int ta = 0;
+  int ta = 0;  // ids in A ⊔ B
   int tb = 0;
   int count = 0;
   std::uint32_t code = 0;
@@ -1487,17 +1529,18 @@ struct OverlayPolygon {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
-/// Axis-parallel boxes of runs of 2^k consecutive segments of a closed polyline, as a binary tree.
+/// Axis-parallel boxes of runs of 2^k consecutive segments of a boundary, as a binary tree.
 class BoundaryTree {
  public:
-  /// Memory of an earlier tree is used again.
-  void build(const HalfEdgeMesh& m, const Points2& x) {
-    const int n = m.boundary.size();
+  /// Of the segments begin to end - 1 of m.boundary. Memory of an earlier tree is used again.
+  void build(const HalfEdgeMesh& m, const Points2& x, int begin, int end) {
+    const int n = end - begin;
     for (leaves_ = 1; leaves_ < n;) leaves_ *= 2;
     lo_.assign(2 * leaves_, {kInfinity, kInfinity});
     hi_.assign(2 * leaves_, {-kInfinity, -kInfinity});
     for (int i = 0; i < n; ++i) {
-      const Vec2 p = row2(x, m.tail[m.boundary[i]]), q = row2(x, m.tip(m.boundary[i]));
+      const int h = m.boundary[begin + i];
+      const Vec2 p = row2(x, m.tail[h]), q = row2(x, m.tip(h));
       lo_[leaves_ + i] = lower(p, q);
       hi_[leaves_ + i] = upper(p, q);
     }
@@ -1585,12 +1628,13 @@ inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
   return true;
 }
 
-inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
-  const int n = m.boundary.size();
-  const auto p = [&](int i) { return row2(x, m.tail[m.boundary[i % n]]); };
+/// True if a boundary loop does not meet itself.
+inline bool loop_is_simple(const HalfEdgeMesh& m, const Points2& x, int loop) {
+  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
+  const auto p = [&](int i) { return row2(x, m.tail[m.boundary[begin + i % n]]); };
   bool simple = true;
   BoundaryTree tree;
-  tree.build(m, x);
+  tree.build(m, x, begin, begin + n);
   tree.for_each_pair(tree, [&](int i, int j) {
     if (i >= j || !simple) return;
     if (j == i + 1)
@@ -1603,35 +1647,39 @@ inline bool boundary_is_simple(const HalfEdgeMesh& m, const Points2& x) {
   return simple;
 }
 
-inline bool coordinates_are_usable(const Points2& x) {
-  const auto is_usable = [](double c) {
-    const double magnitude = std::abs(c);
-    return magnitude == 0 || (magnitude >= kTiniest && magnitude <= kLargest);
-  };
-  for (int i = 0; i < x.rows(); ++i)
-    if (!is_usable(row2(x, i).x) || !is_usable(row2(x, i).y)) return false;
+inline bool boundaries_are_simple(const HalfEdgeMesh& m, const Points2& x) {
+  for (int i = 0; i < m.loops(); ++i)
+    if (!loop_is_simple(m, x, i)) return false;
   return true;
 }
 
-/// The promise of the library (§4.4): every triangle positive, angle sums 2π, boundary simple.
+inline bool coordinates_are_usable(const Points2& x) {
+  for (int i = 0; i < x.size(); ++i) {
+    const double magnitude = std::abs(x.data()[i]);
+    if (magnitude != 0 && !(magnitude >= kTiniest && magnitude <= kLargest)) return false;
+  }
+  return true;
+}
+
+/// The promise of the library (§4.4): every triangle positive, angle sums 2π, boundaries simple.
 /// A positively oriented piecewise affine map of a disk with a simple boundary is injective
-/// [Lipman 2014].
+/// [Lipman 2014]. Of A ⊔ B, f and g are, each.
 inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
   return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
-         boundary_is_simple(m, x);
+         boundaries_are_simple(m, x);
 }
 
 // ---- intersection of two triangles ----
 
-/// A triangle with the labels of its corners: A's vertices come first in the perturbation.
+/// A triangle with the labels of its corners, which are ids in A ⊔ B.
 struct LabelledTriangle {
   LabelledPoint corner[3];
   const LabelledPoint& operator[](int k) const { return corner[k]; }
 };
 
-inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f, int first_id) {
+inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f) {
   const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
-  return {{{row2(x, i), first_id + i}, {row2(x, j), first_id + j}, {row2(x, k), first_id + k}}};
+  return {{{row2(x, i), i}, {row2(x, j), j}, {row2(x, k), k}}};
 }
 
 /// left[i][k]: does corner i of the one triangle lie left of edge k of the other?
@@ -1723,16 +1771,15 @@ struct Overlay {
 
 class OverlayBuilder {
  public:
-  OverlayBuilder(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b, const Points2& g,
-                 Overlay& overlay)
-      : a_(a), b_(b), f_(f), g_(g), overlay_(overlay) {}
+  OverlayBuilder(const JointSurface& s, const Points2& x, Overlay& overlay)
+      : s_(s), m_(s.mesh), x_(x), overlay_(overlay) {}
 
   void build() {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
-    overlay_.newest.assign(a_.n_faces, -1);
-    overlay_.mark.assign(b_.n_faces, -1);
+    overlay_.newest.assign(s_.faces_a, -1);
+    overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
     if (overlay_.seeds.empty()) seed_containment();
     while (!overlay_.seeds.empty()) {
@@ -1748,18 +1795,18 @@ class OverlayBuilder {
   void flood(int ta, int tb) {
     if (ta != marked_) mark_known(ta);
     if (overlay_.mark[tb] == ta) return;
-    const LabelledTriangle a = labelled(a_, f_, ta, 0);
+    const LabelledTriangle a = labelled(m_, x_, ta);
     const int begin = overlay_.polygons.size();
     add(ta, tb, a);
     for (int i = begin; i < overlay_.polygons.size(); ++i) {
       const OverlayPolygon p = overlay_.polygons[i];
       for (int k = 0; k < p.count; ++k) {
-        const int e = p.piece(k), twin = e < 3 ? -1 : b_.twin[3 * p.tb + e - 3];
+        const int e = p.piece(k), twin = e < 3 ? -1 : m_.twin[3 * p.tb + e - 3];
         if (twin >= 0) add(ta, twin / 3, a);
       }
     }
     for (int e = 0; e < 3; ++e) {
-      const int twin = a_.twin[3 * ta + e];
+      const int twin = m_.twin[3 * ta + e];
       if (twin < 0) continue;
       for (int i = begin; i < overlay_.polygons.size(); ++i)
         if (overlay_.polygons[i].has(e))
@@ -1776,7 +1823,7 @@ class OverlayBuilder {
   void add(int ta, int tb, const LabelledTriangle& a) {
     if (overlay_.mark[tb] == ta) return;
     overlay_.mark[tb] = ta;
-    OverlayPolygon p = intersect(a, labelled(b_, g_, tb, a_.n_vertices));
+    OverlayPolygon p = intersect(a, labelled(m_, x_, tb));
     if (p.count == 0) return;
     p.ta = ta;
     p.tb = tb;
@@ -1788,12 +1835,12 @@ class OverlayBuilder {
   /// Every component of the overlap whose boundary belongs to both embeddings has a crossing of
   /// a boundary edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
-    overlay_.boundary_a.build(a_, f_);
-    overlay_.boundary_b.build(b_, g_);
+    overlay_.boundary_a.build(m_, x_, 0, s_.boundary_a);
+    overlay_.boundary_b.build(m_, x_, s_.boundary_a, m_.boundary.size());
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
-      const int ha = a_.boundary[i], hb = b_.boundary[j];
-      const LabelledPoint p = label_a(a_.tail[ha]), q = label_a(a_.tip(ha));
-      const LabelledPoint r = label_b(b_.tail[hb]), s = label_b(b_.tip(hb));
+      const int ha = m_.boundary[i], hb = m_.boundary[s_.boundary_a + j];
+      const LabelledPoint p = label(m_.tail[ha]), q = label(m_.tip(ha));
+      const LabelledPoint r = label(m_.tail[hb]), s = label(m_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
       overlay_.seeds.push_back({ha / 3, hb / 3});
     });
@@ -1801,56 +1848,49 @@ class OverlayBuilder {
 
   /// Without crossings one embedding lies inside the other, or they are apart.
   void seed_containment() {
-    const int ha = a_.boundary[0], hb = b_.boundary[0];
-    for (int tb = 0; tb < b_.n_faces && overlay_.seeds.empty(); ++tb)
-      if (contains(labelled(b_, g_, tb, a_.n_vertices), label_a(a_.tail[ha])))
-        overlay_.seeds.push_back({ha / 3, tb});
-    for (int ta = 0; ta < a_.n_faces && overlay_.seeds.empty(); ++ta)
-      if (contains(labelled(a_, f_, ta, 0), label_b(b_.tail[hb])))
-        overlay_.seeds.push_back({ta, hb / 3});
+    const int ha = m_.boundary[0], hb = m_.boundary[s_.boundary_a];
+    for (int t = 0; t < m_.n_faces && overlay_.seeds.empty(); ++t) {
+      const bool of_a = t < s_.faces_a;
+      if (contains(labelled(m_, x_, t), label(m_.tail[of_a ? hb : ha])))
+        overlay_.seeds.push_back(of_a ? Seed{t, hb / 3} : Seed{ha / 3, t});
+    }
   }
 
   static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
     return oriented(t[0], t[1], p) && oriented(t[1], t[2], p) && oriented(t[2], t[0], p);
   }
 
-  LabelledPoint label_a(int v) const { return {row2(f_, v), v}; }
-  LabelledPoint label_b(int v) const { return {row2(g_, v), a_.n_vertices + v}; }
+  LabelledPoint label(int v) const { return {row2(x_, v), v}; }
 
-  const HalfEdgeMesh& a_;
-  const HalfEdgeMesh& b_;
-  const Points2& f_;
-  const Points2& g_;
+  const JointSurface& s_;
+  const HalfEdgeMesh& m_;
+  const Points2& x_;
   Overlay& overlay_;
   int marked_ = -1;  // the triangle of A whose polygons are marked
 };
 
 /// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, lines 3 and 19).
-inline void compute_overlay(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
-                            const Points2& g, Overlay& overlay) {
-  OverlayBuilder(a, f, b, g, overlay).build();
+inline void compute_overlay(const JointSurface& s, const Points2& x, Overlay& overlay) {
+  OverlayBuilder(s, x, overlay).build();
 }
 
-/// Polygons grouped by a face: those of face f are item[start[f]] .. item[start[f + 1] - 1].
+/// Polygons by face, of A and of B: those of face f are item[start[f]] .. item[start[f + 1] - 1].
 struct FaceGroups {
   Array<int> start, item;
 };
 
-/// Groups the polygons of an overlay by the face they have in one mesh, `ta` or `tb`.
-inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces,
-                                 int OverlayPolygon::*face) {
+inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces) {
   FaceGroups groups;
   groups.start.assign(n_faces + 1, 0);
-  groups.item.resize(polygons.size());
-  for (const OverlayPolygon& p : polygons) ++groups.start[p.*face + 1];
+  groups.item.resize(2 * polygons.size());
+  for (const OverlayPolygon& p : polygons)
+    for (int f : {p.ta, p.tb}) ++groups.start[f + 1];
   for (int f = 0; f < n_faces; ++f) groups.start[f + 1] += groups.start[f];
   Array<int> fill = groups.start;
-  for (int i = 0; i < polygons.size(); ++i) groups.item[fill[polygons[i].*face]++] = i;
+  for (int i = 0; i < polygons.size(); ++i)
+    for (int f : {polygons[i].ta, polygons[i].tb}) groups.item[fill[f]++] = i;
   return groups;
 }
-
-}  // namespace detail
-}  // namespace ism
 
 // ==== [8] ENERGIES (paper §3.2, §4.1, §4.2, §4.4, §5.1) ==========================================
 //
@@ -1864,9 +1904,6 @@ inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_fa
 //             finite whenever both triangles are positive, also for polygons without area.
 // Fails:      never; triangles that are not positive, or too thin for rounded determinants to be,
 //             have energy +infinity.
-
-namespace ism {
-namespace detail {
 
 // ---- geometry of a polygon ----
 
@@ -2724,9 +2761,6 @@ inline void differentiate(const DistortionMeasure& measure, double kappa, Polygo
   }
 }
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
 //
 // Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
@@ -2736,19 +2770,14 @@ inline void differentiate(const DistortionMeasure& measure, double kappa, Polygo
 // Fails:      a zero or non-finite pivot ends the factorisation; negative pivots are counted, and
 //             mean that the matrix is not positive definite.
 
-namespace ism {
-namespace detail {
-
 /// Upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
-struct BlockPattern {
-  Array<int> start;  // #rows + 1
-  Array<int> column;
+struct BlockMatrix {
+  Array<int> start;   // #rows + 1
+  Array<int> column;  // per block
+  Array<Mat2> value;
   int rows() const { return start.size() - 1; }
   int blocks() const { return column.size(); }
 };
-
-/// One 2×2 block per entry of a pattern.
-using BlockValues = Array<Mat2>;
 
 /// A front of the elimination tree: the vertices eliminated together, and the later vertices their
 /// elimination touches. Vertices are meant by their place in the elimination order.
@@ -2881,7 +2910,7 @@ class CutFinder {
 /// are not coupled, so they are divided side by side.
 class NestedDissection {
  public:
-  NestedDissection(const BlockPattern& pattern, const Points2& positions, const Executor& executor)
+  NestedDissection(const BlockMatrix& pattern, const Points2& positions, const Executor& executor)
       : pattern_(pattern), positions_(positions), executor_(executor) {}
 
   LdltSymbolic build() {
@@ -3208,7 +3237,7 @@ class NestedDissection {
     }
   }
 
-  const BlockPattern& pattern_;
+  const BlockMatrix& pattern_;
   const Points2& positions_;
   const Executor& executor_;
   LdltSymbolic result_;
@@ -3410,14 +3439,14 @@ inline void extend_add(const Front& child, const DenseBlock& from, int own, bool
   }
 }
 
-/// One matrix of a family H + ω Q on a common pattern.
+/// One matrix of a family H + ω Q, both of one pattern.
 struct ShiftedMatrix {
-  const BlockValues* H = nullptr;
-  const BlockValues* Q = nullptr;  // may be null
-  double omega = 0;
+  const BlockMatrix* H;
+  const BlockMatrix* Q;  // may be null
+  double omega;
   Mat2 block(int b) const {
-    if (!Q) return (*H)[b];
-    return (*H)[b] + omega * (*Q)[b];
+    if (!Q) return H->value[b];
+    return H->value[b] + omega * Q->value[b];
   }
 };
 
@@ -3517,12 +3546,11 @@ inline Array<Vec2> ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& fa
   return x;
 }
 
-/// y += A x, of which the upper triangle is stored.
-inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A, const Array<Vec2>& x,
-                        Array<Vec2>& y) {
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const int c = pattern.column[b];
+/// y += A x.
+inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
+  for (int r = 0; r < A.H->rows(); ++r)
+    for (int b = A.H->start[r]; b < A.H->start[r + 1]; ++b) {
+      const int c = A.H->column[b];
       const Mat2 block = A.block(b);
       y[r] += block * x[c];
       if (r != c) y[c] += transposed(block) * x[r];
@@ -3534,8 +3562,8 @@ inline void add_product(const BlockPattern& pattern, const ShiftedMatrix& A, con
 /// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
 /// has fallen to a tolerance of its first value, z the preconditioned r, or after 50 steps.
 inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                                        const BlockPattern& pattern, const ShiftedMatrix& A,
-                                        const Array<Vec2>& b, double tolerance) {
+                                        const ShiftedMatrix& A, const Array<Vec2>& b,
+                                        double tolerance) {
   constexpr int kMostSteps = 50;
   const int n = b.size();
   Array<Vec2> x(n), r = b, p(n), Ap;
@@ -3548,7 +3576,7 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
     const double along = k == 0 ? 0 : now / before;
     for (int i = 0; i < n; ++i) p[i] = z[i] + along * p[i];
     Ap.assign(n, {});
-    add_product(pattern, A, p, Ap);
+    add_product(A, p, Ap);
     const double curvature = dot(p, Ap);
     if (!(curvature > 0)) break;
     const double step = now / curvature;
@@ -3561,29 +3589,13 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
   return x;
 }
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [10] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) ==================
 //
-// Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian, assembled
-//             without triplets; their blend with earlier ones; the squared Laplacian.
-// Invariants: vertex i of A is row i, vertex i of B is row #V_A + i. Couplings within a mesh have a
-//             fixed pattern, couplings between the meshes follow the polygons. Sums run in the
-//             order of polygons and faces, never of threads.
+// Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian; their blend
+//             with earlier ones; the squared Laplacian.
+// Invariants: block matrices are made row by row: what a row sums is found from its vertex, so rows
+//             are independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
-
-namespace ism {
-namespace detail {
-
-/// The two meshes of a problem.
-struct SurfacePair {
-  Surface a, b;
-  int n_a() const { return a.mesh.n_vertices; }
-  int n_b() const { return b.mesh.n_vertices; }
-  int rows() const { return n_a() + n_b(); }
-  double total_area() const { return a.total_area + b.total_area; }
-};
 
 /// The parts of the objective that Options weigh.
 struct Weights {
@@ -3597,11 +3609,11 @@ struct Weights {
 
 /// One iterate with everything that is known about it.
 struct Iterate {
-  Points2 f, g;
+  Points2 x;
   Overlay overlay;
-  Array<Mat2> jacobian_f, jacobian_g;  // per triangle
-  double map_energy = 0;               // E_Φ
-  double area_a = 0, area_b = 0;       // area A', area B'
+  Array<Mat2> jacobian;           // per triangle
+  double map_energy = 0;          // E_Φ
+  double area_a = 0, area_b = 0;  // area A', area B'
   double energy_f = 0, energy_g = 0;
   double energy = kInfinity;  // E
 };
@@ -3611,40 +3623,37 @@ inline Mat2 triangle_jacobian(const Surface& s, const Points2& x, int f) {
                   row2(x, s.mesh.corner(f, 2)), s.rest_inverse[f]);
 }
 
-/// Jacobians of all triangles and the sum of their symmetric Dirichlet energies.
-inline double embedding_energy(const Surface& s, const Points2& x, Array<Mat2>& J) {
-  J.resize(s.mesh.n_faces);
+/// Sum of the symmetric Dirichlet energies of triangles begin to end - 1; their Jacobians, too, if
+/// wanted.
+inline double embedding_energy(const Surface& s, const Points2& x, int begin, int end,
+                               Array<Mat2>* jacobians = nullptr) {
   double energy = 0;
-  for (int f = 0; f < s.mesh.n_faces; ++f) {
-    J[f] = triangle_jacobian(s, x, f);
-    energy += triangle_energy(J[f], s.area[f]);
+  for (int f = begin; f < end; ++f) {
+    const Mat2 J = triangle_jacobian(s, x, f);
+    energy += triangle_energy(J, s.area[f]);
+    if (jacobians != nullptr) (*jacobians)[f] = J;
   }
   return energy;
 }
 
-inline SixPoints six_points(const HalfEdgeMesh& a, const Points2& f, const HalfEdgeMesh& b,
-                            const Points2& g, const OverlayPolygon& p) {
+inline SixPoints six_points(const HalfEdgeMesh& m, const Points2& x, const OverlayPolygon& p) {
   SixPoints points;
   for (int k = 0; k < 3; ++k) {
-    points[k] = row2(f, a.corner(p.ta, k));
-    points[3 + k] = row2(g, b.corner(p.tb, k));
+    points[k] = row2(x, m.corner(p.ta, k));
+    points[3 + k] = row2(x, m.corner(p.tb, k));
   }
   return points;
 }
 
-inline SixPoints six_points(const SurfacePair& pair, const Iterate& x, const OverlayPolygon& p) {
-  return six_points(pair.a.mesh, x.f, pair.b.mesh, x.g, p);
-}
-
 /// E_Φ and the covered areas over the polygons of x.overlay; false, and a part of them only, if E_Φ
 /// exceeds `most`.
-inline bool add_map_energy(const SurfacePair& pair, const DistortionMeasure& measure, double most,
+inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measure, double most,
                            Iterate& x) {
   for (const OverlayPolygon& p : x.overlay.polygons) {
-    const SixPoints points = six_points(pair, x, p);
+    const SixPoints points = six_points(s.mesh, x.x, p);
     const double area = polygon_area(polygon_shape(p, points), points);
     if (is_negligible(area, points)) continue;
-    const Mat2 &F = x.jacobian_f[p.ta], &G = x.jacobian_g[p.tb];
+    const Mat2 &F = x.jacobian[p.ta], &G = x.jacobian[p.tb];
     x.map_energy += area * density_value(measure, F, G);
     x.area_a += area / determinant(F);
     x.area_b += area / determinant(G);
@@ -3653,94 +3662,138 @@ inline bool add_map_energy(const SurfacePair& pair, const DistortionMeasure& mea
   return true;
 }
 
-/// E at the positions x.f, x.g (§5); the overlay is computed anew. Gives up, with an infinite E, as
-/// soon as E would exceed `limit` even if what is left of the overlay covered all the area there is
+/// E at the positions x.x (§5); the overlay is computed anew. Gives up, with an infinite E, as soon
+/// as E would exceed `limit` even if what is left of the overlay covered all the area there is
 /// without any distortion.
-inline void evaluate(const SurfacePair& pair, const Weights& weights, Iterate& x,
+inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
   x.map_energy = x.area_a = x.area_b = 0;
-  x.energy_f = embedding_energy(pair.a, x.f, x.jacobian_f);
-  x.energy_g = embedding_energy(pair.b, x.g, x.jacobian_g);
+  x.jacobian.resize(s.mesh.n_faces);
+  x.energy_f = embedding_energy(s, x.x, 0, s.faces_a, &x.jacobian);
+  x.energy_g = embedding_energy(s, x.x, s.faces_a, s.mesh.n_faces, &x.jacobian);
   const double embeddings = weights.barrier * (x.energy_f + x.energy_g);
-  const double most = limit - embeddings + weights.kappa * pair.total_area();
+  const double most = limit - embeddings + weights.kappa * s.total_area;
   if (most < 0) return;
-  compute_overlay(pair.a.mesh, x.f, pair.b.mesh, x.g, x.overlay);
-  if (!add_map_energy(pair, *weights.measure, most, x)) return;
+  compute_overlay(s, x.x, x.overlay);
+  if (!add_map_energy(s, *weights.measure, most, x)) return;
   x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) + embeddings;
 }
 
-// ---- patterns ----
+// ---- block matrices, row by row ----
 
-/// Rows of A per task where every task has an array as long as B: a bounded number of tasks.
-inline int rows_per_task(int rows, int least) {
-  constexpr int kMostTasks = 256;
-  return (std::max)(least, (rows + kMostTasks - 1) / kMostTasks);
-}
+/// Collects consecutive rows of a block matrix: blocks in any order, of which those of one column
+/// are added.
+class RowWriter {
+ public:
+  void begin(int columns) { place_.assign(columns, -1); }
 
-/// The vertices within one or two edges of u in one mesh, u included, ids ≥ u, ascending.
-inline void ring_columns(const HalfEdgeMesh& m, int u, int rings, Array<int>& mark,
-                         Array<int>& columns) {
-  columns.clear();
-  const auto add = [&](int v) {
-    if (mark[v] == u) return;
-    mark[v] = u;
-    columns.push_back(v);
-  };
-  add(u);
-  for (int ring = 0, begin = 0; ring < rings; ++ring)
-    for (const int end = columns.size(); begin < end; ++begin)
-      m.for_each_outgoing(columns[begin], [&](int h) {
-        add(m.tip(h));
-        add(m.tail[prev(h)]);
-      });
-  std::sort(columns.begin(), columns.end());
-  int below = 0;
-  while (columns[below] < u) ++below;
-  std::copy(columns.begin() + below, columns.end(), columns.begin());
-  columns.resize(columns.size() - below);
-}
-
-/// Upper pattern of the couplings within each surface up to a number of edges apart.
-inline BlockPattern within_pattern(const std::vector<const Surface*>& surfaces, int rings) {
-  BlockPattern pattern;
-  pattern.start.push_back(0);
-  Array<int> columns;
-  for (const Surface* s : surfaces) {
-    const int first = pattern.rows();
-    Array<int> mark(s->mesh.n_vertices, -1);
-    for (int u = 0; u < s->mesh.n_vertices; ++u) {
-      ring_columns(s->mesh, u, rings, mark, columns);
-      for (int v : columns) pattern.column.push_back(first + v);
-      pattern.start.push_back(pattern.blocks());
+  void add(int column, const Mat2& block) {
+    int& place = place_[column];
+    if (place < row_) {
+      place = column_.size();
+      column_.push_back(column);
+      value_.push_back({});
     }
+    value_[place] += block;
   }
-  return pattern;
+
+  void end_row() {
+    std::sort(column_.begin() + row_, column_.end());
+    sorted_.clear();
+    for (int i = row_; i < column_.size(); ++i) sorted_.push_back(value_[place_[column_[i]]]);
+    std::copy(sorted_.begin(), sorted_.end(), value_.begin() + row_);
+    row_ = column_.size();
+    end_.push_back(row_);
+  }
+
+  int blocks() const { return column_.size(); }
+  void append_to(BlockMatrix& matrix) const {
+    const int shift = matrix.blocks();
+    for (int end : end_) matrix.start.push_back(shift + end);
+    matrix.column.append(column_.data(), column_.size());
+    matrix.value.append(value_.data(), value_.size());
+  }
+
+ private:
+  int row_ = 0;  // where the row begins that is being written
+  Array<int> column_, end_;
+  Array<Mat2> value_, sorted_;
+  Array<int> place_;  // per column, of its block if that is in the row
+};
+
+/// A matrix of which fill(r, row) adds the blocks of row r.
+inline BlockMatrix build_rows(int rows, const Executor& executor,
+                              const Callback<int, RowWriter&>& fill) {
+  constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
+  const int block = (std::max)(kLeast, (rows + kMostTasks - 1) / kMostTasks);
+  Array<RowWriter> part((rows + block - 1) / block);
+  executor.run_blocks(rows, block, [&](int begin, int end) {
+    RowWriter& row = part[begin / block];
+    row.begin(rows);
+    for (int r = begin; r < end; ++r) {
+      fill(r, row);
+      row.end_row();
+    }
+  });
+  int blocks = 0;
+  for (const RowWriter& row : part) blocks += row.blocks();
+  BlockMatrix matrix;
+  matrix.start.reserve(rows + 1);
+  matrix.column.reserve(blocks);
+  matrix.value.reserve(blocks);
+  matrix.start.push_back(0);
+  for (RowWriter& row : part) {
+    row.append_to(matrix);
+    row = RowWriter();
+  }
+  return matrix;
 }
 
-/// The block (r, c), r ≤ c, of a pattern; it must be present.
-inline int find_block(const BlockPattern& pattern, int r, int c) {
-  const int* begin = pattern.column.data() + pattern.start[r];
-  const int* end = pattern.column.data() + pattern.start[r + 1];
-  return static_cast<int>(std::lower_bound(begin, end, c) - pattern.column.data());
+/// A block (row, column), row <= column, to be added to a matrix.
+struct Block {
+  int row, column;
+  Mat2 value;
+};
+
+/// The sum of single blocks.
+inline BlockMatrix sum_of_blocks(int rows, const Array<Block>& blocks, const Executor& executor) {
+  Array<int> first(rows, -1), next(blocks.size());
+  for (int i = blocks.size() - 1; i >= 0; --i) {
+    next[i] = first[blocks[i].row];
+    first[blocks[i].row] = i;
+  }
+  return build_rows(rows, executor, [&](int r, RowWriter& row) {
+    for (int i = first[r]; i >= 0; i = next[i]) row.add(blocks[i].column, blocks[i].value);
+  });
+}
+
+/// A summand of a matrix.
+struct Term {
+  const BlockMatrix* matrix;
+  double weight;
+};
+
+/// Σ weight · matrix, on the union of their patterns.
+inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& executor) {
+  return build_rows(terms[0].matrix->rows(), executor, [&](int r, RowWriter& row) {
+    for (const Term& term : terms) {
+      const BlockMatrix& A = *term.matrix;
+      for (int b = A.start[r]; b < A.start[r + 1]; ++b)
+        row.add(A.column[b], term.weight * A.value[b]);
+    }
+  });
 }
 
 // ---- gradient and projected Hessian ----
 
-/// Blocks that couple vertices of A (rows) with vertices of B (columns, ids of B ascending).
-struct CouplingBlocks {
-  Array<int> start, column;
-  BlockValues value;
-};
-
 /// Gradient and projected Hessian at one iterate, the memory of §5.3.
 struct QuadraticModel {
   Array<Vec2> gradient;  // per vertex
-  BlockValues within;    // on within_pattern(pair, 1)
-  CouplingBlocks between;
+  BlockMatrix H;
 };
 
-/// What a triangle contributes to a system: its own energy and that of its polygons.
+/// What a triangle contributes: its own energy and, in its vertices, that of its polygons.
 struct FaceTerm {
   Mat2 hessian[3][3];
   Vec2 gradient[3];
@@ -3751,26 +3804,6 @@ struct PolygonTerm {
   Mat2 ab[3][3];
   FaceTerm b;
 };
-
-inline void add_scaled(double weight, const FaceTerm& term, FaceTerm& sum) {
-  for (int i = 0; i < 3; ++i) {
-    sum.gradient[i] += weight * term.gradient[i];
-    for (int j = 0; j < 3; ++j) sum.hessian[i][j] += weight * term.hessian[i][j];
-  }
-}
-
-/// Adds the term of face f to a system in which the vertices of its mesh start at row `first`.
-inline void scatter(const HalfEdgeMesh& m, int f, int first, const FaceTerm& term,
-                    const BlockPattern& pattern, BlockValues& hessian, Array<Vec2>& gradient) {
-  for (int i = 0; i < 3; ++i) {
-    const int u = first + m.corner(f, i);
-    gradient[u] += term.gradient[i];
-    for (int j = 0; j < 3; ++j) {
-      const int v = first + m.corner(f, j);
-      if (u <= v) hessian[find_block(pattern, u, v)] += term.hessian[i][j];
-    }
-  }
-}
 
 /// The symmetric Dirichlet energies, times a weight, of triangles begin to end - 1 of an embedding,
 /// with Hessians that are projected first (§4.4, §5.1).
@@ -3800,70 +3833,94 @@ inline void embedding_terms(const Surface& s, const Points2& x, int begin, int e
   }
 }
 
+/// Sums the terms of triangles, vertex by vertex. add_others(h, row) adds what else the corner at
+/// which half-edge h starts is coupled to.
+inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& terms,
+                                const Executor& executor,
+                                const Callback<int, RowWriter&>& add_others) {
+  QuadraticModel model;
+  model.gradient.resize(m.n_vertices);
+  model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
+    m.for_each_outgoing(u, [&](int h) {
+      const FaceTerm& term = terms[h / 3];
+      model.gradient[u] += term.gradient[h % 3];
+      for (int k = 0; k < 3; ++k) {
+        const int v = m.corner(h / 3, k);
+        if (u <= v) row.add(v, term.hessian[h % 3][k]);
+      }
+      add_others(h, row);
+    });
+  });
+  return model;
+}
+
 /// Computes the QuadraticModel of one iterate, element by element.
 class ModelBuilder {
  public:
-  ModelBuilder(const SurfacePair& pair, const Weights& weights, const BlockPattern& within,
-               const Executor& executor)
-      : pair_(pair), weights_(weights), within_(within), executor_(executor) {}
+  ModelBuilder(const JointSurface& s, const Weights& weights, const Executor& executor)
+      : s_(s), weights_(weights), executor_(executor) {}
 
   /// Derivatives of all polygons and triangles, projected one by one (Algorithm 1, lines 4 to 7).
   void differentiate_elements(const Iterate& x) {
-    const Array<OverlayPolygon>& polygons = x.overlay.polygons;
-    by_a_ = group_polygons(polygons, pair_.a.mesh.n_faces, &OverlayPolygon::ta);
-    by_b_ = group_polygons(polygons, pair_.b.mesh.n_faces, &OverlayPolygon::tb);
-    term_.resize(polygons.size());
-    face_a_.resize(pair_.a.mesh.n_faces);
-    face_b_.resize(pair_.b.mesh.n_faces);
-    executor_.run_blocks(face_a_.size(), kBlock, [&](int begin, int end) {
-      embedding_terms(pair_.a, x.f, begin, end, weights_.epsilon, weights_.barrier, face_a_);
-      differentiate_polygons(x, by_a_.start[begin], by_a_.start[end]);
+    by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
+    polygon_.resize(x.overlay.polygons.size());
+    face_.resize(s_.mesh.n_faces);
+    executor_.run_blocks(s_.faces_a, kBlock, [&](int begin, int end) {
+      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
     });
-    executor_.run_blocks(face_b_.size(), kBlock, [&](int begin, int end) {
-      embedding_terms(pair_.b, x.g, begin, end, weights_.epsilon, weights_.barrier, face_b_);
+    executor_.run_blocks(s_.mesh.n_faces - s_.faces_a, kBlock, [&](int begin, int end) {
+      begin += s_.faces_a, end += s_.faces_a;
+      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
       for (int f = begin; f < end; ++f)
-        for (int i = by_b_.start[f]; i < by_b_.start[f + 1]; ++i)
-          add_scaled(1, term_[by_b_.item[i]].b, face_b_[f]);
+        for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
+          add(polygon_[by_face_.item[i]].b, face_[f]);
     });
   }
 
   /// Sums the terms of the last differentiate_elements() (line 8).
   QuadraticModel assemble(const Iterate& x) const {
-    QuadraticModel model;
-    model.gradient.resize(pair_.rows());
-    model.within.resize(within_.blocks());
-    for (int f = 0; f < face_a_.size(); ++f)
-      scatter(pair_.a.mesh, f, 0, face_a_[f], within_, model.within, model.gradient);
-    for (int f = 0; f < face_b_.size(); ++f)
-      scatter(pair_.b.mesh, f, pair_.n_a(), face_b_[f], within_, model.within, model.gradient);
-    model.between = gather_couplings(x);
-    return model;
+    return sum_terms(s_.mesh, face_, executor_, [&](int h, RowWriter& row) {
+      if (h >= 3 * s_.faces_a) return;
+      for (int i = by_face_.start[h / 3]; i < by_face_.start[h / 3 + 1]; ++i)
+        for (int k = 0; k < 3; ++k)
+          row.add(s_.mesh.corner(x.overlay.polygons[by_face_.item[i]].tb, k),
+                  polygon_[by_face_.item[i]].ab[h % 3][k]);
+    });
   }
 
  private:
-  static constexpr int kBlock = 64;  // faces or rows per task
+  static constexpr int kBlock = 64;  // faces per task
 
-  /// Polygons begin to end - 1 of those grouped by the faces of A.
+  static void add(const FaceTerm& term, FaceTerm& sum) {
+    for (int i = 0; i < 3; ++i) {
+      sum.gradient[i] += term.gradient[i];
+      for (int j = 0; j < 3; ++j) sum.hessian[i][j] += term.hessian[i][j];
+    }
+  }
+
+  /// Polygons begin to end - 1 of those grouped by face.
   void differentiate_polygons(const Iterate& x, int begin, int end) {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
       for (int lane = 0; lane < kLanes; ++lane) {
-        const OverlayPolygon& p = x.overlay.polygons[by_a_.item[(std::min)(begin + lane, end - 1)]];
-        load(p, six_points(pair_, x, p), pair_.a.rest_inverse[p.ta], pair_.b.rest_inverse[p.tb],
-             lane, *batch);
+        const OverlayPolygon& p =
+            x.overlay.polygons[by_face_.item[(std::min)(begin + lane, end - 1)]];
+        load(p, six_points(s_.mesh, x.x, p), s_.rest_inverse[p.ta], s_.rest_inverse[p.tb], lane,
+             *batch);
       }
       differentiate(*weights_.measure, weights_.kappa, *batch);
       project_spd<6>(batch->hessian, weights_.epsilon);
       for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
-        store(x, by_a_.item[begin + lane], lane, *batch);
+        store(x, by_face_.item[begin + lane], lane, *batch);
     }
   }
 
   void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
-    PolygonTerm& term = term_[id];
+    PolygonTerm& term = polygon_[id];
     term = PolygonTerm();
     if (batch.is_negligible[lane]) return;
-    FaceTerm& face = face_a_[x.overlay.polygons[id].ta];
+    FaceTerm& face = face_[x.overlay.polygons[id].ta];
     const auto force = [&](int i) {
       return Vec2{batch.gradient[2 * i][lane], batch.gradient[2 * i + 1][lane]};
     };
@@ -3878,60 +3935,12 @@ class ModelBuilder {
     }
   }
 
-  /// Row by row, so that rows are independent: the polygons around a vertex of A.
-  CouplingBlocks gather_couplings(const Iterate& x) const {
-    const int n = pair_.n_a(), block = rows_per_task(n, kBlock);
-    Array<CouplingBlocks> part((n + block - 1) / block);
-    executor_.run_blocks(n, block, [&](int begin, int end) {
-      Array<int> place(pair_.n_b(), -1);
-      for (int u = begin; u < end; ++u) gather_row(x, u, place, part[begin / block]);
-    });
-    return concatenate(part);
-  }
-
-  void gather_row(const Iterate& x, int u, Array<int>& place, CouplingBlocks& rows) const {
-    const HalfEdgeMesh &a = pair_.a.mesh, &b = pair_.b.mesh;
-    const int begin = rows.column.size();
-    const auto for_each_corner = [&](const auto& visit) {
-      a.for_each_outgoing(u, [&](int h) {
-        for (int i = by_a_.start[h / 3]; i < by_a_.start[h / 3 + 1]; ++i) {
-          const int id = by_a_.item[i];
-          for (int k = 0; k < 3; ++k) visit(h % 3, id, k, b.corner(x.overlay.polygons[id].tb, k));
-        }
-      });
-    };
-    for_each_corner([&](int, int, int, int v) {
-      if (place[v] >= begin) return;
-      place[v] = rows.column.size();
-      rows.column.push_back(v);
-    });
-    std::sort(rows.column.begin() + begin, rows.column.end());
-    for (int i = begin; i < rows.column.size(); ++i) place[rows.column[i]] = i;
-    rows.value.resize(rows.column.size());
-    for_each_corner(
-        [&](int corner, int id, int k, int v) { rows.value[place[v]] += term_[id].ab[corner][k]; });
-    rows.start.push_back(rows.column.size());  // end of the row; shifted by concatenate()
-  }
-
-  static CouplingBlocks concatenate(const Array<CouplingBlocks>& parts) {
-    CouplingBlocks all;
-    all.start.push_back(0);
-    for (const CouplingBlocks& part : parts) {
-      const int shift = all.column.size();
-      for (int end : part.start) all.start.push_back(shift + end);
-      for (int v : part.column) all.column.push_back(v);
-      for (const Mat2& block : part.value) all.value.push_back(block);
-    }
-    return all;
-  }
-
-  const SurfacePair& pair_;
+  const JointSurface& s_;
   const Weights& weights_;
-  const BlockPattern& within_;
   const Executor& executor_;
-  FaceGroups by_a_, by_b_;
-  Array<PolygonTerm> term_;
-  Array<FaceTerm> face_a_, face_b_;
+  FaceGroups by_face_;
+  Array<PolygonTerm> polygon_;
+  Array<FaceTerm> face_;
 };
 
 // ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
@@ -3986,148 +3995,69 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   });
 }
 
-/// Lᵀ M L = C M⁻¹ C on within_pattern(pair, 2); one number per block, both coordinates are treated
-/// alike. Scaled by the mean area, so that ω_L has no unit.
-inline Array<double> squared_laplacian(const SurfacePair& pair, const BlockPattern& pattern) {
-  Array<double> Q(pattern.blocks(), 0);
-  Array<RowEntry> row;
-  for (const Surface* s : {&pair.a, &pair.b}) {
-    const int first = s == &pair.a ? 0 : pair.n_a();
-    const Array<double> mass = vertex_areas(*s);
-    for (int k = 0; k < s->mesh.n_vertices; ++k) {
-      cotangent_row(*s, k, row);
-      for (const RowEntry& u : row)
-        for (const RowEntry& v : row)
-          if (u.column <= v.column)
-            Q[find_block(pattern, first + u.column, first + v.column)] +=
-                0.5 * pair.total_area() * u.value * v.value / mass[k];
-    }
-  }
-  return Q;
+/// Lᵀ M L = C M⁻¹ C, which treats both coordinates alike. Scaled by the mean area, so that ω_L has
+/// no unit.
+inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
+  const Array<double> mass = vertex_areas(s);
+  Array<Array<RowEntry>> C(s.mesh.n_vertices);
+  for (int u = 0; u < C.size(); ++u) cotangent_row(s, u, C[u]);
+  return build_rows(C.size(), executor, [&](int u, RowWriter& row) {
+    for (const RowEntry& k : C[u])
+      for (const RowEntry& v : C[k.column])
+        if (u <= v.column)
+          row.add(v.column, diagonal(0.5 * s.total_area * k.value * v.value / mass[k.column]));
+  });
 }
 
 // ---- the blended system (§5.3) ----
 
-/// H_+ and ω-independent part of the preconditioner on one pattern, and the right-hand side.
+/// H_+, Q of the preconditioner on the same pattern, and the right-hand side.
 struct LinearSystem {
-  BlockPattern pattern;
-  BlockValues H, Q;  // Q is empty without a preconditioner
+  BlockMatrix H, Q;  // Q is empty without a preconditioner
   Array<Vec2> gradient;
 
-  ShiftedMatrix shifted(double omega) const { return {&H, Q.empty() ? nullptr : &Q, omega}; }
+  bool has_Q() const { return !Q.start.empty(); }
+  ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
+
+/// A matrix on a larger pattern.
+inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
+  BlockMatrix result;
+  result.start = pattern.start;
+  result.column = pattern.column;
+  result.value.resize(pattern.blocks());
+  for (int r = 0; r < matrix.rows(); ++r)
+    for (int b = matrix.start[r], at = pattern.start[r]; b < matrix.start[r + 1]; ++b, ++at) {
+      while (pattern.column[at] != matrix.column[b]) ++at;
+      result.value[at] = matrix.value[b];
+    }
+  return result;
+}
 
 /// Blends the models of the last iterations, newest first, with weights decay^k (normalised), and
-/// adds the preconditioner's pattern (Algorithm 1, lines 1 and 9).
-class SystemBuilder {
- public:
-  SystemBuilder(const SurfacePair& pair, bool precondition, const Executor& executor)
-      : one_ring_(within_pattern({&pair.a, &pair.b}, 1)),
-        within_(precondition ? within_pattern({&pair.a, &pair.b}, 2) : one_ring_),
-        n_a_(pair.n_a()),
-        n_b_(pair.n_b()),
-        executor_(executor) {
-    for (int r = 0; r < one_ring_.rows(); ++r)
-      for (int b = one_ring_.start[r]; b < one_ring_.start[r + 1]; ++b)
-        place_.push_back(find_block(within_, r, one_ring_.column[b]) - within_.start[r]);
-    if (precondition) laplacian_ = squared_laplacian(pair, within_);
+/// joins what else is to be minimised and, if it is not empty, the preconditioner (Algorithm 1,
+/// line 9).
+inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
+                          const BlockMatrix& others, const BlockMatrix& laplacian,
+                          const Executor& executor) {
+  Array<double> weight(history.size());
+  double sum = 0;
+  for (int k = 0; k < history.size(); ++k) sum += weight[k] = std::pow(decay, k);
+  for (double& w : weight) w /= sum;
+  LinearSystem system;
+  system.gradient.resize(history[0].gradient.size());
+  Array<Term> terms;
+  for (int k = 0; k < history.size(); ++k) {
+    terms.push_back({&history[k].H, weight[k]});
+    for (int r = 0; r < system.gradient.size(); ++r)
+      system.gradient[r] += weight[k] * history[k].gradient[r];
   }
-
-  const BlockPattern& one_ring() const { return one_ring_; }
-
-  LinearSystem blend(const Array<QuadraticModel>& history, double decay) const {
-    Array<double> weight(history.size());
-    double sum = 0;
-    for (int k = 0; k < history.size(); ++k) sum += weight[k] = std::pow(decay, k);
-    for (double& w : weight) w /= sum;
-    LinearSystem system;
-    system.gradient.resize(n_a_ + n_b_);
-    for (int k = 0; k < history.size(); ++k)
-      for (int r = 0; r < n_a_ + n_b_; ++r)
-        system.gradient[r] += weight[k] * history[k].gradient[r];
-    system.pattern = union_pattern(history);
-    system.H.resize(system.pattern.blocks());
-    system.Q.resize(laplacian_.empty() ? 0 : system.pattern.blocks());
-    executor_.run_blocks(n_a_ + n_b_, kBlock, [&](int begin, int end) {
-      for (int r = begin; r < end; ++r) fill_row(history, weight, r, system);
-    });
-    return system;
-  }
-
- private:
-  static constexpr int kBlock = 256;  // rows per task
-
-  /// Columns of consecutive rows, and where each row ends.
-  struct RowColumns {
-    Array<int> column, end;
-  };
-
-  /// Row r: the fixed couplings within a mesh, then, for vertices of A, the union over the
-  /// history of its couplings with B.
-  BlockPattern union_pattern(const Array<QuadraticModel>& history) const {
-    const int block = rows_per_task(n_a_, kBlock);
-    Array<RowColumns> part((n_a_ + block - 1) / block);
-    executor_.run_blocks(n_a_, block, [&](int begin, int end) {
-      Array<int> mark(n_b_, -1);
-      for (int r = begin; r < end; ++r) union_row(history, r, mark, part[begin / block]);
-    });
-    BlockPattern pattern;
-    pattern.start.push_back(0);
-    for (int r = 0; r < n_a_ + n_b_; ++r) {
-      for (int b = within_.start[r]; b < within_.start[r + 1]; ++b)
-        pattern.column.push_back(within_.column[b]);
-      if (r < n_a_) {
-        const RowColumns& rows = part[r / block];
-        for (int i = r % block == 0 ? 0 : rows.end[r % block - 1]; i < rows.end[r % block]; ++i)
-          pattern.column.push_back(n_a_ + rows.column[i]);
-      }
-      pattern.start.push_back(pattern.blocks());
-    }
-    return pattern;
-  }
-
-  static void union_row(const Array<QuadraticModel>& history, int r, Array<int>& mark,
-                        RowColumns& rows) {
-    const int begin = rows.column.size();
-    for (const QuadraticModel& model : history)
-      for (int b = model.between.start[r]; b < model.between.start[r + 1]; ++b) {
-        const int v = model.between.column[b];
-        if (mark[v] == r) continue;
-        mark[v] = r;
-        rows.column.push_back(v);
-      }
-    std::sort(rows.column.begin() + begin, rows.column.end());
-    rows.end.push_back(rows.column.size());
-  }
-
-  void fill_row(const Array<QuadraticModel>& history, const Array<double>& weight, int r,
-                LinearSystem& system) const {
-    const int begin = system.pattern.start[r];
-    for (int k = 0; k < history.size(); ++k) {
-      for (int b = one_ring_.start[r]; b < one_ring_.start[r + 1]; ++b)
-        system.H[begin + place_[b]] += weight[k] * history[k].within[b];
-      if (r >= n_a_) continue;
-      const CouplingBlocks& between = history[k].between;
-      int at = begin + within_.start[r + 1] - within_.start[r];
-      for (int b = between.start[r]; b < between.start[r + 1]; ++b) {
-        while (system.pattern.column[at] != n_a_ + between.column[b]) ++at;
-        system.H[at] += weight[k] * between.value[b];
-      }
-    }
-    for (int b = within_.start[r]; b < within_.start[r + 1] && !laplacian_.empty(); ++b)
-      system.Q[begin + b - within_.start[r]] = diagonal(laplacian_[b]);
-  }
-
-  BlockPattern one_ring_;
-  BlockPattern within_;  // one or two rings
-  Array<int> place_;     // of a one-ring block within its row of within_
-  Array<double> laplacian_;
-  int n_a_, n_b_;
-  const Executor& executor_;
-};
-
-}  // namespace detail
-}  // namespace ism
+  if (!others.start.empty()) terms.push_back({&others, 1});
+  if (!laplacian.start.empty()) terms.push_back({&laplacian, 0});
+  system.H = weighted_sum(terms, executor);
+  if (!laplacian.start.empty()) system.Q = extended(laplacian, system.H);
+  return system;
+}
 
 // ==== [11] CONSTRAINTS (paper §4.5, §4.6) ========================================================
 //
@@ -4138,61 +4068,6 @@ class SystemBuilder {
 //             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. What is left out keeps a unit row, so rows keep their
 //             numbers.
 // Fails:      never; entry points refuse constraints that contradict each other.
-
-namespace ism {
-namespace detail {
-
-// ---- blocks that come in beside those of the models ----
-
-/// A block of the upper triangle, row <= column, that is to be added to a system.
-struct ExtraBlock {
-  int row, column;
-  Mat2 H, Q;
-  bool operator<(const ExtraBlock& o) const {
-    return row != o.row ? row < o.row : column < o.column;
-  }
-};
-
-/// Appends a block to the row that is being written, or adds it to the last one if that is there.
-inline void append_block(int column, const Mat2& H, const Mat2* Q, LinearSystem& system) {
-  BlockPattern& pattern = system.pattern;
-  if (pattern.start.back() < pattern.blocks() && pattern.column.back() == column) {
-    system.H.back() += H;
-    if (Q != nullptr) system.Q.back() += *Q;
-    return;
-  }
-  pattern.column.push_back(column);
-  system.H.push_back(H);
-  if (Q != nullptr) system.Q.push_back(*Q);
-}
-
-/// Adds blocks to a system, in which rows and columns of `dropped` vertices (if any) are emptied
-/// first.
-inline void merge_blocks(Array<ExtraBlock> extra, const Array<char>& dropped,
-                         LinearSystem& system) {
-  if (extra.empty()) return;
-  std::stable_sort(extra.begin(), extra.end());
-  const bool has_Q = !system.Q.empty();
-  LinearSystem result;
-  result.pattern.start.push_back(0);
-  int next = 0;
-  for (int r = 0; r < system.pattern.rows(); ++r) {
-    const auto append_extra = [&](int end) {
-      for (; next < extra.size() && extra[next].row == r && extra[next].column < end; ++next)
-        append_block(extra[next].column, extra[next].H, has_Q ? &extra[next].Q : nullptr, result);
-    };
-    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
-      const int c = system.pattern.column[b];
-      if (!dropped.empty() && (dropped[r] || dropped[c])) continue;
-      append_extra(c);
-      append_block(c, system.H[b], has_Q ? &system.Q[b] : nullptr, result);
-    }
-    append_extra(system.pattern.rows());
-    result.pattern.start.push_back(result.pattern.blocks());
-  }
-  result.gradient = std::move(system.gradient);
-  system = std::move(result);
-}
 
 // ---- followers ----
 
@@ -4211,32 +4086,25 @@ struct Follower {
   Vec3 weight;
 };
 
-/// A vertex in a triangle of the mesh whose vertices start at row `first`.
-inline Follower follower_in(int row, const HalfEdgeMesh& m, int first, int face,
-                            const Vec3& weight) {
-  return {row,
-          {first + m.corner(face, 0), first + m.corner(face, 1), first + m.corner(face, 2)},
-          weight};
+/// A vertex in a triangle.
+inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight) {
+  return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
 }
 
 /// The vertex of A in a landmark on that of B, written as a point of a triangle around it.
-inline Follower landmark_follower(const SurfacePair& pair, const Landmark& l) {
-  const int h = pair.b.mesh.out[l.b];
-  return follower_in(l.a, pair.b.mesh, pair.n_a(), h / 3, unit3(h % 3));
+inline Follower landmark_follower(const JointSurface& s, const Landmark& l) {
+  const int h = s.mesh.out[s.n_a + l.b];
+  return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
 
 /// The linear map P.
 class Substitution {
  public:
   Substitution(const Array<Follower>& followers, int rows)
-      : followers_(followers), follower_of_(rows, -1), is_follower_(rows, 0) {
-    for (int i = 0; i < followers.size(); ++i) {
-      follower_of_[followers[i].row] = i;
-      is_follower_[followers[i].row] = 1;
-    }
+      : followers_(followers), follower_of_(rows, -1) {
+    for (int i = 0; i < followers.size(); ++i) follower_of_[followers[i].row] = i;
   }
   bool is_follower(int row) const { return follower_of_[row] >= 0; }
-  const Array<char>& followers() const { return is_follower_; }
 
   /// visit(row, weight) for every unknown that the position of `row` depends on.
   template <class Visit>
@@ -4250,36 +4118,41 @@ class Substitution {
  private:
   const Array<Follower>& followers_;
   Array<int> follower_of_;
-  Array<char> is_follower_;
 };
 
-/// The blocks of Pᵀ H P and Pᵀ Q P that do not lie where they lay in H and Q.
-inline Array<ExtraBlock> substituted_blocks(const Substitution& P, const LinearSystem& system) {
-  Array<ExtraBlock> moved;
-  const auto add = [&](int i, int j, const Mat2& H, const Mat2& Q) {
-    if (i <= j) moved.push_back({i, j, H, Q});
+/// Pᵀ A P. Of the rows and columns of followers, `unit` on the diagonal stays.
+inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit,
+                               const Executor& executor) {
+  Array<Block> moved;
+  const auto add = [&](int i, int j, const Mat2& value) {
+    if (i <= j) moved.push_back({i, j, value});
   };
-  for (int r = 0; r < system.pattern.rows(); ++r)
-    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b) {
-      const int c = system.pattern.column[b];
+  for (int r = 0; r < A.rows(); ++r)
+    for (int b = A.start[r]; b < A.start[r + 1]; ++b) {
+      const int c = A.column[b];
       if (!P.is_follower(r) && !P.is_follower(c)) continue;
-      const Mat2 H = system.H[b], Q = system.Q.empty() ? Mat2() : system.Q[b];
+      const Mat2 value = A.value[b];
+      A.value[b] = diagonal(r == c ? unit : 0);
       P.for_each_source(r, [&](int i, double wi) {
         P.for_each_source(c, [&](int j, double wj) {
-          add(i, j, wi * wj * H, wi * wj * Q);
-          if (r != c) add(j, i, wi * wj * transposed(H), wi * wj * transposed(Q));
+          add(i, j, wi * wj * value);
+          if (r != c) add(j, i, wi * wj * transposed(value));
         });
       });
-      if (r == c) add(r, r, diagonal(1), Mat2());
     }
-  return moved;
+  const BlockMatrix others = sum_of_blocks(A.rows(), moved, executor);
+  Array<Term> terms(1, Term{&A, 1});
+  terms.push_back({&others, 1});
+  return weighted_sum(terms, executor);
 }
 
-/// Replaces x by P x in a system. Followers become unit rows.
-inline void substitute(const Array<Follower>& followers, LinearSystem& system) {
+/// Replaces x by P x in a system.
+inline void substitute(const Array<Follower>& followers, const Executor& executor,
+                       LinearSystem& system) {
   if (followers.empty()) return;
-  const Substitution P(followers, system.pattern.rows());
-  merge_blocks(substituted_blocks(P, system), P.followers(), system);
+  const Substitution P(followers, system.H.rows());
+  system.H = substituted(P, std::move(system.H), 1, executor);
+  if (system.has_Q()) system.Q = substituted(P, std::move(system.Q), 0, executor);
   for (const Follower& follower : followers) {
     const Vec2 force = system.gradient[follower.row];
     system.gradient[follower.row] = {};
@@ -4299,37 +4172,24 @@ inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
 }
 
 /// Puts the followers where their masters say.
-inline void place_followers(const Array<Follower>& followers, Points2& f, Points2& g) {
-  const int n_a = rows_of(f);
+inline void place_followers(const Array<Follower>& followers, Points2& x) {
   for (const Follower& follower : followers) {
     Vec2 p;
-    for (int k = 0; k < 3; ++k) {
-      const int row = follower.master[k];
-      p += follower.weight[k] * (row < n_a ? row2(f, row) : row2(g, row - n_a));
-    }
-    if (follower.row < n_a)
-      set_row(f, follower.row, flush_tiny(p));
-    else
-      set_row(g, follower.row - n_a, flush_tiny(p));
+    for (int k = 0; k < 3; ++k) p += follower.weight[k] * row2(x, follower.master[k]);
+    set_row(x, follower.row, flush_tiny(p));
   }
 }
 
 /// The largest distance, on the surfaces, of a follower from where it is to be.
-inline double pin_residual(const SurfacePair& pair, const Array<Follower>& followers,
-                           const Points2& f, const Points2& g) {
-  const int n = pair.n_a();
+inline double pin_residual(const Surface& s, const Array<Follower>& followers, const Points2& x) {
   double largest = 0;
   for (const Follower& follower : followers) {
-    const bool on_b = follower.row < n;
-    const Vec2 p = on_b ? row2(f, follower.row) : row2(g, follower.row - n);
-    const Points3& vertices = on_b ? pair.b.vertices : pair.a.vertices;
-    Vec2 corner[3];
-    for (int k = 0; k < 3; ++k)
-      corner[k] = on_b ? row2(g, follower.master[k] - n) : row2(f, follower.master[k]);
-    const Vec3 off = barycentric(p, corner[0], corner[1], corner[2]) - follower.weight;
+    const int(&v)[3] = follower.master;
+    const Vec3 off =
+        barycentric(row2(x, follower.row), row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) -
+        follower.weight;
     Vec3 distance;
-    for (int k = 0; k < 3; ++k)
-      distance += off[k] * row3(vertices, follower.master[k] - (on_b ? n : 0));
+    for (int k = 0; k < 3; ++k) distance += off[k] * row3(s.vertices, v[k]);
     largest = (std::max)(largest, norm(distance));
   }
   return largest;
@@ -4347,38 +4207,42 @@ struct FixedCoordinates {
   bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
 };
 
-/// Takes fixed coordinates out of a system: unit rows and columns, so their step is 0.
-inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
-  for (int r = 0; r < system.pattern.rows(); ++r) {
-    for (int b = system.pattern.start[r]; b < system.pattern.start[r + 1]; ++b)
+/// Takes fixed coordinates out of a matrix: `unit` on the diagonal stays of their rows and columns.
+inline void eliminate(const FixedCoordinates& is_fixed, double unit, BlockMatrix& A) {
+  for (int r = 0; r < A.rows(); ++r)
+    for (int b = A.start[r]; b < A.start[r + 1]; ++b)
       for (int c = 0; c < 2; ++c) {
-        const int column = system.pattern.column[b];
-        for (BlockValues* values : {&system.H, &system.Q}) {
-          if (values->empty()) continue;
-          Mat2& block = (*values)[b];
-          if (is_fixed(r, c)) block(c, 0) = block(c, 1) = 0;
-          if (is_fixed(column, c)) block(0, c) = block(1, c) = 0;
-        }
-        if (r == column && is_fixed(r, c)) system.H[b](c, c) = 1;
+        Mat2& block = A.value[b];
+        if (is_fixed(r, c)) block(c, 0) = block(c, 1) = 0;
+        if (is_fixed(A.column[b], c)) block(0, c) = block(1, c) = 0;
+        if (r == A.column[b] && is_fixed(r, c)) block(c, c) = unit;
       }
+}
+
+/// And out of a system, so that their step is 0.
+inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
+  eliminate(is_fixed, 1, system.H);
+  if (system.has_Q()) eliminate(is_fixed, 0, system.Q);
+  for (int r = 0; r < system.gradient.size(); ++r) {
     if (is_fixed(r, 0)) system.gradient[r].x = 0;
     if (is_fixed(r, 1)) system.gradient[r].y = 0;
   }
 }
 
-/// Fixes what a held boundary must not move. A vertex in a row with its neighbours, parallel to an
+/// Fixes what held boundaries must not move. A vertex in a row with its neighbours, parallel to an
 /// axis, may slide along it.
-inline void fix_boundary(const HalfEdgeMesh& m, const Points2& x, Boundary boundary, int first,
-                         FixedCoordinates& is_fixed) {
+inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary boundary,
+                           FixedCoordinates& is_fixed) {
   if (boundary == Boundary::kFree) return;
-  const int n = m.boundary.size();
-  for (int i = 0; i < n; ++i) {
-    const int v = m.tail[m.boundary[i]];
-    const Vec2 p = row2(x, m.tail[m.boundary[(i + n - 1) % n]]), q = row2(x, v);
-    const Vec2 r = row2(x, m.tip(m.boundary[i]));
-    const bool slides = boundary == Boundary::kSlide;
-    is_fixed(first + v, 0) = !(slides && p.y == q.y && q.y == r.y);
-    is_fixed(first + v, 1) = !(slides && p.x == q.x && q.x == r.x);
+  for (int loop = 0; loop < m.loops(); ++loop) {
+    int before = m.boundary[m.loop[loop + 1] - 1];
+    for (int i = m.loop[loop]; i < m.loop[loop + 1]; before = m.boundary[i++]) {
+      const int h = m.boundary[i], v = m.tail[h];
+      const Vec2 p = row2(x, m.tail[before]), q = row2(x, v), r = row2(x, m.tip(h));
+      const bool slides = boundary == Boundary::kSlide;
+      is_fixed(v, 0) = !(slides && p.y == q.y && q.y == r.y);
+      is_fixed(v, 1) = !(slides && p.x == q.x && q.x == r.x);
+    }
   }
 }
 
@@ -4451,19 +4315,17 @@ struct Anchors {
   int rim = 0;
 };
 
-inline Anchors choose_anchors(const SurfacePair& pair, const Array<Follower>& followers) {
-  const Surface& b = pair.b;
-  Array<int> distance = boundary_distances(b.mesh);
-  for (const Follower& follower : followers)
-    if (follower.row >= pair.n_a()) distance[follower.row - pair.n_a()] = -1;
-  Anchors anchors;
-  for (int v = 0; v < b.mesh.n_vertices; ++v)
+inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& followers) {
+  Array<int> distance = boundary_distances(s.mesh);
+  for (const Follower& follower : followers) distance[follower.row] = -1;
+  Anchors anchors = {s.n_a, s.n_a};
+  for (int v = s.n_a; v < s.mesh.n_vertices; ++v)
     if (distance[v] > distance[anchors.center]) anchors.center = v;
   double farthest = -1;
-  for (int h : b.mesh.boundary) {
-    const int v = b.mesh.tail[h];
-    const double d = norm(row3(b.vertices, v) - row3(b.vertices, anchors.center));
-    if (v == anchors.center || distance[v] < 0 || d <= farthest) continue;
+  for (int h : s.mesh.boundary) {
+    const int v = s.mesh.tail[h];
+    const double d = norm(row3(s.vertices, v) - row3(s.vertices, anchors.center));
+    if (v < s.n_a || v == anchors.center || distance[v] < 0 || d <= farthest) continue;
     farthest = d;
     anchors.rim = v;
   }
@@ -4472,20 +4334,13 @@ inline Anchors choose_anchors(const SurfacePair& pair, const Array<Follower>& fo
 
 /// Moves both planes rigidly so that the anchors are where they belong; leaves them, if rounding
 /// would cost the injectivity of so thin an embedding.
-inline void move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Points2& f,
-                            Points2& g) {
-  const Vec2 origin = row2(g, anchors.center), axis = row2(g, anchors.rim) - origin;
-  const RigidMotion motion = rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2());
-  Points2 new_f = transformed(f, motion), new_g = transformed(g, motion);
-  set_row(new_g, anchors.center, Vec2());
-  new_g(anchors.rim, 1) = 0;
-  if (!is_injective(pair.a.mesh, new_f) || !is_injective(pair.b.mesh, new_g)) return;
-  f.swap(new_f);
-  g.swap(new_g);
+inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
+  const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
+  Points2 y = transformed(x, rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2()));
+  set_row(y, anchors.center, Vec2());
+  y(anchors.rim, 1) = 0;
+  if (is_injective(m, y)) x.swap(y);
 }
-
-}  // namespace detail
-}  // namespace ism
 
 // ==== [12] SCAFFOLD, STEP BOUND AND LINE SEARCH (paper §4.4, §5.2) ===============================
 //
@@ -4503,9 +4358,6 @@ inline void move_to_anchors(const SurfacePair& pair, const Anchors& anchors, Poi
 //             boundaries are in each other's way. Where rounding leaves a triangle of a scaffold no
 //             area, it is left out, and the exact test of the boundary alone guards that place.
 
-namespace ism {
-namespace detail {
-
 // ---- step bound [Smith and Schaefer 2015] ----
 
 /// Smallest s > 0 at which the triangle p + s d loses its area: first root of
@@ -4520,37 +4372,30 @@ inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
 }
 
 /// s_max over all triangles of a mesh.
-inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Points2& d) {
+inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d) {
   double s = kInfinity;
   for (int f = 0; f < m.n_faces; ++f) {
     const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
     s = (std::min)(s, triangle_max_step(row2(x, j) - row2(x, i), row2(x, k) - row2(x, i),
-                                        row2(d, j) - row2(d, i), row2(d, k) - row2(d, i)));
+                                        d[j] - d[i], d[k] - d[i]));
   }
   return s;
 }
 
 /// x + s d with tiny coordinates made zero, as the predicates want them.
-inline Points2 moved(const Points2& x, const Points2& d, double s) {
+inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
   Points2 y(x.rows(), 2);
-  for (int i = 0; i < x.rows(); ++i) set_row(y, i, flush_tiny(row2(x, i) + s * row2(d, i)));
+  for (int i = 0; i < x.rows(); ++i) set_row(y, i, flush_tiny(row2(x, i) + s * d[i]));
   return y;
-}
-
-/// Vectors of consecutive rows.
-inline Points2 rows_from(const Array<Vec2>& d, int first, int count) {
-  Points2 x(count, 2);
-  for (int i = 0; i < count; ++i) set_row(x, i, d[first + i]);
-  return x;
 }
 
 // ---- scaffold ----
 
-/// The space around an embedding in triangles. Vertex n + k, for n vertices of the mesh, is corner
-/// k of the box.
+/// The space around the boundary loops of embeddings in triangles, around each as if it were alone.
+/// Vertex n + 4 i + k, for n vertices of the mesh, is corner k of the box around loop i.
 struct Scaffold {
   int n_vertices = 0;
-  Vec2 box[4];
+  Array<Vec2> box;
   Array<std::array<int, 3>> triangle;
   Array<Mat2> rest_inverse;  // of the triangles as they were built
   Array<double> weight;      // of the triangles, in place of their areas
@@ -4558,21 +4403,31 @@ struct Scaffold {
   Vec2 point(const Points2& x, int v) const {
     return v < n_vertices ? row2(x, v) : box[v - n_vertices];
   }
-  Vec2 displacement(const Points2& d, int v) const { return v < n_vertices ? row2(d, v) : Vec2(); }
+  Vec2 displacement(const Array<Vec2>& d, int v) const { return v < n_vertices ? d[v] : Vec2(); }
 };
 
-/// The space between boundary and box as one polygon, counter-clockwise: a bridge leads from the
-/// second corner of the box to the rightmost vertex of the boundary, which sees it, and back.
-inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x) {
+/// Puts a box around a loop, with room on all sides, and returns the space between as one polygon,
+/// counter-clockwise: a bridge leads from the second corner of the box to the rightmost vertex of
+/// the loop, which sees it, and back.
+inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
+  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
+  const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
   int start = 0;
-  const int n = m.boundary.size();
-  for (int i = 1; i < n; ++i)
-    if (x(m.tail[m.boundary[i]], 0) > x(m.tail[m.boundary[start]], 0)) start = i;
+  Vec2 lo = row2(x, vertex(0)), hi = lo;
+  for (int i = 1; i < n; ++i) {
+    lo = lower(lo, row2(x, vertex(i)));
+    hi = upper(hi, row2(x, vertex(i)));
+    if (x(vertex(i), 0) > x(vertex(start), 0)) start = i;
+  }
+  const double room = 0.5 * (std::max)(hi.x - lo.x, hi.y - lo.y);
+  lo -= {room, room}, hi += {room, room};
+  const int corner = s.n_vertices + s.box.size();
+  for (const Vec2 p : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) s.box.push_back(p);
   Array<int> polygon;
-  polygon.push_back(m.n_vertices);
-  polygon.push_back(m.n_vertices + 1);
-  for (int i = 0; i <= n; ++i) polygon.push_back(m.tail[m.boundary[(start + n - i) % n]]);
-  for (int k = 1; k < 4; ++k) polygon.push_back(m.n_vertices + k);
+  polygon.push_back(corner);
+  polygon.push_back(corner + 1);
+  for (int i = 0; i <= n; ++i) polygon.push_back(vertex(start + n - i));
+  for (int k = 1; k < 4; ++k) polygon.push_back(corner + k);
   return polygon;
 }
 
@@ -4589,8 +4444,8 @@ class EarClipper {
     }
   }
 
-  /// The triangles; fewer than n - 2 if the polygon is not simple.
-  Triangles run() {
+  /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
+  Array<int> run() {
     Array<int> corners;
     int left = polygon_.size();
     for (int i = 0, misses = 0; left >= 3 && misses < left; i = next_[i]) {
@@ -4604,9 +4459,7 @@ class EarClipper {
       prev_[next_[i]] = prev_[i];
       --left;
     }
-    Triangles triangles(corners.size() / 3, 3);
-    std::copy(corners.begin(), corners.end(), triangles.data());
-    return triangles;
+    return corners;
   }
 
  private:
@@ -4682,22 +4535,20 @@ inline double height(Vec2 p, Vec2 q) {
          std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
 }
 
-/// Triangulates the space around an embedding, in a box with room on all sides; `weight` is that of
-/// all its triangles together. Those in gaps that are next to closed get less, or they would be too
-/// stiff for the linear solver.
+/// Triangulates the space around the loops; `weight` is that of all triangles together. Those in
+/// gaps that are next to closed get less, or they would be too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
-  constexpr double kNarrow = 1e-10;  // of the size of the box
+  constexpr double kNarrow = 1e-10;  // of the size of the first box
   Scaffold s;
   s.n_vertices = m.n_vertices;
-  const std::array<Vec2, 2> tight = bounding_box(x);
-  const Vec2 size = tight[1] - tight[0];
-  const double room = 0.5 * (std::max)(size.x, size.y);
-  const Vec2 lo = tight[0] - Vec2{room, room}, hi = tight[1] + Vec2{room, room};
-  s.box[0] = lo, s.box[1] = {hi.x, lo.y}, s.box[2] = hi, s.box[3] = {lo.x, hi.y};
-  HalfEdgeMesh space =
-      build_half_edges(m.n_vertices + 4, EarClipper(s, x, space_around(m, x)).run());
+  Array<int> corners;
+  for (int loop = 0; loop < m.loops(); ++loop) {
+    const Array<int> polygon = space_around(m, x, loop, s);
+    for (int v : EarClipper(s, x, polygon).run()) corners.push_back(v);
+  }
+  HalfEdgeMesh space = build_half_edges(m.n_vertices + s.box.size(), triangles_from(corners));
   make_delaunay(s, x, space);
-  const double narrow = kNarrow * norm(hi - lo);
+  const double narrow = kNarrow * norm(s.box[2] - s.box[0]);
   for (int f = 0; f < space.n_faces; ++f) {
     const Vec2 a = s.point(x, space.corner(f, 0));
     const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
@@ -4725,7 +4576,7 @@ inline double scaffold_energy(const Scaffold& s, const Points2& x) {
 }
 
 /// The s at which the first triangle of the scaffold degenerates.
-inline double max_step(const Scaffold& s, const Points2& x, const Points2& d) {
+inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
   double least = kInfinity;
   for (const std::array<int, 3>& v : s.triangle) {
     const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
@@ -4736,9 +4587,8 @@ inline double max_step(const Scaffold& s, const Points2& x, const Points2& d) {
   return least;
 }
 
-/// Adds the Hessian of the scaffold where it was built; its gradient is zero there. `first` is the
-/// row of the embedding's first vertex.
-inline void add_scaffold(const Scaffold& s, int first, Array<ExtraBlock>& blocks) {
+/// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
+inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
   const double identity[4] = {1, 0, 0, 1};
   const TriangleDensity<double> w = triangle_density(identity);
   for (int t = 0; t < s.triangle.size(); ++t) {
@@ -4748,7 +4598,7 @@ inline void add_scaffold(const Scaffold& s, int first, Array<ExtraBlock>& blocks
         const int r = s.triangle[t][static_cast<std::size_t>(i)];
         const int c = s.triangle[t][static_cast<std::size_t>(j)];
         if (r <= c && c < s.n_vertices)
-          blocks.push_back({first + r, first + c, s.weight[t] * point_hessian(w, B, i, j), {}});
+          blocks.push_back({r, c, s.weight[t] * point_hessian(w, B, i, j)});
       }
   }
 }
@@ -4758,7 +4608,7 @@ inline void add_scaffold(const Scaffold& s, int first, Array<ExtraBlock>& blocks
 /// A direction of descent for one ω_L.
 struct Direction {
   double omega = 0;
-  Points2 f, g;
+  Array<Vec2> d;
   double slope = kInfinity;  // gᵀd; below 0 unless x is stationary, infinite without a solution
   double max_step = 0;       // s_max
   double first_step = 0;     // where backtracking starts
@@ -4776,7 +4626,7 @@ struct Trial {
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
   bool collides = false;  // rejected because a boundary meets itself
-  double resistance = 0;  // of the scaffolds
+  double resistance = 0;  // of the scaffold
   Iterate x;
   double value() const { return x.energy + resistance; }
 };
@@ -4821,18 +4671,17 @@ inline void add_block(int direction, const Direction& d, int block, int stride,
 }
 
 /// True if triangles are positive, but a boundary meets itself.
-inline bool collides(const SurfacePair& pair, const Iterate& x) {
-  return all_triangles_positive(pair.a.mesh, x.f) && all_triangles_positive(pair.b.mesh, x.g) &&
-         !(boundary_is_simple(pair.a.mesh, x.f) && boundary_is_simple(pair.b.mesh, x.g));
+inline bool collides(const HalfEdgeMesh& m, const Points2& x) {
+  return all_triangles_positive(m, x) && !boundaries_are_simple(m, x);
 }
 
 /// What the trials of one line search have in common.
 struct SearchProblem {
-  const SurfacePair& pair;
+  const JointSurface& s;
   const Weights& weights;
   const StepRules& rules;
   const Array<Follower>& followers;
-  const Array<Scaffold>& scaffolds;  // of f(A) and g(B), or none
+  const Scaffold& scaffold;  // without triangles where there is none
   const Iterate& from;
   const Array<Direction>& directions;
   int stride;  // Options::search_stride
@@ -4841,22 +4690,18 @@ struct SearchProblem {
 /// Takes the step of a trial and decides whether it is acceptable (lines 18 to 21). A trial gives
 /// up as soon as it cannot be, or cannot have a value below `best`.
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
-  const SurfacePair& pair = problem.pair;
+  const HalfEdgeMesh& m = problem.s.mesh;
   const Direction& d = problem.directions[t.candidate.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.f = moved(problem.from.f, d.f, t.candidate.step);
-  t.x.g = moved(problem.from.g, d.g, t.candidate.step);
-  place_followers(problem.followers, t.x.f, t.x.g);
-  t.accepted = is_injective(pair.a.mesh, t.x.f) && is_injective(pair.b.mesh, t.x.g);
-  t.collides = !t.accepted && collides(pair, t.x);
+  t.x.x = moved(problem.from.x, d.d, t.candidate.step);
+  place_followers(problem.followers, t.x.x);
+  t.accepted = is_injective(m, t.x.x);
+  t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
-  t.resistance = 0;
-  if (!problem.scaffolds.empty())
-    t.resistance =
-        scaffold_energy(problem.scaffolds[0], t.x.f) + scaffold_energy(problem.scaffolds[1], t.x.g);
+  t.resistance = scaffold_energy(problem.scaffold, t.x.x);
   const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance);
-  evaluate(pair, problem.weights, t.x, limit);
+  evaluate(problem.s, problem.weights, t.x, limit);
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
@@ -4908,21 +4753,18 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
   return result;
 }
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start.
 //
 //   line of Algorithm 1                     function
-//   1       Laplacian and mass matrix       SystemBuilder (squared_laplacian), once per Optimizer
+//   1       Laplacian and mass matrix       squared_laplacian, once per Optimizer
 //   2       for all iterations              Optimizer::run
 //   3, 19   meta mesh polygons              compute_overlay, in evaluate(); line 3 reads what the
 //                                           accepted trial computed as line 19
 //   4 to 7  derivatives and projection      ModelBuilder::differentiate_elements
 //   8       assembly                        ModelBuilder::assemble
-//   9       memory                          Optimizer::remember, SystemBuilder::blend
+//   9       memory                          Optimizer::remember, blend
 //   10 to 12  solve for each ω              Optimizer::solve
 //   13, 14  descent, or reset               Optimizer::find_directions
 //   15, 16  largest step                    Optimizer::set_direction
@@ -4942,44 +4784,42 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
 
-namespace ism {
-namespace detail {
-
-inline void describe(const SurfacePair& pair, const Array<Follower>& followers, const Iterate& x,
+inline void describe(const JointSurface& s, const Array<Follower>& followers, const Iterate& x,
                      IterationLog& log) {
   log.energy = x.energy;
   log.map_energy = x.map_energy;
   log.energy_f = x.energy_f;
   log.energy_g = x.energy_g;
   log.mean_distortion = x.map_energy / (x.area_a + x.area_b);
-  log.coverage_a = x.area_a / pair.a.total_area;
-  log.coverage_b = x.area_b / pair.b.total_area;
+  log.coverage_a = x.area_a / s.area_a;
+  log.coverage_b = x.area_b / s.area_b;
   log.polygons = x.overlay.polygons.size();
-  log.pin_residual = pin_residual(pair, followers, x.f, x.g);
+  log.pin_residual = pin_residual(s, followers, x.x);
 }
 
 /// Half the diagonal of the box around both embeddings.
-inline double domain_radius(const Points2& f, const Points2& g) {
-  const std::array<Vec2, 2> a = bounding_box(f), b = bounding_box(g);
-  return 0.5 * norm(upper(a[1], b[1]) - lower(a[0], b[0]));
+inline double domain_radius(const Points2& x) {
+  const std::array<Vec2, 2> box = bounding_box(x);
+  return 0.5 * norm(box[1] - box[0]);
 }
 
 class Optimizer {
  public:
-  Optimizer(const SurfacePair& pair, const Options& options, const Array<Follower>& followers)
-      : pair_(pair),
+  Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers)
+      : s_(s),
         options_(options),
         followers_(followers),
         weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
                  &options.measure},
         executor_(options),
-        systems_(pair, options.omega_start > 0, executor_),  // line 1
-        models_(pair, weights_, systems_.one_ring(), executor_),
-        omega_(options.omega_start) {}
+        models_(s, weights_, executor_),
+        omega_(options.omega_start) {
+    if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
+  }
 
-  /// Algorithm 1. `result.f`, `result.g` hold the injective start.
-  void run(Result& result) {
-    start(result);
+  /// Algorithm 1 from an injective start x on, which becomes the last iterate.
+  void run(Points2& x, Result& result) {
+    start(x, result);
     while (result.status == Status::kIterationLimit &&
            static_cast<int>(result.log.size()) < options_.max_iterations) {  // line 2
       IterationLog log;
@@ -4995,52 +4835,45 @@ class Optimizer {
         result.status = status_without_step(result);
       }
     }
-    result.f = x_.f;
-    result.g = x_.g;
+    x = x_.x;
   }
 
  private:
   static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
-  void start(Result& result) {
-    fix_unknowns(result);
-    place_followers(followers_, result.f, result.g);
-    const bool is_valid = followers_.empty() || (is_injective(pair_.a.mesh, result.f) &&
-                                                 is_injective(pair_.b.mesh, result.g));
-    x_.f = result.f;
-    x_.g = result.g;
-    radius_ = domain_radius(x_.f, x_.g);
-    evaluate(pair_, weights_, x_);
-    rules_ = {options_.max_coverage_loss * pair_.a.total_area,
-              options_.max_coverage_loss * pair_.b.total_area, options_.least_coverage * x_.area_a,
-              options_.least_coverage * x_.area_b};
-    describe(pair_, followers_, x_, result.initial);
+  void start(const Points2& x, Result& result) {
+    x_.x = x;
+    fix_unknowns(x_.x);
+    place_followers(followers_, x_.x);
+    radius_ = domain_radius(x_.x);
+    evaluate(s_, weights_, x_);
+    rules_ = {options_.max_coverage_loss * s_.area_a, options_.max_coverage_loss * s_.area_b,
+              options_.least_coverage * x_.area_a, options_.least_coverage * x_.area_b};
+    describe(s_, followers_, x_, result.initial);
     result.initial.omega = omega_;
     result.status = Status::kIterationLimit;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
     if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
-    if (!is_valid) result.status = Status::kInvalidPins;
+    if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
 
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
   /// both planes are moved.
-  void fix_unknowns(Result& result) {
-    const int n = pair_.n_a();
-    is_fixed_ = FixedCoordinates(pair_.rows());
-    fix_boundary(pair_.a.mesh, result.f, options_.boundary, 0, is_fixed_);
-    fix_boundary(pair_.b.mesh, result.g, options_.boundary, n, is_fixed_);
+  void fix_unknowns(Points2& x) {
+    is_fixed_ = FixedCoordinates(s_.mesh.n_vertices);
+    fix_boundaries(s_.mesh, x, options_.boundary, is_fixed_);
     for (int v : options_.fixed_a) is_fixed_.fix(v);
-    for (int v : options_.fixed_b) is_fixed_.fix(n + v);
+    for (int v : options_.fixed_b) is_fixed_.fix(s_.n_a + v);
     for (const Follower& follower : followers_)  // what holds a landmark of A holds that of B
       for (int k = 0; k < 3; ++k)
         for (int c = 0; c < 2; ++c)
           if (follower.weight[k] == 1 && is_fixed_(follower.row, c))
             is_fixed_(follower.master[k], c) = 1;
     if (is_fixed_.any()) return;
-    const Anchors anchors = choose_anchors(pair_, followers_);
-    move_to_anchors(pair_, anchors, result.f, result.g);
-    is_fixed_.fix(n + anchors.center);
-    is_fixed_(n + anchors.rim, 1) = 1;
+    const Anchors anchors = choose_anchors(s_, followers_);
+    move_to_anchors(s_.mesh, anchors, x);
+    is_fixed_.fix(anchors.center);
+    is_fixed_(anchors.rim, 1) = 1;
   }
 
   /// Adds the newest derivatives to the memory (§5.3).
@@ -5048,7 +4881,7 @@ class Optimizer {
     if (history_.size() < options_.history_length) history_.push_back({});
     for (int k = history_.size() - 1; k > 0; --k) history_[k] = std::move(history_[k - 1]);
     history_[0] = std::move(model);
-    if (is_scaffolded_) build_scaffolds();
+    if (is_scaffolded_) build_scaffold_here();
   }
 
   void reset_history(IterationLog& log) {
@@ -5080,9 +4913,11 @@ class Optimizer {
   /// newest derivatives alone. At last those that do are left.
   Array<Direction> find_directions(IterationLog& log) {
     while (true) {
-      Timer timer;
-      LinearSystem system = systems_.blend(history_, options_.history_decay);  // line 9
-      constrain(system);
+      Timer timer;  // line 9
+      LinearSystem system =
+          blend(history_, options_.history_decay, scaffold_hessian_, laplacian_, executor_);
+      substitute(followers_, executor_, system);
+      eliminate(is_fixed_, system);
       log.seconds_assembly += timer.lap();
       const Array<Direction> all = solve(system);  // lines 10 to 12
       log.seconds_solve += timer.lap();
@@ -5097,26 +4932,15 @@ class Optimizer {
     }
   }
 
-  /// Scaffolds, followers and fixed coordinates in the system.
-  void constrain(LinearSystem& system) const {
-    Array<ExtraBlock> blocks;
-    for (int k = 0; k < scaffolds_.size(); ++k)
-      add_scaffold(scaffolds_[k], k == 0 ? 0 : pair_.n_a(), blocks);
-    merge_blocks(std::move(blocks), {}, system);
-    substitute(followers_, system);
-    eliminate(is_fixed_, system);
-  }
-
   /// (H + ω Lᵀ M L) d = -g for ω, ω/α and α ω (§5.4).
   Array<Direction> solve(const LinearSystem& system) {
     Array<double> omegas(1, omega_);
-    if (!system.Q.empty()) {
+    if (system.has_Q()) {
       const double smaller = omega_ / options_.omega_factor;
       if (smaller >= options_.omega_least) omegas.push_back(smaller);
       omegas.push_back(omega_ * options_.omega_factor);
     }
-    const LdltSymbolic symbolic =
-        NestedDissection(system.pattern, all_positions(), executor_).build();
+    const LdltSymbolic symbolic = NestedDissection(system.H, x_.x, executor_).build();
     ldlt_factorize(symbolic, system.shifted(omega_), executor_, factor_);
     if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
     const Array<Vec2> right = negated(system.gradient);
@@ -5124,35 +4948,20 @@ class Optimizer {
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
       if (!factor_.ok) return;
-      Array<Vec2> d =
-          k == 0 ? ldlt_solve(symbolic, factor_, right)
-                 : solve_with_neighbour(symbolic, factor_, system.pattern,
-                                        system.shifted(omegas[k]), right, options_.solve_tolerance);
+      Array<Vec2> d = k == 0 ? ldlt_solve(symbolic, factor_, right)
+                             : solve_with_neighbour(symbolic, factor_, system.shifted(omegas[k]),
+                                                    right, options_.solve_tolerance);
       expand_direction(followers_, d);
       set_direction(d, directions[k]);
     });
     return directions;
   }
 
-  /// The rows of x.
-  Points2 all_positions() const {
-    Points2 x(pair_.rows(), 2);
-    std::copy(x_.f.data(), x_.f.data() + x_.f.size(), x.data());
-    std::copy(x_.g.data(), x_.g.data() + x_.g.size(), x.data() + x_.f.size());
-    return x;
-  }
-
   /// Slope and steps of a direction (lines 13, 15 and 16).
   void set_direction(const Array<Vec2>& d, Direction& direction) const {
-    direction.f = rows_from(d, 0, pair_.n_a());
-    direction.g = rows_from(d, pair_.n_a(), pair_.n_b());
+    direction.d = d;
     direction.slope = dot(history_[0].gradient, d);
-    direction.max_step = (std::min)(max_step(pair_.a.mesh, x_.f, direction.f),
-                                    max_step(pair_.b.mesh, x_.g, direction.g));
-    if (!scaffolds_.empty())
-      direction.max_step =
-          (std::min)({direction.max_step, max_step(scaffolds_[0], x_.f, direction.f),
-                      max_step(scaffolds_[1], x_.g, direction.g)});
+    direction.max_step = (std::min)(max_step(s_.mesh, x_.x, d), max_step(scaffold_, x_.x, d));
     double longest = 0;
     for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
     direction.first_step = (std::min)(0.99 * direction.max_step,
@@ -5161,8 +4970,8 @@ class Optimizer {
 
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    const SearchProblem problem = {pair_,      weights_, rules_,     followers_,
-                                   scaffolds_, x_,       directions, options_.search_stride};
+    const SearchProblem problem = {s_,        weights_, rules_,     followers_,
+                                   scaffold_, x_,       directions, options_.search_stride};
     const SearchResult found = line_search(problem, executor_, trials_);
     log.seconds_search += timer.lap();
     return found;
@@ -5171,7 +4980,7 @@ class Optimizer {
   void accept(IterationLog& log, Result& result) {
     std::swap(x_, chosen_.x);
     omega_ = chosen_.omega;
-    describe(pair_, followers_, x_, log);
+    describe(s_, followers_, x_, log);
     log.iteration = static_cast<int>(result.log.size()) + 1;
     log.omega = chosen_.omega;
     log.step = chosen_.candidate.step;
@@ -5189,7 +4998,7 @@ class Optimizer {
     return !directions.empty();
   }
 
-  /// From the first step on that would make a boundary meet itself, there are scaffolds. True if
+  /// From the first step on that would make a boundary meet itself, there is a scaffold. True if
   /// this is it.
   bool notice_collision(const SearchResult& found) {
     if (is_scaffolded_ || !options_.scaffold || !found.collided) return false;
@@ -5198,18 +5007,19 @@ class Optimizer {
   }
 
   /// The space around both embeddings, with the weight of E_f and E_g.
-  void build_scaffolds() {
-    scaffolds_.clear();
-    scaffolds_.push_back(build_scaffold(pair_.a.mesh, x_.f, weights_.barrier * pair_.a.total_area));
-    scaffolds_.push_back(build_scaffold(pair_.b.mesh, x_.g, weights_.barrier * pair_.b.total_area));
+  void build_scaffold_here() {
+    scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
+    Array<Block> blocks;
+    add_scaffold(scaffold_, blocks);
+    scaffold_hessian_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
 
-  /// Changes one thing where no step is found: scaffolds come in, the memory is emptied, or ω_L is
-  /// lowered at once: at a kink of E, as when both planes are the same, a direction that is
+  /// Changes one thing where no step is found: the scaffold comes in, the memory is emptied, or ω_L
+  /// is lowered at once: at a kink of E, as when both planes are the same, a direction that is
   /// smoothed too much may climb. False if nothing is left to change.
-  bool recover(bool needs_scaffolds, IterationLog& log) {
+  bool recover(bool needs_scaffold, IterationLog& log) {
     constexpr double kDrop = 16;
-    if (needs_scaffolds) return build_scaffolds(), true;
+    if (needs_scaffold) return build_scaffold_here(), true;
     if (history_.size() > 1) return reset_history(log), true;
     if (omega_ <= kHardlyActs || omega_ <= options_.omega_least) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.omega_least);
@@ -5238,7 +5048,7 @@ class Optimizer {
     const IterationLog& before =
         n == iterations ? result.initial : result.log[static_cast<std::size_t>(n - 1 - iterations)];
     if (now.omega < before.omega && now.omega > kHardlyActs) return false;
-    const double scale = now.energy + weights_.kappa * pair_.total_area();
+    const double scale = now.energy + weights_.kappa * s_.total_area;
     return before.energy - now.energy < options_.window * options_.tolerance * scale;
   }
 
@@ -5260,14 +5070,14 @@ class Optimizer {
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
 
-  const SurfacePair& pair_;
+  const JointSurface& s_;
   const Options& options_;
   const Array<Follower>& followers_;
   Weights weights_;
   StepRules rules_{};
   Executor executor_;
-  SystemBuilder systems_;
   ModelBuilder models_;
+  BlockMatrix laplacian_;  // squared; empty without a preconditioner
   double omega_;
   double radius_ = 1;
   bool is_stationary_ = false;
@@ -5277,12 +5087,10 @@ class Optimizer {
   LdltFactor factor_;
   Array<Trial> trials_;
   Trial chosen_;
-  Array<Scaffold> scaffolds_;  // around f(A) and g(B), once a trial has met a boundary
-  bool is_scaffolded_ = false;
+  bool is_scaffolded_ = false;  // once a trial has met a boundary
+  Scaffold scaffold_;
+  BlockMatrix scaffold_hessian_;
 };
-
-}  // namespace detail
-}  // namespace ism
 
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
@@ -5303,9 +5111,6 @@ class Optimizer {
 //             on one square · both surfaces · exact landmarks · which of them a call needs
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
-
-namespace ism {
-namespace detail {
 
 /// What the levels of an embedding are relaxed to.
 enum class Approach { kShape, kConnectivity };
@@ -5588,30 +5393,28 @@ class Decimation {
 // Invariants: every accepted step is injective, exactly, and lowers the energy.
 // Fails:      by ending where no step is found.
 
-/// A penalty weight · |p - q|² between vertex a of the first and b of the second surface.
+/// A penalty weight · |p - q|² between two vertices.
 struct Spring {
-  int a, b;
+  int p, q;
   double weight;
 };
 
-/// Embeddings of one or two surfaces that are relaxed together.
+/// A surface, or A ⊔ B, whose embedding is to be relaxed.
 struct FlatProblem {
-  std::vector<const Surface*> surfaces;
-  std::vector<Spring> springs;
+  const Surface& surface;
   Boundary boundary = Boundary::kFree;
-  Array<Follower> followers = {};  // vertices of the first surface that follow the second
+  Array<Spring> springs = {};
+  Array<Follower> followers = {};
 };
 
 class FlatNewton {
  public:
   FlatNewton(const FlatProblem& problem, const Executor& executor)
-      : problem_(problem), executor_(executor) {
-    system_.pattern = within_pattern(problem.surfaces, 1);
-  }
+      : problem_(problem), m_(problem.surface.mesh), executor_(executor) {}
 
   /// At most `most` steps, until one lowers the energy by less than `tolerance` of it.
-  void minimize(int most, double tolerance, std::vector<Points2>& x) {
-    fix_boundaries(x);
+  void minimize(int most, double tolerance, Points2& x) {
+    fix_boundaries_at(x);
     double energy = value(x);
     for (int i = 0; i < most; ++i) {
       const double before = energy;
@@ -5619,103 +5422,84 @@ class FlatNewton {
     }
   }
 
-  /// Moves the boundary of a single surface to where `target` has it, and the interior by the
-  /// Newton step that goes with it; false, and nothing moved, if a triangle would lose most of its
-  /// area. Boundary::kFixed only.
-  bool drag(const Points2& target, std::vector<Points2>& x) {
-    const HalfEdgeMesh& m = problem_.surfaces[0]->mesh;
-    fix_boundaries(x);
-    assemble(x);
-    LinearSystem system = system_;
-    Array<Vec2> prescribed(m.n_vertices);
-    for (int h : m.boundary)
-      prescribed[m.tail[h]] = row2(target, m.tail[h]) - row2(x[0], m.tail[h]);
-    add_product(system.pattern, system.shifted(0), prescribed, system.gradient);
+  /// Moves the boundary to where `target` has it, and the interior by the Newton step that goes
+  /// with it; false, and nothing moved, if a triangle would lose most of its area. Boundary::kFixed
+  /// only.
+  bool drag(const Points2& target, Points2& x) {
+    fix_boundaries_at(x);
+    LinearSystem system = assemble(x);
+    Array<Vec2> prescribed(m_.n_vertices);
+    for (int h : m_.boundary)
+      prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x, m_.tail[h]);
+    add_product(system.shifted(0), prescribed, system.gradient);
     eliminate(is_fixed_, system);
     Array<Vec2> d;
     if (!solve(system, x, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
-    const std::vector<Points2> direction = per_surface(d, x);
-    if (first_step(x, direction) < 1) return false;
-    std::vector<Points2> y = {moved(x[0], direction[0], 1)};
-    for (int h : m.boundary) set_row(y[0], m.tail[h], row2(target, m.tail[h]));
-    if (!is_injective(m, y[0]) || !(value(y) < kInfinity)) return false;
+    if (first_step(x, d) < 1) return false;
+    Points2 y = moved(x, d, 1);
+    for (int h : m_.boundary) set_row(y, m_.tail[h], row2(target, m_.tail[h]));
+    if (!is_injective(m_, y) || !(value(y) < kInfinity)) return false;
     x.swap(y);
     return true;
   }
 
-  double value(const std::vector<Points2>& x) const {
-    double energy = 0;
-    Array<Mat2> J;
-    for (std::size_t k = 0; k < x.size(); ++k)
-      energy += embedding_energy(*problem_.surfaces[k], x[k], J);
-    if (x.size() < 2) return energy;
+  double value(const Points2& x) const {
+    double energy = embedding_energy(problem_.surface, x, 0, m_.n_faces);
     for (const Spring& s : problem_.springs)
-      energy += s.weight * squared_norm(row2(x[0], s.a) - row2(x[1], s.b));
+      energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
     return energy;
   }
 
  private:
-  enum class Outcome { kAccepted, kRejected, kCollision };
-
-  int first_row(std::size_t k) const { return k == 0 ? 0 : problem_.surfaces[0]->mesh.n_vertices; }
-
-  void fix_boundaries(const std::vector<Points2>& x) {
-    is_fixed_ = FixedCoordinates(system_.pattern.rows());
-    for (std::size_t k = 0; k < x.size(); ++k)
-      fix_boundary(problem_.surfaces[k]->mesh, x[k], problem_.boundary, first_row(k), is_fixed_);
+  void fix_boundaries_at(const Points2& x) {
+    is_fixed_ = FixedCoordinates(m_.n_vertices);
+    fix_boundaries(m_, x, problem_.boundary, is_fixed_);
   }
 
   /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
-  /// the boundary, scaffolds keep it away.
-  bool step(std::vector<Points2>& x, double& energy) {
-    assemble(x);
-    if (is_scaffolded_) build_scaffolds(x);
+  /// the boundary, a scaffold keeps it away.
+  bool step(Points2& x, double& energy) {
+    const LinearSystem system = assemble(x);
+    if (is_scaffolded_) build_scaffold_at(x);
     bool collided = false;
-    if (descend(x, energy, collided)) return true;
+    if (descend(system, x, energy, collided)) return true;
     if (is_scaffolded_ || !collided) return false;
-    build_scaffolds(x);
     is_scaffolded_ = true;
-    return descend(x, energy, collided);
+    build_scaffold_at(x);
+    return descend(system, x, energy, collided);
   }
 
-  void build_scaffolds(const std::vector<Points2>& x) {
-    constexpr double kWeight = 1e-2;  // of all triangles of a scaffold, per area of its surface
-    scaffolds_.clear();
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      const Surface& s = *problem_.surfaces[k];
-      scaffolds_.push_back(build_scaffold(s.mesh, x[k], kWeight * s.total_area));
-    }
+  void build_scaffold_at(const Points2& x) {
+    constexpr double kWeight = 1e-2;  // of all its triangles, per area of the surface
+    scaffold_ = build_scaffold(m_, x, kWeight * problem_.surface.total_area);
   }
 
-  bool descend(std::vector<Points2>& x, double& energy, bool& collided) {
+  bool descend(LinearSystem system, Points2& x, double& energy, bool& collided) {
     constexpr int kMostTrials = 30;
-    LinearSystem system = system_;
-    merge_blocks(extra_blocks(), {}, system);
-    substitute(problem_.followers, system);
+    const Array<Vec2> gradient = system.gradient;
+    add_springs_and_scaffold(system);
+    substitute(problem_.followers, executor_, system);
     eliminate(is_fixed_, system);
     Array<Vec2> d;
     if (!solve(system, x, d)) return false;
     expand_direction(problem_.followers, d);
-    const double slope = dot(system_.gradient, d);
+    const double slope = dot(gradient, d);
     if (!(slope < 0)) return false;
-    const std::vector<Points2> direction = per_surface(d, x);
-    double s = first_step(x, direction);
+    double s = first_step(x, d);
     for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
-      const Outcome outcome = try_step(direction, s, slope, x, energy);
-      if (outcome == Outcome::kAccepted) return true;
-      collided = collided || outcome == Outcome::kCollision;
+      Points2 y = moved(x, d, s);
+      place_followers(problem_.followers, y);
+      if (is_accepted(y, s * slope, energy)) return x.swap(y), true;
+      collided = collided || collides(m_, y);
       if (collided && !is_scaffolded_) return false;
     }
     return false;
   }
 
   /// d = -H⁻¹ g; false if there is none that is finite.
-  bool solve(const LinearSystem& system, const std::vector<Points2>& x, Array<Vec2>& d) {
-    Points2 positions(system.pattern.rows(), 2);
-    for (std::size_t k = 0; k < x.size(); ++k)
-      std::copy(x[k].data(), x[k].data() + x[k].size(), positions.data() + 2 * first_row(k));
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, executor_).build();
+  bool solve(const LinearSystem& system, const Points2& x, Array<Vec2>& d) {
+    const LdltSymbolic symbolic = NestedDissection(system.H, x, executor_).build();
     ldlt_factorize(symbolic, system.shifted(0), executor_, factor_);
     if (!factor_.ok) return false;
     d = ldlt_solve(symbolic, factor_, negated(system.gradient));
@@ -5724,88 +5508,59 @@ class FlatNewton {
     return true;
   }
 
-  std::vector<Points2> per_surface(const Array<Vec2>& d, const std::vector<Points2>& x) const {
-    std::vector<Points2> parts;
-    for (std::size_t k = 0; k < x.size(); ++k)
-      parts.push_back(rows_from(d, first_row(k), rows_of(x[k])));
-    return parts;
-  }
-
   /// A step of 1, or what the first triangle to degenerate leaves of it.
-  double first_step(const std::vector<Points2>& x, const std::vector<Points2>& direction) const {
-    double s = 1;
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      s = (std::min)(s, 0.9 * max_step(problem_.surfaces[k]->mesh, x[k], direction[k]));
-      if (is_scaffolded_)
-        s = (std::min)(s, 0.9 * max_step(scaffolds_[static_cast<int>(k)], x[k], direction[k]));
-    }
-    return s;
+  double first_step(const Points2& x, const Array<Vec2>& d) const {
+    return (std::min)({1.0, 0.9 * max_step(m_, x, d), 0.9 * max_step(scaffold_, x, d)});
   }
 
-  Outcome try_step(const std::vector<Points2>& direction, double s, double slope,
-                   std::vector<Points2>& x, double& energy) const {
-    std::vector<Points2> y(x.size());
-    for (std::size_t k = 0; k < x.size(); ++k) y[k] = moved(x[k], direction[k], s);
-    if (!problem_.followers.empty()) place_followers(problem_.followers, y[0], y[1]);
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      const HalfEdgeMesh& m = problem_.surfaces[k]->mesh;
-      if (is_injective(m, y[k])) continue;
-      return boundary_is_simple(m, y[k]) ? Outcome::kRejected : Outcome::kCollision;
-    }
+  bool is_accepted(const Points2& y, double promised, double& energy) const {
+    if (!is_injective(m_, y)) return false;
     const double e = value(y);
-    double resistance = 0;
-    for (std::size_t k = 0; is_scaffolded_ && k < x.size(); ++k)
-      resistance += scaffold_energy(scaffolds_[static_cast<int>(k)], y[k]);
-    if (!(e + resistance <= energy + 1e-4 * s * slope)) return Outcome::kRejected;
-    x.swap(y);
+    if (!(e + scaffold_energy(scaffold_, y) <= energy + 1e-4 * promised)) return false;
     energy = e;
-    return Outcome::kAccepted;
+    return true;
   }
 
-  void assemble(const std::vector<Points2>& x) {
-    system_.gradient.assign(system_.pattern.rows(), {});
-    system_.H.assign(system_.pattern.blocks(), {});
-    for (std::size_t k = 0; k < x.size(); ++k) assemble_surface(k, x[k]);
-    for (const Spring& s : problem_.springs) {
-      const Vec2 force = 2 * s.weight * (row2(x[0], s.a) - row2(x[1], s.b));
-      system_.gradient[s.a] += force;
-      system_.gradient[first_row(1) + s.b] -= force;
-    }
-  }
-
-  /// The Hessians of springs and scaffolds.
-  Array<ExtraBlock> extra_blocks() const {
-    Array<ExtraBlock> blocks;
-    for (const Spring& s : problem_.springs) {
-      const int i = s.a, j = first_row(1) + s.b;
-      blocks.push_back({i, i, diagonal(2 * s.weight), {}});
-      blocks.push_back({j, j, diagonal(2 * s.weight), {}});
-      blocks.push_back({i, j, diagonal(-2 * s.weight), {}});
-    }
-    for (int k = 0; is_scaffolded_ && k < scaffolds_.size(); ++k)
-      add_scaffold(scaffolds_[k], first_row(static_cast<std::size_t>(k)), blocks);
-    return blocks;
-  }
-
-  void assemble_surface(std::size_t k, const Points2& x) {
+  /// Gradient and Hessian, but for the Hessians of springs and scaffold.
+  LinearSystem assemble(const Points2& x) {
     constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
-    const Surface& s = *problem_.surfaces[k];
-    terms_.resize(s.mesh.n_faces);
-    executor_.run_blocks(s.mesh.n_faces, 256, [&](int begin, int end) {
-      embedding_terms(s, x, begin, end, kEpsilon, 1, terms_);
+    terms_.resize(m_.n_faces);
+    executor_.run_blocks(m_.n_faces, 256, [&](int begin, int end) {
+      embedding_terms(problem_.surface, x, begin, end, kEpsilon, 1, terms_);
     });
-    for (int f = 0; f < s.mesh.n_faces; ++f)
-      scatter(s.mesh, f, first_row(k), terms_[f], system_.pattern, system_.H, system_.gradient);
+    QuadraticModel model = sum_terms(m_, terms_, executor_, [](int, RowWriter&) {});
+    for (const Spring& s : problem_.springs) {
+      const Vec2 force = 2 * s.weight * (row2(x, s.p) - row2(x, s.q));
+      model.gradient[s.p] += force;
+      model.gradient[s.q] -= force;
+    }
+    return {std::move(model.H), {}, std::move(model.gradient)};
+  }
+
+  void add_springs_and_scaffold(LinearSystem& system) const {
+    Array<Block> blocks;
+    for (const Spring& s : problem_.springs) {
+      const Mat2 stiffness = diagonal(2 * s.weight);
+      blocks.push_back({s.p, s.p, stiffness});
+      blocks.push_back({s.q, s.q, stiffness});
+      blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
+    }
+    add_scaffold(scaffold_, blocks);
+    if (blocks.empty()) return;
+    const BlockMatrix others = sum_of_blocks(m_.n_vertices, blocks, executor_);
+    Array<Term> terms(1, Term{&system.H, 1});
+    terms.push_back({&others, 1});
+    system.H = weighted_sum(terms, executor_);
   }
 
   const FlatProblem& problem_;
+  const HalfEdgeMesh& m_;
   const Executor& executor_;
-  LinearSystem system_;
   FixedCoordinates is_fixed_;
   Array<FaceTerm> terms_;
   LdltFactor factor_;
-  Array<Scaffold> scaffolds_;  // of each surface, where x was when they were built
   bool is_scaffolded_ = false;
+  Scaffold scaffold_;
 };
 
 // ---- one surface across all resolutions ----
@@ -5827,19 +5582,12 @@ struct Level {
 /// c ≤ a + b implies c^t ≤ (a + b)^t ≤ a^t + b^t.
 inline Surface softened(const Surface& s, double t, double total_area) {
   Surface soft = s;
-  soft.total_area = 0;
-  for (int f = 0; f < s.mesh.n_faces; ++f) {
-    const auto length = [&](int k) { return std::pow(s.edge_length(3 * f + k), t); };
-    const Mat2 R = rest_frame(length(0), length(1), length(2));
-    soft.area[f] = 0.5 * determinant(R);
-    soft.rest_inverse[f] = inverse(R);
-    soft.total_area += soft.area[f];
-  }
+  const auto length = [&](int h) { return std::pow(s.edge_length(h), t); };
+  set_rest_frames(
+      [&](int f) { return rest_frame(length(3 * f), length(3 * f + 1), length(3 * f + 2)); }, soft);
   const double scale = total_area / soft.total_area;
-  for (int f = 0; f < s.mesh.n_faces; ++f) {
-    soft.area[f] *= scale;
-    soft.rest_inverse[f] = 1 / std::sqrt(scale) * soft.rest_inverse[f];
-  }
+  for (double& area : soft.area) area *= scale;
+  for (Mat2& R_inverse : soft.rest_inverse) R_inverse = 1 / std::sqrt(scale) * R_inverse;
   soft.total_area = total_area;
   return soft;
 }
@@ -5868,22 +5616,15 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
   return diagonal(0.5 * (largest + epsilon)) + 0.5 * (largest - epsilon) * axis;
 }
 
-/// Places on a circle for the boundary vertices of a mesh, at even distances.
-inline Array<double> even_angles(const HalfEdgeMesh& m) {
-  Array<double> angle(m.n_vertices, 0);
-  for (int i = 0; i < m.boundary.size(); ++i)
-    angle[m.tail[m.boundary[i]]] = 2 * kPi * i / m.boundary.size();
-  return angle;
-}
-
 class Hierarchy {
  public:
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
   /// `angle`: where boundary vertices go on the circle, by connectivity.
-  Hierarchy(const Surface& s, const Array<char>& is_protected, Approach approach,
+  Hierarchy(const Surface& s, const char* name, const Array<char>& is_protected, Approach approach,
             const Array<double>& angle)
       : s_(s),
+        name_(name),
         approach_(approach),
         angle_(angle),
         mesh_(s.mesh),
@@ -5891,6 +5632,8 @@ class Hierarchy {
     collapses_ = Decimation(s, is_protected, approach, mesh_).run(kBase);
   }
 
+  const Surface& surface() const { return s_; }
+  const char* name() const { return name_; }  // "A" or "B"
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
   bool has(int v) const { return !mesh_.faces_of[v].empty(); }
   bool is_full() const { return collapses_.empty(); }
@@ -5900,34 +5643,34 @@ class Hierarchy {
   bool embed_base(const Executor& executor) {
     const Level level = current();
     const HalfEdgeMesh& m = level.surface.mesh;
-    LinearSystem system;
-    system.pattern = within_pattern({&level.surface}, 1);
-    system.H.resize(system.pattern.blocks());
-    system.gradient.resize(m.n_vertices);
     Points2 x = Points2::Zero(m.n_vertices, 2);
+    Array<Vec2> right(m.n_vertices);
+    Array<Block> blocks;
     const double radius = std::sqrt(s_.total_area / kPi);
     for (int i = 0; i < m.boundary.size(); ++i) {
       const int u = m.tail[m.boundary[i]];
       const double angle = approach_ == Approach::kConnectivity ? angle_[level.vertex[u]]
                                                                 : 2 * kPi * i / m.boundary.size();
-      set_row(x, u, {radius * std::cos(angle), radius * std::sin(angle)});
-      system.gradient[u] = row2(x, u);
-      system.H[system.pattern.start[u]] = diagonal(1);
+      right[u] = {radius * std::cos(angle), radius * std::sin(angle)};
+      set_row(x, u, right[u]);
+      blocks.push_back({u, u, diagonal(1)});
     }
     for (int h = 0; h < m.tail.size(); ++h) {
       const int u = m.tail[h], v = m.tip(h);
       if (m.on_boundary(u)) continue;
-      system.H[system.pattern.start[u]] += diagonal(1);
+      blocks.push_back({u, u, diagonal(1)});
       if (m.on_boundary(v))
-        system.gradient[u] += row2(x, v);
+        right[u] += row2(x, v);
       else if (u < v)
-        system.H[find_block(system.pattern, u, v)] = diagonal(-1);
+        blocks.push_back({u, v, diagonal(-1)});
     }
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, x, executor).build();
+    const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor);
+    const LdltSymbolic symbolic = NestedDissection(H, x, executor).build();
     LdltFactor factor;
-    ldlt_factorize(symbolic, system.shifted(0), executor, factor);
+    ldlt_factorize(symbolic, {&H, nullptr, 0}, executor, factor);
     if (!factor.ok) return false;
-    x = rows_from(ldlt_solve(symbolic, factor, system.gradient), 0, m.n_vertices);
+    const Array<Vec2> solution = ldlt_solve(symbolic, factor, right);
+    for (int v = 0; v < m.n_vertices; ++v) set_row(x, v, solution[v]);
     if (!is_injective(m, x)) return false;
     set(level, x);
     return true;
@@ -5948,9 +5691,8 @@ class Hierarchy {
     for (int f = 0; f < mesh_.face.size(); ++f)
       if (mesh_.alive[f])
         for (int v : mesh_.face[f]) corners.push_back(level.place[v]);
-    Triangles triangles(corners.size() / 3, 3);
-    std::copy(corners.begin(), corners.end(), triangles.data());
-    level.surface = build_surface(build_half_edges(level.vertex.size(), triangles), vertices, true);
+    level.surface = build_surface(build_half_edges(level.vertex.size(), triangles_from(corners)),
+                                  vertices, true);
     return level;
   }
 
@@ -5963,16 +5705,12 @@ class Hierarchy {
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x_, level.vertex[i], row2(x, i));
   }
   const Points2& positions() const { return x_; }
-  double total_area() const { return s_.total_area; }
   /// Moves the plane, unless rounding would cost the injectivity of so thin an embedding.
   void move(const RigidMotion& motion) {
     const Level level = current();
     if (!is_injective(level.surface.mesh, transformed(positions(level), motion))) return;
     x_ = transformed(x_, motion);
   }
-
-  /// The mean position of the present vertices.
-  Vec2 center() const { return centroid(positions(current())); }
 
   /// Brings vertices back until `target` are present; the id of one without room, or -1.
   int refine(int target) {
@@ -6043,6 +5781,17 @@ class Hierarchy {
     return angle > 0 ? angle : angle + 2 * kPi;
   }
 
+  /// Puts u where place(t) is, for the first of t = 1, 1/2, 1/4, ... for which that fits.
+  template <class Place>
+  bool place_halving(int u, const Place& place) {
+    double t = 1;
+    for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
+      set_row(x_, u, place(t));
+      if (fits(u)) return true;
+    }
+    return false;
+  }
+
   /// Puts u on the arc that its boundary edge cut off, at its angle, or as close to v as its
   /// triangles demand.
   bool place_on_circle(const Collapse& c) {
@@ -6052,24 +5801,15 @@ class Hierarchy {
     double arc = std::atan2(cross(p, q), dot(p, q));
     if (arc < 0) arc += 2 * kPi;
     const double ideal = arc * to_u / (to_u + from_u);
-    double t = 1;
-    for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      const double angle = c.v == before ? t * ideal : arc - t * (arc - ideal);
-      set_row(x_, c.u, rotation_by(angle) * p);
-      if (fits(c.u)) return true;
-    }
-    return false;
+    return place_halving(c.u, [&](double t) {
+      return rotation_by(c.v == before ? t * ideal : arc - t * (arc - ideal)) * p;
+    });
   }
 
   bool place_on_ray(int u, Vec2 from, Vec2 to) {
-    double t = 1;
-    for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      set_row(x_, u, from + t * (to - from));
-      if (!fits(u)) continue;
-      relax(u);
-      return true;
-    }
-    return false;
+    if (!place_halving(u, [&](double t) { return from + t * (to - from); })) return false;
+    relax(u);
+    return true;
   }
 
   /// The centre of the largest triangle that v had in the place of u.
@@ -6194,6 +5934,7 @@ class Hierarchy {
   static constexpr int kMostHalvings = 44;  // what is left after them is no room
 
   const Surface& s_;
+  const char* const name_;
   const Approach approach_;
   const Array<double> angle_;  // per vertex of the full mesh
   DynamicMesh mesh_;
@@ -6390,7 +6131,8 @@ class OutlineBuilder {
 
   OutlinePair build() {
     OutlinePair outlines;
-    outlines.a.half_side = outlines.b.half_side = 0.5 * std::sqrt(0.5 * pair_.total_area());
+    outlines.a.half_side = outlines.b.half_side =
+        0.5 * std::sqrt(0.5 * (pair_.a.total_area + pair_.b.total_area));
     for (int k = 0; k < 4; ++k) {
       Landmark corner = {};
       while (!find_corner(k, corner)) measure();
@@ -6434,7 +6176,6 @@ class OutlineBuilder {
   struct Candidate {
     double offset;
     int vertex;
-    bool operator<(const Candidate& o) const { return offset < o.offset; }
   };
 
   /// Arcs of boundary vertices in terms of B.
@@ -6455,7 +6196,6 @@ class OutlineBuilder {
       const double offset = fraction(arc[m.tail[h]] - center + 0.5) - 0.5;
       if (std::abs(offset) < 0.125) candidates.push_back({offset, m.tail[h]});
     }
-    std::sort(candidates.begin(), candidates.end());
     return candidates;
   }
 
@@ -6495,16 +6235,13 @@ class OutlineBuilder {
   static void best_pair(const Array<Candidate>& a, const Array<Candidate>& b, Landmark& corner) {
     constexpr double kCentred = 0.01;  // weight of the distance from the ideal place
     double least = kInfinity;
-    for (const Candidate& c : b) {
-      int next = 0;
-      while (next < a.size() && a[next] < c) ++next;
-      for (int i = (std::max)(0, next - 1); i < a.size() && i <= next; ++i) {
-        const double cost = std::abs(a[i].offset - c.offset) + kCentred * std::abs(c.offset);
+    for (const Candidate& c : a)
+      for (const Candidate& d : b) {
+        const double cost = std::abs(c.offset - d.offset) + kCentred * std::abs(d.offset);
         if (cost >= least) continue;
         least = cost;
-        corner = {a[i].vertex, c.vertex};
+        corner = {c.vertex, d.vertex};
       }
-    }
   }
 
   /// Places all boundary vertices: those of B by arc length between the corners, those of A where
@@ -6614,22 +6351,22 @@ class PairEmbedder {
         landmarks_(landmarks),
         options_(options),
         approach_(approach),
-        outlines_(outlines),
+        is_held_(outlines != nullptr),
+        outline_a_(is_held_ ? &outlines->a : nullptr),
+        outline_b_(is_held_ ? &outlines->b : nullptr),
         executor_(options) {}
 
   void run(Embedding& result) {
-    Array<char> keep_a(pair_.n_a(), 0), keep_b(pair_.n_b(), 0);
+    Array<char> keep_a(pair_.a.mesh.n_vertices, 0), keep_b(pair_.b.mesh.n_vertices, 0);
     for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, keep_a, approach_, boundary_angles(pair_.a.mesh, outline_a()));
-    Hierarchy b(pair_.b, keep_b, approach_, boundary_angles(pair_.b.mesh, outline_b()));
+    Hierarchy a(pair_.a, "A", keep_a, approach_, boundary_angles(pair_.a.mesh, outline_a_));
+    Hierarchy b(pair_.b, "B", keep_b, approach_, boundary_angles(pair_.b.mesh, outline_b_));
     const bool by_shape = approach_ == Approach::kShape;
-    if (!report_progress(options_,
-                         {by_shape ? "decimated the meshes" : "once more, by connectivity alone"},
-                         result))
-      return;
-    if (!embed_base(a, "A", result) || !embed_base(b, "B", result)) return;
+    const char* what = by_shape ? "decimated the meshes" : "once more, by connectivity alone";
+    if (!report_progress(options_, {what}, result)) return;
+    if (!embed_base(a, result) || !embed_base(b, result)) return;
     if (!(by_shape ? meet_early(a, b, result) : meet_last(a, b, result))) return;
-    if (outlines_ == nullptr) make_overlap(a, b);
+    if (!is_held_) make_overlap(a, b);
     result.f = a.positions();
     result.g = b.positions();
   }
@@ -6642,47 +6379,41 @@ class PairEmbedder {
   static constexpr double kUnfoldingTolerance = 1e-4;
 
   bool meet_early(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    if (!embed_alone(a, "A", kTrial, result) || !embed_alone(b, "B", kTrial, result)) return false;
+    if (!embed_alone(a, kTrial, result) || !embed_alone(b, kTrial, result)) return false;
     if (landmarks_.size() < 2 && !align_by_trial(a, b, kTrialIterations, result)) return false;
-    if (!embed_alone(a, "A", kCoarse, result) || !embed_alone(b, "B", kCoarse, result))
-      return false;
+    if (!embed_alone(a, kCoarse, result) || !embed_alone(b, kCoarse, result)) return false;
     bring_together(a, b);
     while (!a.is_full() || !b.is_full()) {
       if (!report_progress(
               options_, {"embedding both: ", a.active(), " + ", b.active(), " vertices"}, result))
         return false;
-      if (!grow(a, "A", result) || !grow(b, "B", result)) return false;
+      if (!grow(a, result) || !grow(b, result)) return false;
       relax(a, b, kStiffest);
     }
     return true;
   }
 
   bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    if (!embed_alone(a, "A", pair_.n_a(), result) || !embed_alone(b, "B", pair_.n_b(), result))
+    if (!embed_alone(a, pair_.a.mesh.n_vertices, result) ||
+        !embed_alone(b, pair_.b.mesh.n_vertices, result))
       return false;
-    if (!unfold(a, pair_.a, outline_a(), "A", result) ||
-        !unfold(b, pair_.b, outline_b(), "B", result))
-      return false;
-    if (outlines_ == nullptr && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result))
-      return false;
+    if (!unfold(a, outline_a_, result) || !unfold(b, outline_b_, result)) return false;
+    if (!is_held_ && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return false;
     bring_together(a, b);
     return true;
   }
 
   /// What the boundaries may do once they have left the circle.
-  Boundary boundary() const { return outlines_ == nullptr ? Boundary::kFree : options_.boundary; }
-
-  const Outline* outline_a() const { return outlines_ == nullptr ? nullptr : &outlines_->a; }
-  const Outline* outline_b() const { return outlines_ == nullptr ? nullptr : &outlines_->b; }
+  Boundary boundary() const { return is_held_ ? options_.boundary : Boundary::kFree; }
 
   /// Where boundary vertices go on the circle: evenly, between corners if there are any.
   static Array<double> boundary_angles(const HalfEdgeMesh& m, const Outline* outline) {
-    Array<double> angle = even_angles(m);
-    if (outline == nullptr) return angle;
-    const Array<double> even = outline->places(m, 0);
-    for (int h : m.boundary) {
-      const Vec2 p = outline->point(even[m.tail[h]]);
-      angle[m.tail[h]] = std::atan2(p.y, p.x);
+    Array<double> angle(m.n_vertices, 0), even;
+    if (outline != nullptr) even = outline->places(m, 0);
+    for (int i = 0; i < m.boundary.size(); ++i) {
+      const int v = m.tail[m.boundary[i]];
+      const Vec2 p = outline != nullptr ? outline->point(even[v]) : Vec2();
+      angle[v] = outline != nullptr ? std::atan2(p.y, p.x) : 2 * kPi * i / m.boundary.size();
     }
     return angle;
   }
@@ -6692,11 +6423,11 @@ class PairEmbedder {
 
   /// Drags the boundary of a surface to the places u on an outline.
   bool drag(const Surface& s, const Outline& outline, const Array<double>& u, Way way,
-            const char* name, std::vector<Points2>& x, Embedding& result) const {
+            const char* name, Points2& x, Embedding& result) const {
     constexpr int kMostDrags = 500, kRelaxations = 3;
-    const FlatProblem problem = {{&s}, {}, Boundary::kFixed};
+    const FlatProblem problem = {s, Boundary::kFixed};
     FlatNewton newton(problem, executor_);
-    const Points2 from = x[0];
+    const Points2 from = x;
     Points2 target = from;
     double t = 0, step = 0.25;
     for (int i = 0; i < kMostDrags && t < 1; ++i) {
@@ -6735,64 +6466,65 @@ class PairEmbedder {
     return ((1 - t) * norm(p) + t * outline.half_side) / length * direction;
   }
 
-  bool grow(Hierarchy& h, const char* name, Embedding& result) const {
+  bool grow(Hierarchy& h, Embedding& result) const {
     const int stuck = h.refine(2 * h.active());
     return stuck < 0 ||
            fail(result, Status::kNumericalFailure,
-                {"mesh ", name, ": there is no room for vertex ", stuck, " in the plane"}, {stuck});
+                {"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"},
+                {stuck});
   }
 
-  bool embed_base(Hierarchy& h, const char* name, Embedding& result) const {
+  bool embed_base(Hierarchy& h, Embedding& result) const {
     return h.embed_base(executor_) ||
            fail(result, Status::kNumericalFailure,
-                {"Tutte's embedding of the decimated mesh ", name, " failed"});
+                {"Tutte's embedding of the decimated mesh ", h.name(), " failed"});
   }
 
   /// Embeds one surface, without the other, up to a number of vertices.
-  bool embed_alone(Hierarchy& h, const char* name, int target, Embedding& result) const {
+  bool embed_alone(Hierarchy& h, int target, Embedding& result) const {
     const bool by_shape = approach_ == Approach::kShape;
     while (true) {
       Level level = h.current();
-      if (!by_shape) level.surface = softened(level.surface, 0, h.total_area());
-      std::vector<Points2> x = {h.positions(level)};
-      const FlatProblem problem = {
-          {&level.surface}, {}, by_shape ? Boundary::kFree : Boundary::kFixed};
+      if (!by_shape) level.surface = softened(level.surface, 0, h.surface().total_area);
+      Points2 x = h.positions(level);
+      const FlatProblem problem = {level.surface, by_shape ? Boundary::kFree : Boundary::kFixed};
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-      h.set(level, x[0]);
-      if (!report_progress(options_, {"embedding ", name, ": ", h.active(), " vertices"}, result))
+      h.set(level, x);
+      if (!report_progress(options_, {"embedding ", h.name(), ": ", h.active(), " vertices"},
+                           result))
         return false;
       if (h.is_full() || h.active() >= target) return true;
-      if (!grow(h, name, result)) return false;
+      if (!grow(h, result)) return false;
     }
   }
 
   /// Returns from edges that are all alike to their lengths on the surface. The boundary is let go,
   /// or, with an outline, laid along the square first.
-  bool unfold(Hierarchy& h, const Surface& s, const Outline* outline, const char* name,
-              Embedding& result) const {
+  bool unfold(Hierarchy& h, const Outline* outline, Embedding& result) const {
     constexpr int kStages = 4;
-    std::vector<Points2> x = {h.positions()};
+    const Surface& s = h.surface();
+    Points2 x = h.positions();
     for (int i = 0; i <= kStages; ++i) {
       const double part = i / double{kStages};
       const Surface soft = i < kStages ? softened(s, part, s.total_area) : s;
-      const bool is_dragged = outline != nullptr && (i == 0 || boundary() == Boundary::kFixed);
+      const bool is_dragged = is_held_ && (i == 0 || boundary() == Boundary::kFixed);
       if (is_dragged && !drag(soft, *outline, outline->places(s.mesh, part),
-                              i == 0 ? superelliptic : straight, name, x, result))
+                              i == 0 ? superelliptic : straight, h.name(), x, result))
         return false;
-      const FlatProblem problem = {{&soft}, {}, boundary()};
+      const FlatProblem problem = {soft, boundary()};
       FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
-      if (!report_progress(options_, {"unfolding ", name, ": stage ", i + 1, " of ", kStages + 1},
-                           result))
+      if (!report_progress(
+              options_, {"unfolding ", h.name(), ": stage ", i + 1, " of ", kStages + 1}, result))
         return false;
     }
-    h.set(h.current(), x[0]);
+    h.set(h.current(), x);
     return true;
   }
 
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
   void bring_together(Hierarchy& a, Hierarchy& b) const {
     if (landmarks_.empty()) return relax(a, b, 0);
-    if (landmarks_.size() >= 2 && outlines_ == nullptr) align_by_landmarks(a, b);
+    if (landmarks_.size() >= 2 && !is_held_) align_by_landmarks(a, b);
     for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
   }
 
@@ -6821,27 +6553,28 @@ class PairEmbedder {
   bool align_by_trial(Hierarchy& a, const Hierarchy& b, int iterations, Embedding& result) const {
     constexpr int kOptimized = 4;
     const Level level_a = a.current(), level_b = b.current();
-    const SurfacePair coarse = {level_a.surface, level_b.surface};
-    const Points2 x = a.positions(level_a), y = b.positions(level_b);
+    const JointSurface coarse = join({level_a.surface, level_b.surface});
+    const Points2 f = a.positions(level_a), g = b.positions(level_b);
     Array<RigidMotion> motions;
     if (landmarks_.empty()) {
-      add_rotations(a.center(), b.center(), motions);
-      add_rotations(deepest_point(coarse.a.mesh, x), deepest_point(coarse.b.mesh, y), motions);
+      add_rotations(centroid(f), centroid(g), motions);
+      add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g),
+                    motions);
     } else {
       add_rotations(row2(a.positions(), landmarks_[0].a), row2(b.positions(), landmarks_[0].b),
                     motions);
     }
     Array<double> at_first;
     for (const RigidMotion& motion : motions)
-      at_first.push_back(badness(coarse, transformed(x, motion), y));
+      at_first.push_back(badness(coarse, stacked(transformed(f, motion), g)));
     const Array<int> order = sorted_by(at_first);
     int best = -1;
     double least = kInfinity;
     for (int tried = 0; tried < kOptimized; ++tried) {
       const int i = order[tried];
-      Points2 f = transformed(x, motions[i]), g = y;
-      optimize(coarse, iterations, f, g);
-      const double value = badness(coarse, f, g);
+      Points2 x = stacked(transformed(f, motions[i]), g);
+      optimize(coarse, iterations, x);
+      const double value = badness(coarse, x);
       if (best < 0 || value < least || (value == least && i < best)) best = i, least = value;
       if (!report_progress(options_, {"tried rotation ", tried + 1, " of ", int{kOptimized}},
                            result))
@@ -6860,35 +6593,31 @@ class PairEmbedder {
   /// Where the two planes lie apart in spite of all, the deepest points of both come together.
   void make_overlap(Hierarchy& a, const Hierarchy& b) const {
     const Points2 &f = a.positions(), &g = b.positions();
-    if (badness(pair_, f, g) < kInfinity) return;
+    if (badness(join(pair_), stacked(f, g)) < kInfinity) return;
     a.move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
   }
 
   /// Some iterations of Algorithm 1.
-  void optimize(const SurfacePair& pair, int iterations, Points2& f, Points2& g) const {
+  void optimize(const JointSurface& s, int iterations, Points2& x) const {
     Options options = options_;
     options.max_iterations = iterations;
     options.progress = nullptr;
     options.boundary = Boundary::kFree;
     options.fixed_a.clear();
     options.fixed_b.clear();
+    Points2 y = x;
     Result result;
-    result.f = f;
-    result.g = g;
-    Optimizer(pair, options, {}).run(result);
-    if (!is_usable(result.status)) return;
-    f.swap(result.f);
-    g.swap(result.g);
+    Optimizer(s, options, {}).run(y, result);
+    if (is_usable(result.status)) x.swap(y);
   }
 
   /// Mean distortion divided by coverage; infinite without an overlap.
-  double badness(const SurfacePair& pair, const Points2& f, const Points2& g) const {
+  double badness(const JointSurface& s, const Points2& positions) const {
     Iterate x;
-    x.f = f;
-    x.g = g;
+    x.x = positions;
     const DistortionMeasure measure = symmetric_dirichlet();
-    evaluate(pair, Weights{0, 1, 1, &measure}, x);
-    const double coverage = x.area_a / pair.a.total_area + x.area_b / pair.b.total_area;
+    evaluate(s, Weights{0, 1, 1, &measure}, x);
+    const double coverage = x.area_a / s.area_a + x.area_b / s.area_b;
     const double value = x.map_energy / (x.area_a + x.area_b) / coverage;
     return value < kInfinity ? value : kInfinity;  // NaN, too
   }
@@ -6896,24 +6625,24 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
   void relax(Hierarchy& a, Hierarchy& b, double weight) const {
     const Level level_a = a.current(), level_b = b.current();
-    FlatProblem problem = {{&level_a.surface, &level_b.surface}, {}, boundary()};
-    if (weight > 0) {
-      const Array<Landmark> landmarks = present_landmarks(a, b);
-      for (const Landmark& l : landmarks)
-        problem.springs.push_back(
-            {level_a.place[l.a], level_b.place[l.b], weight / landmarks.size()});
-    }
-    std::vector<Points2> x = {a.positions(level_a), b.positions(level_b)};
+    const JointSurface s = join({level_a.surface, level_b.surface});
+    FlatProblem problem = {s, boundary()};
+    const Array<Landmark> landmarks = present_landmarks(a, b);
+    for (const Landmark& l : landmarks)
+      problem.springs.push_back(
+          {level_a.place[l.a], s.n_a + level_b.place[l.b], weight / landmarks.size()});
+    Points2 x = stacked(a.positions(level_a), b.positions(level_b));
     FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-    a.set(level_a, x[0]);
-    b.set(level_b, x[1]);
+    a.set(level_a, rows_between(x, 0, s.n_a));
+    b.set(level_b, rows_between(x, s.n_a, s.mesh.n_vertices));
   }
 
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
   const Approach approach_;
-  const OutlinePair* outlines_;  // of A and B, or null
+  const bool is_held_;
+  const Outline *const outline_a_, *const outline_b_;  // null if boundaries are free
   Executor executor_;
 };
 
@@ -6956,34 +6685,35 @@ class LandmarkJoiner {
  private:
   bool pull(Embedding& result) {
     constexpr double kHardest = 1e12;
-    FlatProblem problem = {{&pair_.a, &pair_.b}, {}, options_.boundary};
+    const JointSurface s = join(pair_);
+    FlatProblem problem = {s, options_.boundary};
+    Points2 x = stacked(result.f, result.g);
     for (double weight = 10 * kStiffest; weight <= kHardest && !apart_.empty(); weight *= 10) {
-      join(result);
+      join_landmarks(s, x);
       if (!report_progress(options_, {"landmarks still apart: ", apart_.size()}, result))
         return false;
       problem.springs.clear();
       for (const Landmark& l : apart_)
-        problem.springs.push_back({l.a, l.b, weight / landmarks_.size()});
+        problem.springs.push_back({l.a, s.n_a + l.b, weight / landmarks_.size()});
       problem.followers.clear();
-      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(pair_, l));
-      std::vector<Points2> x = {result.f, result.g};
+      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(s, l));
       FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-      result.f.swap(x[0]);
-      result.g.swap(x[1]);
     }
-    join(result);
+    join_landmarks(s, x);
+    result.f = rows_between(x, 0, s.n_a);
+    result.g = rows_between(x, s.n_a, s.mesh.n_vertices);
     return true;
   }
 
-  void join(Embedding& result) {
+  void join_landmarks(const JointSurface& s, Points2& x) {
     Array<Landmark> left;
     for (const Landmark& l : apart_) {
-      const Vec2 before = row2(result.f, l.a);
-      set_row(result.f, l.a, row2(result.g, l.b));
-      if (is_injective(pair_.a.mesh, result.f)) {
+      const Vec2 before = row2(x, l.a);
+      set_row(x, l.a, row2(x, s.n_a + l.b));
+      if (is_injective(s.mesh, x)) {
         joined_.push_back(l);
       } else {
-        set_row(result.f, l.a, before);
+        set_row(x, l.a, before);
         left.push_back(l);
       }
     }
@@ -6999,25 +6729,18 @@ class LandmarkJoiner {
 
   /// Halves the inner edges of the triangles around some vertices, in the plane, too.
   static void halve_edges_at(const Array<int>& vertices, Surface& s, Points2& x) {
-    Array<int> inner;  // half-edges, the smaller ones of their edges
+    std::vector<Midpoint> edges;
     for (int v : vertices)
       s.mesh.for_each_outgoing(v, [&](int spoke) {
         for (int h : {spoke, next(spoke), prev(spoke)})
-          if (s.mesh.twin[h] >= 0) inner.push_back((std::min)(h, s.mesh.twin[h]));
+          if (s.mesh.twin[h] >= 0)
+            edges.push_back({(std::min)(s.mesh.tail[h], s.mesh.tip(h)),
+                             (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
       });
-    sort_unique(inner);
-    std::vector<Midpoint> edges;
-    for (int h : inner)
-      edges.push_back(
-          {(std::min)(s.mesh.tail[h], s.mesh.tip(h)), (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
     std::sort(edges.begin(), edges.end());
+    edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
     split_edges(edges, s);
-    Points2 fine(s.mesh.n_vertices, 2);
-    std::copy(x.data(), x.data() + x.size(), fine.data());
-    int v = rows_of(x);
-    for (const Midpoint& edge : edges)
-      set_row(fine, v++, 0.5 * (row2(fine, edge[0]) + row2(fine, edge[1])));
-    x.swap(fine);
+    x = with_midpoints(x, edges);
   }
 
   SurfacePair& pair_;
@@ -7028,12 +6751,12 @@ class LandmarkJoiner {
 
 // ---- which of them a call needs ----
 
-/// E_f + E_g, infinite for a failure.
+/// E_f + E_g per area, infinite for a failure.
 inline double strain(const SurfacePair& pair, const Embedding& e) {
   if (e.status != Status::kConverged) return kInfinity;
-  Array<Mat2> J;
-  const double energy = embedding_energy(pair.a, e.f, J) + embedding_energy(pair.b, e.g, J);
-  return energy < kInfinity ? energy : kInfinity;  // NaN, too
+  const double energy = embedding_energy(pair.a, e.f, 0, pair.a.mesh.n_faces) +
+                        embedding_energy(pair.b, e.g, 0, pair.b.mesh.n_faces);
+  return energy < kInfinity ? energy / (pair.a.total_area + pair.b.total_area) : kInfinity;
 }
 
 /// Embeds with free boundaries by shape; where that fails or strains the surfaces, once more by
@@ -7042,8 +6765,7 @@ inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& l
                          const Options& options, Embedding& embedding) {
   constexpr double kStrained = 100;  // of isometries: 4
   PairEmbedder(pair, landmarks, options, Approach::kShape, nullptr).run(embedding);
-  const double energy = strain(pair, embedding) / pair.total_area();
-  if (embedding.status != Status::kAborted && !(energy < kStrained)) {
+  if (embedding.status != Status::kAborted && !(strain(pair, embedding) < kStrained)) {
     Embedding other;
     PairEmbedder(pair, landmarks, options, Approach::kConnectivity, nullptr).run(other);
     if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
@@ -7081,9 +6803,6 @@ inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, con
   embedding.seconds = timer.lap();
 }
 
-}  // namespace detail
-}  // namespace ism
-
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
 // Purpose:    Φ and Φ⁻¹ at points and along curves of the surfaces; the meta mesh lifted to both;
@@ -7091,17 +6810,6 @@ inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, con
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
 //             of A with one of B; that key, never coordinates, identifies it.
 // Fails:      points outside the overlap are not covered.
-
-namespace ism {
-namespace detail {
-
-struct MapData : Outcome {
-  Points3 vertices_a, vertices_b;
-  HalfEdgeMesh a, b;
-  Points2 f, g;
-  Overlay overlay;
-  FaceGroups by_a, by_b;
-};
 
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
@@ -7122,21 +6830,6 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
   return surface_point(f, sum > 0 ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
 }
 
-/// Where a point of a surface lies in the plane.
-inline Vec2 planar_position(const HalfEdgeMesh& m, const Points2& x, const SurfacePoint& s) {
-  Vec2 p;
-  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row2(x, m.corner(s.face, k));
-  return p;
-}
-
-/// And where in space.
-inline Vec3 surface_position(const Points3& vertices, const HalfEdgeMesh& m,
-                             const SurfacePoint& s) {
-  Vec3 p;
-  for (int k = 0; k < 3; ++k) p += s.barycentric[k] * row3(vertices, m.corner(s.face, k));
-  return p;
-}
-
 /// Of several faces, the one that a point lies deepest in: its least barycentric coordinate counts.
 struct DeepestFace {
   double least = -1e-12;  // rounding may put a point on an edge outside both its faces
@@ -7149,56 +6842,57 @@ struct DeepestFace {
   }
 };
 
-/// One direction of the map: from mesh `from` embedded by x onto mesh `to` embedded by y.
-struct MapSide {
-  const HalfEdgeMesh& from;
-  const Points2& x;
-  const HalfEdgeMesh& to;
-  const Points2& y;
-  const FaceGroups& groups;  // polygons by face of `from`
-  const Array<OverlayPolygon>& polygons;
-  int OverlayPolygon::*target;  // the face of `to`
+/// Two embedded meshes and their overlay. Vertices and faces have their ids in A ⊔ B, so that Φ and
+/// Φ⁻¹ are one function: from the faces of either mesh to those of the other one.
+struct EmbeddedPair {
+  JointSurface s;
+  Points2 x;
+  Overlay overlay;
+  FaceGroups by_face;
 
-  bool has_face(int f) const { return f >= 0 && f + 1 < groups.start.size(); }
+  EmbeddedPair() = default;
+  EmbeddedPair(JointSurface surface, Points2 positions)
+      : s(std::move(surface)), x(std::move(positions)) {
+    compute_overlay(s, x, overlay);
+    by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
+  }
 
-  /// Calls visit(face of `to`) for every polygon in a face of `from`.
+  /// Calls visit(face of the other mesh) for every polygon in a face.
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
-    for (int i = groups.start[face]; i < groups.start[face + 1]; ++i)
-      visit(polygons[groups.item[i]].*target);
+    for (int i = by_face.start[face]; i < by_face.start[face + 1]; ++i) {
+      const OverlayPolygon& p = overlay.polygons[by_face.item[i]];
+      visit(face == p.ta ? p.tb : p.ta);
+    }
+  }
+
+  /// Where a point of a surface lies in the plane.
+  Vec2 planar_position(const SurfacePoint& p) const {
+    Vec2 sum;
+    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row2(x, s.mesh.corner(p.face, k));
+    return sum;
   }
 
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
-    for_each_target(face, [&](int t) { best.consider(t, barycentric(to, y, t, p)); });
+    for_each_target(face, [&](int t) { best.consider(t, barycentric(s.mesh, x, t, p)); });
   }
 
   MappedPoint image(const DeepestFace& best, Vec2 p) const {
-    MappedPoint result;
-    result.covered = best.face >= 0;
-    if (result.covered) result.point = closest_in_face(to, y, best.face, p);
-    return result;
+    if (best.face < 0) return {};
+    return {true, closest_in_face(s.mesh, x, best.face, p)};
   }
 
-  MappedPoint map(const SurfacePoint& s) const {
-    if (!has_face(s.face)) return {};
+  MappedPoint map(const SurfacePoint& point) const {
     DeepestFace best;
-    const Vec2 p = planar_position(from, x, s);
-    consider_face(s.face, p, best);
+    const Vec2 p = planar_position(point);
+    consider_face(point.face, p, best);
     return image(best, p);
   }
 
   MappedPoint map_vertex(int v) const {
-    if (groups.start.empty() || v < 0 || v >= from.n_vertices) return {};
     DeepestFace best;
-    const Vec2 p = row2(x, v);
-    from.for_each_outgoing(v, [&](int h) { consider_face(h / 3, p, best); });
-    return image(best, p);
-  }
-
-  std::vector<MappedPoint> map_vertices() const {
-    std::vector<MappedPoint> points;
-    for (int v = 0; v < from.n_vertices; ++v) points.push_back(map_vertex(v));
-    return points;
+    s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
+    return image(best, row2(x, v));
   }
 };
 
@@ -7227,43 +6921,43 @@ struct CurvePart {
   bool operator<(const CurvePart& o) const { return s < o.s; }
 };
 
-/// Maps curves of the first mesh of a side: straight in the plane, each segment is clipped by the
-/// triangles of the second mesh that the overlay knows to be there, and covered by the stretches
+/// Maps curves of one mesh to the other: straight in the plane, each segment is clipped by the
+/// triangles of the other mesh that the overlay knows to be there, and covered by the stretches
 /// that reach farthest. Triangles are taken a little larger than they are, so that neither rounding
 /// nor running along an edge tears a curve.
 class CurveMapper {
  public:
-  explicit CurveMapper(const MapSide& side) : side_(side), visited_(side.from.n_faces, -1) {
-    for (const Points2* x : {&side.x, &side.y})
-      for (Vec2 corner : bounding_box(*x))
-        extent_ = (std::max)({extent_, std::abs(corner.x), std::abs(corner.y)});
+  explicit CurveMapper(const EmbeddedPair& pair)
+      : pair_(pair), m_(pair.s.mesh), visited_(m_.n_faces, -1) {
+    for (int i = 0; i < pair.x.size(); ++i)
+      extent_ = (std::max)(extent_, std::abs(pair.x.data()[i]));
   }
 
   /// A path along edges.
   std::vector<Polyline> map_path(const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
-      const int u = vertices[i], v = vertices[i + 1], h = find_edge(side_.from, u, v);
+      const int u = vertices[i], v = vertices[i + 1], h = find_edge(m_, u, v);
       Array<int> faces;
       if (h >= 0) faces.push_back(h / 3);
-      if (h >= 0 && side_.from.twin[h] >= 0) faces.push_back(side_.from.twin[h] / 3);
+      if (h >= 0 && m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
       if (h >= 0)
-        add_segment(row2(side_.x, u), row2(side_.x, v), faces);
+        add_segment(row2(pair_.x, u), row2(pair_.x, v), faces);
       else
         interrupt();
     }
     return std::move(polylines_);
   }
 
+  /// Points with a negative face are none.
   std::vector<Polyline> map_curve(const Polyline& points) {
     for (std::size_t i = 0; i + 1 < points.size(); ++i) {
       if (!is_valid(points[i]) || !is_valid(points[i + 1])) {
         interrupt();
         continue;
       }
-      Array<int> faces = faces_around(side_.from, points[i]);
-      for (int f : faces_around(side_.from, points[i + 1])) faces.push_back(f);
-      add_segment(planar_position(side_.from, side_.x, points[i]),
-                  planar_position(side_.from, side_.x, points[i + 1]), faces);
+      Array<int> faces = faces_around(m_, points[i]);
+      for (int f : faces_around(m_, points[i + 1])) faces.push_back(f);
+      add_segment(pair_.planar_position(points[i]), pair_.planar_position(points[i + 1]), faces);
     }
     return std::move(polylines_);
   }
@@ -7271,19 +6965,17 @@ class CurveMapper {
  private:
   static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
 
-  bool is_valid(const SurfacePoint& s) const {
-    return side_.has_face(s.face) &&
-           std::isfinite(s.barycentric[0] + s.barycentric[1] + s.barycentric[2]);
+  static bool is_valid(const SurfacePoint& s) {
+    return s.face >= 0 && std::isfinite(s.barycentric[0] + s.barycentric[1] + s.barycentric[2]);
   }
 
   void interrupt() { is_open_ = false; }
 
   /// Narrows a stretch of pq to a triangle; false if nothing is left.
-  bool clip(Vec2 p, Vec2 q, const HalfEdgeMesh& m, const Points2& x, int face,
-            CurvePart& part) const {
+  bool clip(Vec2 p, Vec2 q, int face, CurvePart& part) const {
     constexpr double kRounding = 1e-14;  // of the size of the plane
     for (int h = 3 * face; h < 3 * face + 3; ++h) {
-      const Vec2 u = row2(x, m.tail[h]), edge = row2(x, m.tip(h)) - u;
+      const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
       const double slack = kRounding * extent_ * norm(edge);
       const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
       if (at_p < 0 && at_q < 0) return false;
@@ -7303,22 +6995,22 @@ class CurveMapper {
       const int f = faces.back();
       faces.pop_back();
       CurvePart in_from;
-      if (visited_[f] == n_segments_ || !clip(p, q, side_.from, side_.x, f, in_from)) continue;
+      if (visited_[f] == n_segments_ || !clip(p, q, f, in_from)) continue;
       visited_[f] = n_segments_;
-      side_.for_each_target(f, [&](int target) {
+      pair_.for_each_target(f, [&](int target) {
         CurvePart part = in_from;
         part.face = target;
-        if (clip(p, q, side_.to, side_.y, target, part)) stretches.push_back(part);
+        if (clip(p, q, target, part)) stretches.push_back(part);
       });
       for (int h = 3 * f; h < 3 * f + 3; ++h)
-        if (side_.from.twin[h] >= 0) faces.push_back(side_.from.twin[h] / 3);
+        if (m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
     }
     std::sort(stretches.begin(), stretches.end());
     return stretches;
   }
 
   void add_segment(Vec2 p, Vec2 q, Array<int>& faces) {
-    if (side_.groups.start.empty() || p == q) return;
+    if (p == q) return;
     const Array<CurvePart> stretches = collect(p, q, faces);
     double at = 0;
     for (int next = 0; next < stretches.size();) {
@@ -7339,7 +7031,7 @@ class CurveMapper {
 
   void append(Vec2 p, Vec2 q, int face, double s, double t) {
     const auto point = [&](double r) {
-      return closest_in_face(side_.to, side_.y, face, p + r * (q - p));
+      return closest_in_face(m_, pair_.x, face, p + r * (q - p));
     };
     if (is_open_)
       polylines_.back().pop_back();  // its last point is the first of this stretch
@@ -7350,32 +7042,88 @@ class CurveMapper {
     is_open_ = true;
   }
 
-  const MapSide side_;
+  const EmbeddedPair& pair_;
+  const HalfEdgeMesh& m_;
   double extent_ = 0;   // of the plane
-  Array<int> visited_;  // per face of the first mesh, by which segment last
+  Array<int> visited_;  // per face, by which segment last
   int n_segments_ = 0;
   std::vector<Polyline> polylines_;
   bool is_open_ = false;  // the last polyline goes on
 };
 
-/// Overlays d.f and d.g and groups the polygons by the faces of either mesh.
-inline void index_overlay(MapData& d) {
-  compute_overlay(d.a, d.f, d.b, d.g, d.overlay);
-  d.by_a = group_polygons(d.overlay.polygons, d.a.n_faces, &OverlayPolygon::ta);
-  d.by_b = group_polygons(d.overlay.polygons, d.b.n_faces, &OverlayPolygon::tb);
-}
+// ---- what a SurfaceMap holds ----
 
-inline MapSide forward_side(const MapData& d) {
-  return {d.a, d.f, d.b, d.g, d.by_a, d.overlay.polygons, &OverlayPolygon::tb};
-}
-inline MapSide backward_side(const MapData& d) {
-  return {d.b, d.g, d.a, d.f, d.by_b, d.overlay.polygons, &OverlayPolygon::ta};
-}
+struct MapData : Outcome {  // kConverged if the pair is there
+  TriangleMesh a, b;
+  EmbeddedPair pair;
+
+  bool ok() const { return status == Status::kConverged; }
+  const TriangleMesh& mesh(Side side) const { return side == Side::kA ? a : b; }
+  int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
+  int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
+
+  /// A point in the ids of A ⊔ B; its face is -1 if there is no such face.
+  SurfacePoint joint(const SurfacePoint& p, Side side) const {
+    const bool exists = ok() && p.face >= 0 && p.face < mesh(side).triangles.rows();
+    return {exists ? first_face(side) + p.face : -1, p.barycentric};
+  }
+
+  /// And back in those of its mesh.
+  SurfacePoint own(const SurfacePoint& p) const {
+    return {p.face < pair.s.faces_a ? p.face : p.face - pair.s.faces_a, p.barycentric};
+  }
+  MappedPoint own(MappedPoint image) const {
+    if (image.covered) image.point = own(image.point);
+    return image;
+  }
+  std::vector<Polyline> own(std::vector<Polyline> polylines) const {
+    for (Polyline& polyline : polylines)
+      for (SurfacePoint& p : polyline) p = own(p);
+    return polylines;
+  }
+
+  MappedPoint map(const SurfacePoint& point, Side from) const {
+    const SurfacePoint p = joint(point, from);
+    return p.face < 0 ? MappedPoint() : own(pair.map(p));
+  }
+
+  MappedPoint map_vertex(int v, Side from) const {
+    if (!ok() || v < 0 || v >= mesh(from).vertices.rows()) return {};
+    return own(pair.map_vertex(first_vertex(from) + v));
+  }
+
+  std::vector<MappedPoint> map_vertices(Side from) const {
+    std::vector<MappedPoint> images;
+    for (int v = 0; v < mesh(from).vertices.rows(); ++v) images.push_back(map_vertex(v, from));
+    return images;
+  }
+
+  std::vector<Polyline> map_path(std::vector<int> vertices, Side from) const {
+    if (!ok()) return {};
+    for (int& v : vertices)
+      v = v >= 0 && v < mesh(from).vertices.rows() ? first_vertex(from) + v : -1;
+    return own(CurveMapper(pair).map_path(vertices));
+  }
+
+  std::vector<Polyline> map_curve(Polyline points, Side from) const {
+    if (!ok()) return {};
+    for (SurfacePoint& p : points) p = joint(p, from);
+    return own(CurveMapper(pair).map_curve(points));
+  }
+
+  /// Where a point lies in space.
+  Vec3 position(const SurfacePoint& p, Side side) const {
+    const TriangleMesh& m = mesh(side);
+    Vec3 sum;
+    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
+    return sum;
+  }
+};
 
 // ---- meta mesh ----
 
-/// What a corner of a polygon is: a vertex of A, a vertex of B, or a crossing of two edges, each
-/// named by the smaller of its half-edges.
+/// What a corner of a polygon is: a vertex (kind 0), or a crossing of two edges, each named by the
+/// smaller of its half-edges (kind 1).
 struct CornerKey {
   int kind, first, second;
   bool operator<(const CornerKey& o) const {
@@ -7387,13 +7135,13 @@ struct CornerKey {
 /// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
  public:
-  explicit MetaMeshBuilder(const MapData& data) : data_(data) {}
+  explicit MetaMeshBuilder(const MapData& data) : data_(data), m_(data.pair.s.mesh) {}
 
   MetaMesh build() {
-    for (const OverlayPolygon& p : data_.overlay.polygons) add_polygon(p);
     MetaMesh mesh;
-    mesh.a = {data_.vertices_a, triangles_of(data_.a)};
-    mesh.b = {data_.vertices_b, triangles_of(data_.b)};
+    mesh.a = data_.a;
+    mesh.b = data_.b;
+    for (const OverlayPolygon& p : data_.pair.overlay.polygons) add_polygon(p);
     set_vertices(mesh);
     set_corners(mesh);
     return mesh;
@@ -7402,7 +7150,7 @@ class MetaMeshBuilder {
  private:
   struct Corner {
     CornerKey key;
-    SurfacePoint on_a, on_b;
+    SurfacePoint on_a, on_b;  // in the ids of the meshes
   };
 
   /// The first corner with a key stands for its vertex.
@@ -7423,9 +7171,9 @@ class MetaMeshBuilder {
     mesh.plane.resize(first.size(), 2);
     for (int v = 0; v < first.size(); ++v) {
       const Corner& c = corners_[first[v]];
-      set_row(mesh.on_a, v, surface_position(data_.vertices_a, data_.a, c.on_a));
-      set_row(mesh.on_b, v, surface_position(data_.vertices_b, data_.b, c.on_b));
-      set_row(mesh.plane, v, planar_position(data_.a, data_.f, c.on_a));
+      set_row(mesh.on_a, v, data_.position(c.on_a, Side::kA));
+      set_row(mesh.on_b, v, data_.position(c.on_b, Side::kB));
+      set_row(mesh.plane, v, data_.pair.planar_position(c.on_a));
     }
   }
 
@@ -7437,52 +7185,53 @@ class MetaMeshBuilder {
       set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
     }
     int next = 0;
-    for (const OverlayPolygon& p : data_.overlay.polygons) {
+    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
       mesh.face_a.push_back(p.ta);
-      mesh.face_b.push_back(p.tb);
+      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
       mesh.polygons.emplace_back();
       for (int i = 0; i < p.count; ++i) mesh.polygons.back().push_back(id_[next++]);
     }
   }
 
-  static int edge_id(const HalfEdgeMesh& m, int h) {
-    return m.twin[h] < 0 ? h : (std::min)(h, m.twin[h]);
-  }
+  int edge_id(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
 
-  static SurfacePoint on_edge(int face, int k, double t) {
-    return surface_point(face, (1 - t) * unit3(k) + t * unit3((k + 1) % 3));
-  }
+  static Vec3 on_edge(int k, double t) { return (1 - t) * unit3(k) + t * unit3((k + 1) % 3); }
 
   void add_polygon(const OverlayPolygon& p) {
-    const SixPoints x = six_points(data_.a, data_.f, data_.b, data_.g, p);
+    const SixPoints x = six_points(m_, data_.pair.x, p);
     const PolygonShape shape = polygon_shape(p, x);
     for (int i = 0; i < p.count; ++i) {
       const Piece &before = shape[(i + p.count - 1) % p.count], &piece = shape[i];
-      corners_.push_back(same_triangle(before.e, piece.e) ? vertex_corner(p, piece.e, x)
-                                                          : crossing_corner(p, before, piece));
+      if (same_triangle(before.e, piece.e))
+        add_vertex(p, piece.e, x);
+      else
+        add_crossing(p, before, piece);
     }
   }
 
-  Corner vertex_corner(const OverlayPolygon& p, int e, const SixPoints& x) const {
-    if (e < 3)
-      return {{0, data_.a.corner(p.ta, e), 0},
-              surface_point(p.ta, unit3(e)),
-              surface_point(p.tb, barycentric(x[e], x[3], x[4], x[5]))};
-    return {{1, data_.b.corner(p.tb, e - 3), 0},
-            surface_point(p.ta, barycentric(x[e], x[0], x[1], x[2])),
-            surface_point(p.tb, unit3(e - 3))};
+  void add_corner(const CornerKey& key, const OverlayPolygon& p, const Vec3& on_a,
+                  const Vec3& on_b) {
+    corners_.push_back({key, surface_point(p.ta, on_a), data_.own(surface_point(p.tb, on_b))});
   }
 
-  Corner crossing_corner(const OverlayPolygon& p, const Piece& before, const Piece& piece) const {
+  void add_vertex(const OverlayPolygon& p, int e, const SixPoints& x) {
+    const bool of_a = e < 3;
+    const int k = of_a ? e : e - 3;
+    const Vec3 on_a = of_a ? unit3(k) : barycentric(x[e], x[0], x[1], x[2]);
+    const Vec3 on_b = of_a ? barycentric(x[e], x[3], x[4], x[5]) : unit3(k);
+    add_corner({0, m_.corner(of_a ? p.ta : p.tb, k), 0}, p, on_a, on_b);
+  }
+
+  void add_crossing(const OverlayPolygon& p, const Piece& before, const Piece& piece) {
     const bool a_first = before.e < 3;
     const int edge_a = a_first ? before.e : piece.e, edge_b = (a_first ? piece.e : before.e) - 3;
     const double t = a_first ? before.t : piece.s, mu = a_first ? piece.s : before.t;
-    return {{2, edge_id(data_.a, 3 * p.ta + edge_a), edge_id(data_.b, 3 * p.tb + edge_b)},
-            on_edge(p.ta, edge_a, t),
-            on_edge(p.tb, edge_b, mu)};
+    add_corner({1, edge_id(3 * p.ta + edge_a), edge_id(3 * p.tb + edge_b)}, p, on_edge(edge_a, t),
+               on_edge(edge_b, mu));
   }
 
   const MapData& data_;
+  const HalfEdgeMesh& m_;
   Array<Corner> corners_;
   Array<int> id_;  // of every corner, that of its vertex
 };
@@ -7510,16 +7259,16 @@ inline PolygonDistortion polygon_distortion(const Mat2& F, const Mat2& G, double
   return d;
 }
 
-inline std::vector<PolygonDistortion> polygon_distortions(const MapData& d, bool keep_scale) {
+inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pair,
+                                                          bool keep_scale) {
+  const JointSurface& s = pair.s;
+  const double scale_a = keep_scale ? s.scale_a : 1, scale_b = keep_scale ? s.scale_b : 1;
   std::vector<PolygonDistortion> result;
-  if (d.overlay.polygons.empty()) return result;
-  const Surface a = build_surface(d.a, d.vertices_a, keep_scale);
-  const Surface b = build_surface(d.b, d.vertices_b, keep_scale);
-  for (const OverlayPolygon& p : d.overlay.polygons) {
-    const SixPoints x = six_points(d.a, d.f, d.b, d.g, p);
+  for (const OverlayPolygon& p : pair.overlay.polygons) {
+    const SixPoints x = six_points(s.mesh, pair.x, p);
     const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
-    result.push_back(
-        polygon_distortion(triangle_jacobian(a, d.f, p.ta), triangle_jacobian(b, d.g, p.tb), area));
+    result.push_back(polygon_distortion(scale_a * triangle_jacobian(s, pair.x, p.ta),
+                                        scale_b * triangle_jacobian(s, pair.x, p.tb), area));
   }
   return result;
 }
@@ -7531,44 +7280,40 @@ inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
 MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
-  return detail::forward_side(*data_).map(on_a);
+  return data_->map(on_a, Side::kA);
 }
 MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
-  return detail::backward_side(*data_).map(on_b);
+  return data_->map(on_b, Side::kB);
 }
-MappedPoint SurfaceMap::forward_vertex(int a) const {
-  return detail::forward_side(*data_).map_vertex(a);
-}
-MappedPoint SurfaceMap::backward_vertex(int b) const {
-  return detail::backward_side(*data_).map_vertex(b);
-}
+MappedPoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
+MappedPoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
 std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
-  return detail::forward_side(*data_).map_vertices();
+  return data_->map_vertices(Side::kA);
 }
 std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
-  return detail::backward_side(*data_).map_vertices();
+  return data_->map_vertices(Side::kB);
 }
 std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
-  return detail::CurveMapper(detail::forward_side(*data_)).map_path(vertices);
+  return data_->map_path(vertices, Side::kA);
 }
 std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
-  return detail::CurveMapper(detail::backward_side(*data_)).map_path(vertices);
+  return data_->map_path(vertices, Side::kB);
 }
 std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
-  return detail::CurveMapper(detail::forward_side(*data_)).map_curve(points);
+  return data_->map_curve(points, Side::kA);
 }
 std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
-  return detail::CurveMapper(detail::backward_side(*data_)).map_curve(points);
+  return data_->map_curve(points, Side::kB);
 }
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
-  return detail::to_eigen(detail::surface_position(data_->vertices_a, data_->a, p));
+  return detail::to_eigen(data_->position(p, Side::kA));
 }
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
-  return detail::to_eigen(detail::surface_position(data_->vertices_b, data_->b, p));
+  return detail::to_eigen(data_->position(p, Side::kB));
 }
 MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
-  return detail::polygon_distortions(*data_, keep_scale);
+  return detail::polygon_distortions(data_->pair, keep_scale);
 }
 
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
@@ -7601,8 +7346,6 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
   return s;
 }
 
-}  // namespace ism
-
 // ==== [16] APPLICATIONS (paper §1, §6.3) =========================================================
 //
 // Purpose:    attributes carried between the surfaces, remeshing, paths along halved edges.
@@ -7610,7 +7353,6 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
 //             exactly; what one mesh gives to the meta mesh it gets back.
 // Fails:      with a status where attributes do not fit a mesh.
 
-namespace ism {
 namespace detail {
 
 /// What a meta mesh says of one of its two meshes.
@@ -7702,69 +7444,34 @@ inline void add_integral(const MetaSide& side, int f, Eigen::Index first, Eigen:
 
 // ---- meshes with vertices added in the middle of edges ----
 
-/// A vertex of a refined mesh as a mean of vertices of the mesh it refines, ascending.
-using Ancestors = Array<RowEntry>;
-
-inline void add_ancestor(int v, double weight, Ancestors& ancestors) {
-  int i = 0;
-  while (i < ancestors.size() && ancestors[i].column < v) ++i;
-  if (i == ancestors.size() || ancestors[i].column != v) {
-    ancestors.push_back({v, 0});
-    std::rotate(ancestors.begin() + i, ancestors.end() - 1, ancestors.end());
-  }
-  ancestors[i].value += weight;
-}
-
-inline Array<Ancestors> ancestors_of(int n_given, const std::vector<Midpoint>& added) {
-  Array<Ancestors> result(n_given);
-  for (int v = 0; v < n_given; ++v) result[v].push_back({v, 1.0});
-  for (const Midpoint& edge : added) {
-    Ancestors middle;
-    for (int end : edge)
-      if (end >= 0 && end < result.size())
-        for (const RowEntry& a : result[end]) add_ancestor(a.column, 0.5 * a.value, middle);
-    result.push_back(middle);
-  }
-  return result;
-}
-
-/// The sorted corners of a triangle, and the triangle.
-using FaceKey = std::array<int, 4>;
-
-inline Array<FaceKey> faces_by_corners(const Triangles& triangles) {
-  Array<FaceKey> keys;
-  for (int f = 0; f < triangles.rows(); ++f) {
-    keys.push_back({triangles(f, 0), triangles(f, 1), triangles(f, 2), f});
-    std::sort(keys.back().begin(), keys.back().begin() + 3);
-  }
-  std::sort(keys.begin(), keys.end());
-  return keys;
-}
-
-/// The triangle of a mesh in which triangle f of its refinement lies, or -1.
-inline int parent_face(const Array<FaceKey>& faces, const Array<Ancestors>& ancestors,
-                       const Triangles& triangles, int f) {
-  Array<int> corners;
-  for (int k = 0; k < 3; ++k)
-    for (const RowEntry& a : ancestors[triangles(f, k)]) corners.push_back(a.column);
-  sort_unique(corners);
-  if (corners.size() != 3) return -1;
-  const FaceKey key = {corners[0], corners[1], corners[2], -1};
-  const FaceKey* found = std::lower_bound(faces.begin(), faces.end(), key);
-  if (found == faces.end() || !std::equal(key.begin(), key.begin() + 3, found->begin())) return -1;
-  return (*found)[3];
-}
-
-/// Where a vertex is among the corners of a triangle.
-inline int corner_of(const Triangles& triangles, int f, int v) {
-  return triangles(f, 0) == v ? 0 : triangles(f, 1) == v ? 1 : 2;
-}
-
-/// A halved edge and the vertex in its middle.
-struct HalvedEdge {
-  int lo, hi, middle;
-  bool operator<(const HalvedEdge& o) const { return lo != o.lo ? lo < o.lo : hi < o.hi; }
+/// A refined mesh: for every triangle the one it lies in, and where its corners are there.
+struct Refinement {
+  HalfEdgeMesh mesh;
+  Array<int> parent;  // per triangle
+  Array<Vec3> place;  // per corner, barycentric coordinates
 };
+
+/// Halves the same edges once more; false if one of them is not there.
+inline bool halve_edges(const std::vector<Midpoint>& added, Refinement& r) {
+  for (int f = 0; f < r.mesh.n_faces; ++f) {
+    r.parent.push_back(f);
+    for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
+  }
+  for (const Midpoint& edge : added) {
+    const int h = find_edge(r.mesh, edge[0], edge[1]);
+    if (h < 0) return false;
+    const int twin = r.mesh.twin[h];
+    split_edge(r.mesh, h);
+    for (int side : {h, twin}) {  // as split_face() cuts their triangles
+      if (side < 0) continue;
+      const Vec3 middle = 0.5 * (r.place[side] + r.place[next(side)]);
+      r.parent.push_back(r.parent[side / 3]);
+      for (const Vec3& p : {middle, r.place[next(side)], r.place[prev(side)]}) r.place.push_back(p);
+      r.place[next(side)] = middle;
+    }
+  }
+  return true;
+}
 
 }  // namespace detail
 
@@ -7817,34 +7524,21 @@ Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
   const Eigen::Index rows = detail::element_count(mesh, element);
   if (values.rows() != rows)
     return detail::misfit(values.rows(), rows, detail::element_name(element));
-  const detail::Array<detail::Ancestors> ancestors =
-      detail::ancestors_of(static_cast<int>(mesh.vertices.rows()), added);
-  if (ancestors.size() != refined.vertices.rows())
+  detail::Refinement r;
+  if (!detail::find_problems(mesh, r.mesh).empty() || !detail::halve_edges(added, r) ||
+      r.mesh.n_vertices != refined.vertices.rows() || r.mesh.n_faces != refined.triangles.rows() ||
+      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), refined.triangles.data()))
     return detail::invalid_attributes(
-        {"the refined mesh has ", static_cast<int>(refined.vertices.rows()),
-         " vertices, but the mesh and what was added have ", ancestors.size()});
-  for (Eigen::Index f = 0; f < refined.triangles.rows(); ++f)
-    for (int k = 0; k < 3; ++k)
-      if (refined.triangles(f, k) < 0 || refined.triangles(f, k) >= ancestors.size())
-        return detail::invalid_attributes({"a triangle of the refined mesh has no such vertex"});
-  const detail::Array<detail::FaceKey> faces = detail::faces_by_corners(mesh.triangles);
+        {"the refined mesh is not the mesh with vertices added in the middle of these edges"});
   Attributes result;
   result.values.setZero(detail::element_count(refined, element), values.cols());
   result.covered.assign(static_cast<std::size_t>(result.values.rows()), 1);
-  for (int f = 0; f < refined.triangles.rows(); ++f) {
-    const int parent = detail::parent_face(faces, ancestors, refined.triangles, f);
-    if (parent < 0)
-      return detail::invalid_attributes(
-          {"triangle ", f, " of the refined mesh lies in none of the mesh"});
-    for (int k = 0; k < 3; ++k) {
-      const Eigen::Index row = detail::element_row(refined, element, f, k);
-      for (Eigen::Index c = 0; c < values.cols(); ++c) result.values(row, c) = 0;
-      for (const detail::RowEntry& a : ancestors[refined.triangles(f, k)])
-        detail::add_row(a.value, values,
-                        detail::element_row(mesh, element, parent,
-                                            detail::corner_of(mesh.triangles, parent, a.column)),
-                        result.values, row);
-    }
+  for (int h = 0; h < r.mesh.tail.size(); ++h) {
+    const Eigen::Index row = detail::element_row(refined, element, h / 3, h % 3);
+    for (Eigen::Index c = 0; c < values.cols(); ++c) result.values(row, c) = 0;
+    for (int k = 0; k < 3; ++k)
+      detail::add_row(r.place[h][k], values, detail::element_row(mesh, element, r.parent[h / 3], k),
+                      result.values, row);
   }
   return result;
 }
@@ -7852,25 +7546,25 @@ Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
                                          const TriangleMesh& mesh,
                                          const std::vector<Midpoint>& added) {
-  detail::Array<detail::HalvedEdge> halved;
+  detail::Array<std::array<int, 3>> halved;  // smaller end, larger end, middle
   int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
   for (const Midpoint& edge : added) {
-    const detail::HalvedEdge e = {(std::min)(edge[0], edge[1]), (std::max)(edge[0], edge[1]),
-                                  middle++};
-    if (e.middle > e.hi) halved.push_back(e);
+    const int lo = (std::min)(edge[0], edge[1]), hi = (std::max)(edge[0], edge[1]);
+    if (middle > hi) halved.push_back({lo, hi, middle});
+    ++middle;
   }
   std::sort(halved.begin(), halved.end());
   std::vector<std::vector<int>> paths;
   for (const std::array<int, 2>& edge : edges) {
     std::vector<int> path = {edge[0], edge[1]};
     for (std::size_t i = 0; i + 1 < path.size();) {
-      const detail::HalvedEdge key = {(std::min)(path[i], path[i + 1]),
-                                      (std::max)(path[i], path[i + 1]), -1};
-      const detail::HalvedEdge* found = std::lower_bound(halved.begin(), halved.end(), key);
-      if (found == halved.end() || key < *found)
-        ++i;
+      const int lo = (std::min)(path[i], path[i + 1]), hi = (std::max)(path[i], path[i + 1]);
+      const std::array<int, 3>* found =
+          std::lower_bound(halved.begin(), halved.end(), std::array<int, 3>{lo, hi, -1});
+      if (found != halved.end() && (*found)[0] == lo && (*found)[1] == hi)
+        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, (*found)[2]);
       else
-        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, found->middle);
+        ++i;
     }
     paths.push_back(std::move(path));
   }
@@ -7878,34 +7572,30 @@ std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& 
 }
 
 Remesh remesh(const SurfaceMap& map, Side side) {
+  const detail::MapData& data = *map.data_;
+  const Side other = side == Side::kA ? Side::kB : Side::kA;
+  const TriangleMesh& mesh = data.mesh(side);
   Remesh result;
-  const bool of_a = side == Side::kA;
-  const std::vector<MappedPoint> images = of_a ? map.forward_vertices() : map.backward_vertices();
-  const auto position = [&](const MappedPoint& image) {
-    return of_a ? detail::surface_position(map.data_->vertices_b, map.data_->b, image.point)
-                : detail::surface_position(map.data_->vertices_a, map.data_->a, image.point);
-  };
-  const int n = static_cast<int>(images.size());
-  int first = 0;
-  while (first < n && !images[static_cast<std::size_t>(first)].covered) ++first;
-  result.mesh.vertices = Points3::Zero(n, 3);
-  for (int v = 0; v < n; ++v) {
+  result.mesh.vertices = Points3::Zero(mesh.vertices.rows(), 3);
+  const std::vector<MappedPoint> images = data.map_vertices(side);
+  detail::Vec3 first;  // image
+  for (std::size_t v = images.size(); v-- > 0;)
+    if (images[v].covered) first = data.position(images[v].point, other);
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
     const MappedPoint& image = images[static_cast<std::size_t>(v)];
     result.covered.push_back(image.covered);
-    if (first < n)
-      detail::set_row(result.mesh.vertices, v,
-                      position(image.covered ? image : images[static_cast<std::size_t>(first)]));
+    detail::set_row(result.mesh.vertices, v,
+                    image.covered ? data.position(image.point, other) : first);
   }
-  const detail::HalfEdgeMesh& m = of_a ? map.data_->a : map.data_->b;
   detail::Array<int> corners;
-  for (int f = 0; f < m.n_faces; ++f) {
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
     bool is_covered = true;
     for (int k = 0; k < 3; ++k)
-      is_covered = is_covered && images[static_cast<std::size_t>(m.corner(f, k))].covered;
-    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(m.corner(f, k));
+      is_covered =
+          is_covered && result.covered[static_cast<std::size_t>(mesh.triangles(f, k))] != 0;
+    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(mesh.triangles(f, k));
   }
-  result.mesh.triangles.resize(corners.size() / 3, 3);
-  std::copy(corners.begin(), corners.end(), result.mesh.triangles.data());
+  result.mesh.triangles = detail::triangles_from(corners);
   return result;
 }
 
@@ -7916,15 +7606,12 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
   return x;
 }
 
-}  // namespace ism
-
 // ==== [17] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
 // Fails:      with the status, message and ids of the first check that does.
 
-namespace ism {
 namespace detail {
 
 /// The connectivity of a mesh that is valid.
@@ -7941,16 +7628,14 @@ inline bool check_mesh(const TriangleMesh& mesh, const char* name, HalfEdgeMesh&
 /// Half of a landmark, of which there may be one per vertex.
 inline bool check_landmark(const Landmark& l, const char* mesh, int v, Array<char>& used,
                            Outcome& outcome) {
+  const std::string name = sentence({"landmark ", l.a, " ", l.b, ": "});
   if (v < 0 || v >= used.size())
     return fail(outcome, Status::kInvalidLandmarks,
-                {"landmark ", l.a, " ", l.b, ": mesh ", mesh, " has no vertex ", v, ", it has ",
-                 used.size(), " vertices, counted from 0"},
+                {name, "mesh ", mesh, " has no vertex ", v, ", it has ", used.size(),
+                 " vertices, counted from 0"},
                 {v});
-  if (used[v]++)
-    return fail(
-        outcome, Status::kInvalidLandmarks,
-        {"landmark ", l.a, " ", l.b, ": vertex ", v, " of ", mesh, " is in another landmark"}, {v});
-  return true;
+  return !used[v]++ || fail(outcome, Status::kInvalidLandmarks,
+                            {name, "vertex ", v, " of ", mesh, " is in another landmark"}, {v});
 }
 
 inline bool check_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
@@ -7964,36 +7649,36 @@ inline bool check_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
 }
 
 inline bool check_options(const Options& o, Outcome& outcome) {
-  const auto require = [&](bool good, const char* rule) {
-    return good || fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule});
-  };
-  return require(o.measure.is_complete(), "measure must have a density") &&
-         require(o.coverage_weight >= 0 && std::isfinite(o.coverage_weight),
-                 "coverage_weight must be at least 0") &&
-         require(o.barrier_weight > 0 && std::isfinite(o.barrier_weight),
-                 "barrier_weight must be positive") &&
-         require(o.spd_epsilon > 0 && std::isfinite(o.spd_epsilon),
-                 "spd_epsilon must be positive") &&
-         require(o.history_length >= 1, "history_length must be at least 1") &&
-         require(o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]") &&
-         require(o.omega_start >= 0 && std::isfinite(o.omega_start),
-                 "omega_start must be at least 0") &&
-         require(o.omega_factor > 1 && std::isfinite(o.omega_factor),
-                 "omega_factor must be above 1") &&
-         require(o.omega_least >= 0 && (o.omega_least <= o.omega_start || o.omega_start == 0),
-                 "omega_least must be in [0, omega_start]") &&
-         require(o.max_displacement > 0, "max_displacement must be positive") &&
-         require(o.max_coverage_loss > 0, "max_coverage_loss must be positive") &&
-         require(o.least_coverage >= 0 && o.least_coverage < 1,
-                 "least_coverage must be in [0, 1)") &&
-         require(o.search_stride >= 1 && o.search_stride <= 8, "search_stride must be in [1, 8]") &&
-         require(o.short_step >= 0, "short_step must be at least 0") &&
-         require(o.solve_tolerance > 0 && o.solve_tolerance < 1,
-                 "solve_tolerance must be in (0, 1)") &&
-         require(o.max_iterations >= 0, "max_iterations must be at least 0") &&
-         require(o.tolerance >= 0, "tolerance must be at least 0") &&
-         require(o.window >= 1, "window must be at least 1") &&
-         require(o.threads >= 0, "threads must be at least 0");
+  const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
+  const auto in_0_to_1 = [](double x) { return x >= 0 && x < 1; };
+  const struct {
+    bool is_met;
+    const char* text;
+  } rules[] = {
+      {o.measure.is_complete(), "measure must have a density"},
+      {at_least_0(o.coverage_weight), "coverage_weight must be at least 0"},
+      {at_least_0(o.barrier_weight) && o.barrier_weight > 0, "barrier_weight must be positive"},
+      {at_least_0(o.spd_epsilon) && o.spd_epsilon > 0, "spd_epsilon must be positive"},
+      {o.history_length >= 1, "history_length must be at least 1"},
+      {o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]"},
+      {at_least_0(o.omega_start), "omega_start must be at least 0"},
+      {at_least_0(o.omega_factor) && o.omega_factor > 1, "omega_factor must be above 1"},
+      {o.omega_least >= 0 && (o.omega_least <= o.omega_start || o.omega_start == 0),
+       "omega_least must be in [0, omega_start]"},
+      {o.max_displacement > 0, "max_displacement must be positive"},
+      {o.max_coverage_loss > 0, "max_coverage_loss must be positive"},
+      {in_0_to_1(o.least_coverage), "least_coverage must be in [0, 1)"},
+      {o.search_stride >= 1 && o.search_stride <= 8, "search_stride must be in [1, 8]"},
+      {o.short_step >= 0, "short_step must be at least 0"},
+      {in_0_to_1(o.solve_tolerance) && o.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
+      {o.max_iterations >= 0, "max_iterations must be at least 0"},
+      {o.tolerance >= 0, "tolerance must be at least 0"},
+      {o.window >= 1, "window must be at least 1"},
+      {o.threads >= 0, "threads must be at least 0"}};
+  for (const auto& rule : rules)
+    if (!rule.is_met)
+      return fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule.text});
+  return true;
 }
 
 /// What vertices of one mesh are bound by, if anything.
@@ -8003,16 +7688,11 @@ using Bonds = Array<const char*>;
 inline bool claim(const std::vector<int>& vertices, const char* mesh, const char* how, Bonds& bonds,
                   Outcome& outcome) {
   for (int v : vertices) {
+    const std::string what = sentence({"vertex ", v, " of ", mesh, " is to be ", how, ", but "});
     if (v < 0 || v >= bonds.size())
-      return fail(
-          outcome, Status::kInvalidPins,
-          {"vertex ", v, " of ", mesh, " is to be ", how, ", but ids are 0 to ", bonds.size() - 1},
-          {v});
+      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", bonds.size() - 1}, {v});
     if (bonds[v] != nullptr)
-      return fail(
-          outcome, Status::kInvalidPins,
-          {"vertex ", v, " of ", mesh, " is to be ", how, ", but it is ", bonds[v], " already"},
-          {v});
+      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"}, {v});
     bonds[v] = how;
   }
   return true;
@@ -8055,8 +7735,8 @@ inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
       !check_mesh(b, "B", n, outcome) || !check_landmarks(m, n, landmarks, outcome) ||
       !check_constraints(m, n, landmarks, options, outcome))
     return false;
-  pair.a = build_surface(std::move(m), a.vertices, options.keep_scale);
-  pair.b = build_surface(std::move(n), b.vertices, options.keep_scale);
+  pair = {build_surface(std::move(m), a.vertices, options.keep_scale),
+          build_surface(std::move(n), b.vertices, options.keep_scale)};
   return true;
 }
 
@@ -8065,12 +7745,12 @@ inline double largest_landmark_distance(const Embedding& e,
   double largest = 0;
   for (const Landmark& l : landmarks)
     largest = (std::max)(largest, norm(row2(e.f, l.a) - row2(e.g, l.b)));
-  return largest / domain_radius(e.f, e.g);
+  return largest / domain_radius(stacked(e.f, e.g));
 }
 
 /// The mesh that a surface was built from, with the vertices added since.
 inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface& s) {
-  return {with_midpoints(given.vertices, s.added), triangles_of(s.mesh)};
+  return {with_midpoints(given.vertices, s.added), triangles_from(s.mesh.tail)};
 }
 
 /// Hands over the meshes that were embedded.
@@ -8100,142 +7780,113 @@ inline void take_positions(const SurfacePair& pair, const Options& options, Embe
   check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
-inline void scale(double factor, Points2& x) {
-  for (int i = 0; i < x.rows(); ++i) set_row(x, i, factor * row2(x, i));
-}
-
 /// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
 /// on it (§4.6), but E_f and E_g do, and ε. Being a power of two, it can be undone without
 /// rounding.
-inline double plane_scale(const SurfacePair& pair, const Points2& f, const Points2& g) {
-  const auto area = [](const HalfEdgeMesh& m, const Points2& x) {
-    double twice = 0;
-    for (int h : m.boundary) twice += cross(row2(x, m.tail[h]), row2(x, m.tip(h)));
-    return 0.5 * std::abs(twice);
-  };
-  const double ratio = pair.total_area() / (area(pair.a.mesh, f) + area(pair.b.mesh, g));
+inline double plane_scale(const JointSurface& s, const Points2& x) {
+  double area[2] = {0, 0};
+  for (int h : s.mesh.boundary)
+    area[h < 3 * s.faces_a] += 0.5 * cross(row2(x, s.mesh.tail[h]), row2(x, s.mesh.tip(h)));
+  const double ratio = s.total_area / (std::abs(area[0]) + std::abs(area[1]));
   const double exponent = std::round(0.5 * std::log2(ratio));
   return std::isfinite(exponent) ? std::exp2(exponent) : 1;
 }
 
-/// Where the pins of one mesh are put: the images of its vertices under one side of the map.
-struct PinnedSide {
-  const std::vector<int>& vertices;
-  const char *mesh, *other;
-  MapSide map;
-  int first_row, first_master;
-};
+inline Points2 scaled(double factor, Points2 x) {
+  for (int i = 0; i < x.size(); ++i) x.data()[i] *= factor;
+  return x;
+}
 
-inline bool add_pins(const PinnedSide& side, Array<Follower>& followers, Outcome& outcome) {
-  for (int v : side.vertices) {
-    const MappedPoint image = side.map.map_vertex(v);
+/// "5 of A", of a vertex of A ⊔ B; and its id there.
+inline int own_id(const JointSurface& s, int v) { return v < s.n_a ? v : v - s.n_a; }
+inline std::string name_of(const JointSurface& s, int v) {
+  return sentence({own_id(s, v), v < s.n_a ? " of A" : " of B"});
+}
+
+/// Where the start puts pinned vertices.
+inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
+                     Array<Follower>& followers, Outcome& outcome) {
+  for (int v : pins) {
+    const MappedPoint image = pair.map_vertex(first + v);
     if (!image.covered)
-      return fail(
-          outcome, Status::kInvalidPins,
-          {"pin: vertex ", v, " of ", side.mesh, " is not mapped to ", side.other, " by the start"},
-          {v});
-    followers.push_back(follower_in(side.first_row + v, side.map.to, side.first_master,
-                                    image.point.face, weights_of(image.point)));
+      return fail(outcome, Status::kInvalidPins,
+                  {"pin: vertex ", name_of(pair.s, first + v), " is not mapped to ",
+                   first == 0 ? "B" : "A", " by the start"},
+                  {v});
+    followers.push_back(
+        follower_in(pair.s.mesh, first + v, image.point.face, weights_of(image.point)));
   }
   return true;
 }
 
 /// A pin must not lie in a triangle with a pinned vertex: followers of followers are not resolved.
-inline bool check_chains(const Array<Follower>& followers, int n_a, int rows, Outcome& outcome) {
-  const auto id = [&](int row) { return row < n_a ? row : row - n_a; };
-  const auto mesh = [&](int row) { return row < n_a ? " of A" : " of B"; };
-  const Substitution P(followers, rows);
+inline bool check_chains(const JointSurface& s, const Array<Follower>& followers,
+                         Outcome& outcome) {
+  const Substitution P(followers, s.mesh.n_vertices);
   for (const Follower& follower : followers)
     for (int k = 0; k < 3; ++k)
       if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
-        return fail(
-            outcome, Status::kInvalidPins,
-            {"pin: vertex ", id(follower.row), mesh(follower.row), " lies in a triangle of vertex ",
-             id(follower.master[k]), mesh(follower.master[k]), ", which is pinned too"},
-            {id(follower.row), id(follower.master[k])});
+        return fail(outcome, Status::kInvalidPins,
+                    {"pin: vertex ", name_of(s, follower.row), " lies in a triangle of vertex ",
+                     name_of(s, follower.master[k]), ", which is pinned too"},
+                    {own_id(s, follower.row), own_id(s, follower.master[k])});
   return true;
 }
 
 /// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
-inline bool find_followers(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                           const Options& options, Array<Follower>& followers, Result& result) {
+inline bool find_followers(const JointSurface& s, const Points2& x,
+                           const std::vector<Landmark>& landmarks, const Options& options,
+                           Array<Follower>& followers, Outcome& outcome) {
   for (const Landmark& l : landmarks) {
     if (!options.exact_landmarks) break;
-    if (row2(result.f, l.a) != row2(result.g, l.b))
-      return fail(result, Status::kInvalidPositions,
+    if (row2(x, l.a) != row2(x, s.n_a + l.b))
+      return fail(outcome, Status::kInvalidPositions,
                   {"landmark ", l.a, " ", l.b,
                    ": exact_landmarks needs given positions in which its images coincide"},
                   {l.a, l.b});
-    followers.push_back(landmark_follower(pair, l));
+    followers.push_back(landmark_follower(s, l));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
-  MapData map;
-  map.a = pair.a.mesh;
-  map.b = pair.b.mesh;
-  map.f = result.f;
-  map.g = result.g;
-  index_overlay(map);
-  const int n = pair.n_a();
-  return add_pins({options.pins_a, "A", "B", forward_side(map), 0, n}, followers, result) &&
-         add_pins({options.pins_b, "B", "A", backward_side(map), n, 0}, followers, result) &&
-         check_chains(followers, n, pair.rows(), result);
+  const EmbeddedPair pair(s, x);
+  return add_pins(pair, options.pins_a, 0, followers, outcome) &&
+         add_pins(pair, options.pins_b, s.n_a, followers, outcome) &&
+         check_chains(s, followers, outcome);
 }
 
-inline const char* explain(Status s) {
-  switch (s) {
-    case Status::kConverged:
-      return "the energy hardly falls any more";
-    case Status::kIterationLimit:
-      return "stopped at the iteration limit";
-    case Status::kStalled:
-      return "no injective step lowers the energy";
-    case Status::kCancelled:
-      return "cancelled; this is the last injective iterate";
-    case Status::kNoOverlap:
-      return "the two embeddings do not overlap at the start";
-    case Status::kInvalidPins:
-      return "a triangle at a pinned vertex is so thin at the start that rounding turns it over";
-    case Status::kNumericalFailure:
-      return "the energy or its derivatives are not finite: a triangle is too thin for them, or "
-             "the measure fails";
-    default:
-      return "";
-  }
+/// What a status is called, and how it is put where there is nothing to add. In their order.
+struct StatusWords {
+  const char *name, *sentence;
+};
+
+inline StatusWords words_of(Status s) {
+  static constexpr StatusWords kWords[] = {
+      {"converged", "the energy hardly falls any more"},
+      {"iteration limit", "stopped at the iteration limit"},
+      {"stalled", "no injective step lowers the energy"},
+      {"cancelled", "cancelled; this is the last injective iterate"},
+      {"aborted", ""},
+      {"invalid mesh", ""},
+      {"invalid landmarks", ""},
+      {"invalid options", ""},
+      {"invalid positions", ""},
+      {"invalid pins",
+       "a triangle at a pinned vertex is so thin at the start that rounding turns it over"},
+      {"invalid attributes", ""},
+      {"no overlap", "the two embeddings do not overlap at the start"},
+      {"numerical failure",
+       "the energy or its derivatives are not finite: a triangle is too thin for them, or the "
+       "measure fails"}};
+  return kWords[static_cast<int>(s)];
 }
 
 }  // namespace detail
 
-const char* to_string(Status s) {
-  switch (s) {
-    case Status::kConverged:
-      return "converged";
-    case Status::kIterationLimit:
-      return "iteration limit";
-    case Status::kStalled:
-      return "stalled";
-    case Status::kCancelled:
-      return "cancelled";
-    case Status::kAborted:
-      return "aborted";
-    case Status::kInvalidMesh:
-      return "invalid mesh";
-    case Status::kInvalidLandmarks:
-      return "invalid landmarks";
-    case Status::kInvalidOptions:
-      return "invalid options";
-    case Status::kInvalidPositions:
-      return "invalid positions";
-    case Status::kInvalidPins:
-      return "invalid pins";
-    case Status::kInvalidAttributes:
-      return "invalid attributes";
-    case Status::kNoOverlap:
-      return "no overlap";
-    case Status::kNumericalFailure:
-      return "numerical failure";
-  }
-  return "unknown";
+std::vector<Problem> validate(const TriangleMesh& mesh) {
+  detail::HalfEdgeMesh m;
+  return detail::find_problems(mesh, m);
 }
+
+const char* to_string(Status s) { return detail::words_of(s).name; }
 
 Options Options::paper() {
   Options options;
@@ -8287,18 +7938,19 @@ Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
     return result;
   }
   result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
-  const double scale = is_given ? detail::plane_scale(pair, result.start.f, result.start.g) : 1;
-  result.f = result.start.f;
-  result.g = result.start.g;
-  detail::scale(scale, result.f);
-  detail::scale(scale, result.g);
   detail::Timer timer;
+  const detail::JointSurface s = detail::join(pair);
+  Points2 x = detail::stacked(result.start.f, result.start.g);
+  const double scale = is_given ? detail::plane_scale(s, x) : 1;
+  x = detail::scaled(scale, x);
   detail::Array<detail::Follower> followers;
-  if (!detail::find_followers(pair, landmarks, options, followers, result)) return result;
-  detail::Optimizer(pair, options, followers).run(result);
-  detail::scale(1 / scale, result.f);
-  detail::scale(1 / scale, result.g);
-  result.message = detail::explain(result.status);
+  if (detail::find_followers(s, x, landmarks, options, followers, result)) {
+    detail::Optimizer(s, options, followers).run(x, result);
+    result.message = detail::words_of(result.status).sentence;
+  }
+  x = detail::scaled(1 / scale, x);
+  result.f = detail::rows_between(x, 0, s.n_a);
+  result.g = detail::rows_between(x, s.n_a, s.mesh.n_vertices);
   result.seconds = timer.lap();
   return result;
 }
@@ -8307,17 +7959,18 @@ SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Point
                        const Points2& g) {
   auto data = std::make_shared<detail::MapData>();
   data_ = data;
-  if (!detail::check_mesh(a, "A", data->a, *data) || !detail::check_mesh(b, "B", data->b, *data))
+  detail::HalfEdgeMesh m, n;
+  if (!detail::check_mesh(a, "A", m, *data)) return;
+  data->a = a;
+  if (!detail::check_mesh(b, "B", n, *data)) return;
+  data->b = b;
+  if (!detail::check_positions(m, f, "f", *data) || !detail::check_positions(n, g, "g", *data))
     return;
-  data->vertices_a = a.vertices;
-  data->vertices_b = b.vertices;
-  data->f = f;
-  data->g = g;
-  if (!detail::check_positions(data->a, f, "f", *data)) return;
-  if (!detail::check_positions(data->b, g, "g", *data)) return;
-  detail::index_overlay(*data);
-  if (data->overlay.polygons.empty())
-    detail::fail(*data, Status::kNoOverlap, {detail::explain(Status::kNoOverlap)});
+  const detail::SurfacePair pair = {detail::build_surface(std::move(m), a.vertices, false),
+                                    detail::build_surface(std::move(n), b.vertices, false)};
+  data->pair = detail::EmbeddedPair(detail::join(pair), detail::stacked(f, g));
+  if (data->pair.overlay.polygons.empty())
+    detail::fail(*data, Status::kNoOverlap, {detail::words_of(Status::kNoOverlap).sentence});
 }
 
 }  // namespace ism

@@ -7,13 +7,12 @@
 #include "shapes.hpp"
 
 /// The full symmetric matrix of an upper triangle of blocks.
-inline Eigen::MatrixXd dense(const ism::detail::BlockPattern& pattern,
-                             const ism::detail::BlockValues& values) {
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2 * pattern.rows(), 2 * pattern.rows());
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const int c = pattern.column[b];
-      const Eigen::Matrix2d block = shapes::eigen(values[b]);
+inline Eigen::MatrixXd dense(const ism::detail::BlockMatrix& A) {
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2 * A.rows(), 2 * A.rows());
+  for (int r = 0; r < A.rows(); ++r)
+    for (int b = A.start[r]; b < A.start[r + 1]; ++b) {
+      const int c = A.column[b];
+      const Eigen::Matrix2d block = shapes::eigen(A.value[b]);
       H.block<2, 2>(2 * r, 2 * c) = block;
       H.block<2, 2>(2 * c, 2 * r) = block.transpose();
     }

@@ -248,7 +248,7 @@ TEST_CASE("a point that is none interrupts a curve") {
 TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Midpoint>& added) {
   ism::detail::Surface halved = ism::detail::build_surface(mesh, true);
   ism::detail::split_edges(added, halved);
-  return {halved.vertices, ism::detail::triangles_of(halved.mesh)};
+  return ism::detail::with_added_vertices(mesh, halved);
 }
 
 TEST_CASE("paths follow edges that were halved") {
@@ -404,19 +404,26 @@ TEST_CASE("attributes follow vertices that were added") {
     wanted.middleRows(3 * f, 3).rowwise() += 10 * normal(fine, f).transpose();
   }
   CHECK((at_corners.values - wanted).cwiseAbs().maxCoeff() < 1e-12);
-  TriangleMesh torn = fine;
+  const auto check_refused = [](const Attributes& refused, const std::string& message) {
+    CHECK(refused.status == Status::kInvalidAttributes);
+    CHECK(refused.message == message);
+    CHECK(refused.values.size() == 0);
+  };
+  TriangleMesh torn = fine, reordered = fine;
   torn.triangles(3, 1) = static_cast<int>(fine.vertices.rows());
+  reordered.triangles.row(0).swap(reordered.triangles.row(1));
   for (const Attributes& refused :
        {ism::refine(mesh, torn, added, Element::kVertex, mesh.vertices),
+        ism::refine(mesh, reordered, added, Element::kVertex, mesh.vertices),
         ism::refine(fine, mesh, added, Element::kVertex, fine.vertices),
         ism::refine(mesh, fine, {}, Element::kVertex, mesh.vertices),
         ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex,
-                    mesh.vertices),
-        ism::refine(mesh, fine, added, Element::kFace, mesh.vertices)}) {
-    CHECK(refused.status == Status::kInvalidAttributes);
-    CHECK(!refused.message.empty());
-    CHECK(refused.values.size() == 0);
-  }
+                    mesh.vertices)})
+    check_refused(refused,
+                  "the refined mesh is not the mesh with vertices added in the middle of these "
+                  "edges");
+  check_refused(ism::refine(mesh, fine, added, Element::kFace, mesh.vertices),
+                "the attributes have 81 rows, but 128 are needed, one per face");
 }
 
 TEST_CASE("attributes that do not fit a mesh are refused") {

@@ -44,7 +44,7 @@ bool same(const HalfEdgeMesh& m, const HalfEdgeMesh& n) {
     return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
   };
   return m.n_vertices == n.n_vertices && m.n_faces == n.n_faces && equal(m.tail, n.tail) &&
-         equal(m.twin, n.twin) && equal(m.boundary, n.boundary);
+         equal(m.twin, n.twin) && equal(m.boundary, n.boundary) && equal(m.loop, n.loop);
 }
 
 /// Every edge once, by its ends.
@@ -158,26 +158,25 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
   }
 }
 
-TEST_CASE("a held boundary leaves a square, and what slides stays on its side") {
-  const Disk d = shapes::grid(3, 2);
-  const HalfEdgeMesh m = half_edges(d.mesh);
-  Points2 x = d.plane;
-  FixedCoordinates is_fixed(5 + m.n_vertices);
-  fix_boundary(m, x, Boundary::kFree, 5, is_fixed);
+TEST_CASE("held boundaries leave squares, and what slides stays on its side") {
+  const Disk a = shapes::grid(3, 2), b = shapes::grid(2, 4);
+  const JointSurface s = shapes::joined(a.mesh, b.mesh);
+  const HalfEdgeMesh& m = s.mesh;
+  const Points2 x = stacked(a.plane, b.plane);
+  FixedCoordinates is_fixed(m.n_vertices);
+  fix_boundaries(m, x, Boundary::kFree, is_fixed);
   CHECK_FALSE(is_fixed.any());
-  fix_boundary(m, x, Boundary::kSlide, 5, is_fixed);
+  fix_boundaries(m, x, Boundary::kSlide, is_fixed);
   CHECK(is_fixed.any());
   const FixedCoordinates& flags = is_fixed;
   for (int v = 0; v < m.n_vertices; ++v) {
-    const bool on_x = x(v, 0) == 0 || x(v, 0) == 3, on_y = x(v, 1) == 0 || x(v, 1) == 2;
-    CHECK(flags(5 + v, 0) == on_x);
-    CHECK(flags(5 + v, 1) == on_y);
+    const Vec2 p = row2(x, v), size = v < s.n_a ? Vec2{3, 2} : Vec2{2, 4};
+    CHECK(flags(v, 0) == (p.x == 0 || p.x == size.x));
+    CHECK(flags(v, 1) == (p.y == 0 || p.y == size.y));
   }
-  fix_boundary(m, x, Boundary::kFixed, 5, is_fixed);
+  fix_boundaries(m, x, Boundary::kFixed, is_fixed);
   for (int v = 0; v < m.n_vertices; ++v)
-    for (int c = 0; c < 2; ++c) CHECK(flags(5 + v, c) == m.on_boundary(v));
-  for (int v = 0; v < 5; ++v)
-    for (int c = 0; c < 2; ++c) CHECK_FALSE(flags(v, c));
+    for (int c = 0; c < 2; ++c) CHECK(flags(v, c) == m.on_boundary(v));
 }
 
 TEST_CASE("places on an outline: corners are exact, sides straight, all counter-clockwise") {
@@ -309,33 +308,29 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
     shapes::bend(*d, 0.3);
     REQUIRE(is_injective(m, d->plane));
   }
-  const SurfacePair pair = {build_surface(a.mesh, false), build_surface(b.mesh, false)};
+  const JointSurface s = shapes::joined(a.mesh, b.mesh, false);
   const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
   const Weights weights = {2.2, 1e-2, -1e300, &measure};  // Hessians are not projected
-  FixedCoordinates is_fixed(pair.rows());
-  fix_boundary(pair.a.mesh, a.plane, Boundary::kSlide, 0, is_fixed);
-  fix_boundary(pair.b.mesh, b.plane, Boundary::kSlide, pair.n_a(), is_fixed);
+  const Points2 start = stacked(a.plane, b.plane);
+  FixedCoordinates is_fixed(s.mesh.n_vertices);
+  fix_boundaries(s.mesh, start, Boundary::kSlide, is_fixed);
   const auto fixed = [&](int i) { return is_fixed.flag[i] != 0; };
   const Executor executor{Options()};
-  const SystemBuilder systems(pair, false, executor);
-  ModelBuilder models(pair, weights, systems.one_ring(), executor);
+  ModelBuilder models(s, weights, executor);
   const auto system_at = [&](const Eigen::VectorXd& x, Iterate& at) {
-    at.f = Eigen::Map<const Points2>(x.data(), pair.n_a(), 2);
-    at.g = Eigen::Map<const Points2>(x.data() + 2 * pair.n_a(), pair.n_b(), 2);
-    evaluate(pair, weights, at);
+    at.x = Eigen::Map<const Points2>(x.data(), s.mesh.n_vertices, 2);
+    evaluate(s, weights, at);
     models.differentiate_elements(at);
-    LinearSystem system = systems.blend(Array<QuadraticModel>(1, models.assemble(at)), 1);
+    LinearSystem system = blend(Array<QuadraticModel>(1, models.assemble(at)), 1, {}, {}, executor);
     eliminate(is_fixed, system);
     return system;
   };
-  Eigen::VectorXd x(2 * pair.rows());
-  x << Eigen::Map<const Eigen::VectorXd>(a.plane.data(), a.plane.size()),
-      Eigen::Map<const Eigen::VectorXd>(b.plane.data(), b.plane.size());
+  const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(start.data(), start.size());
   Iterate at, plus, minus;
   const LinearSystem system = system_at(x, at);
   CHECK(at.area_a == doctest::Approx(1).epsilon(1e-12));
   CHECK(at.area_b == doctest::Approx(1).epsilon(1e-12));
-  const Eigen::MatrixXd H = dense(system.pattern, system.H);
+  const Eigen::MatrixXd H = dense(system.H);
   const Eigen::VectorXd gradient = dense(system.gradient);
   constexpr double kStep = 1e-7;
   int slides = 0;

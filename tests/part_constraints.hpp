@@ -10,6 +10,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -53,24 +54,19 @@ VectorXd random_vector(int n, Rng& rng) {
 }
 
 /// A random symmetric system of n rows.
-LinearSystem random_system(int n, Rng& rng) {
-  LinearSystem system;
-  system.pattern.start.push_back(0);
-  for (int r = 0; r < n; ++r) {
+LinearSystem random_system(int n, const Executor& executor, Rng& rng) {
+  Array<Block> H, Q;
+  for (int r = 0; r < n; ++r)
     for (int c = r; c < n; ++c) {
       if (c > r && rng.below(3) > 0) continue;
-      Mat2 H;
-      for (int i = 0; i < 4; ++i) H(i / 2, i % 2) = rng.uniform(-1, 1);
-      const Mat2 Q = diagonal(rng.uniform(-1, 1));
-      if (c == r) H = H + transposed(H);
-      system.pattern.column.push_back(c);
-      system.H.push_back(H);
-      system.Q.push_back(Q);
+      Mat2 value;
+      for (int i = 0; i < 4; ++i) value(i / 2, i % 2) = rng.uniform(-1, 1);
+      if (c == r) value += transposed(value);
+      H.push_back({r, c, value});
+      Q.push_back({r, c, diagonal(rng.uniform(-1, 1))});
     }
-    system.pattern.start.push_back(system.pattern.blocks());
-  }
-  system.gradient = per_vertex(random_vector(n, rng));
-  return system;
+  return {sum_of_blocks(n, H, executor), sum_of_blocks(n, Q, executor),
+          per_vertex(random_vector(n, rng))};
 }
 
 /// Two bent random disks; every vertex of the smaller one, A, lies over B.
@@ -110,9 +106,10 @@ void check_refused(const Result& result, const std::string& what, const std::vec
 
 TEST_CASE("a substituted system is the product of matrices") {
   Rng rng(1);
+  const Executor executor(on_one_thread());
   for (int round = 0; round < 20; ++round) {
     const int n = 12;
-    LinearSystem system = random_system(n, rng);
+    LinearSystem system = random_system(n, executor, rng);
     const Array<Follower> followers = [&] {
       Array<Follower> all;
       all.push_back({2, {7, 9, 11}, {0.2, 0.3, 0.5}});
@@ -121,17 +118,20 @@ TEST_CASE("a substituted system is the product of matrices") {
       return all;
     }();
     const MatrixXd P = substitution_matrix(followers, n);
-    MatrixXd H = P.transpose() * dense(system.pattern, system.H) * P;
-    const MatrixXd Q = P.transpose() * dense(system.pattern, system.Q) * P;
+    MatrixXd H = P.transpose() * dense(system.H) * P;
+    const MatrixXd Q = P.transpose() * dense(system.Q) * P;
     const VectorXd gradient = P.transpose() * dense(system.gradient);
     for (const Follower& follower : followers)
       for (int i : {2 * follower.row, 2 * follower.row + 1}) H(i, i) = 1;
-    substitute(followers, system);
+    substitute(followers, executor, system);
     for (int r = 0; r < n; ++r)
-      for (int b = system.pattern.start[r]; b + 1 < system.pattern.start[r + 1]; ++b)
-        CHECK(system.pattern.column[b] < system.pattern.column[b + 1]);
-    CHECK((dense(system.pattern, system.H) - H).norm() < 1e-14 * H.norm());
-    CHECK((dense(system.pattern, system.Q) - Q).norm() < 1e-14 * Q.norm());
+      for (int b = system.H.start[r]; b + 1 < system.H.start[r + 1]; ++b)
+        CHECK(system.H.column[b] < system.H.column[b + 1]);
+    CHECK(std::equal(system.H.start.begin(), system.H.start.end(), system.Q.start.begin()));
+    CHECK(std::equal(system.H.column.begin(), system.H.column.end(), system.Q.column.begin(),
+                     system.Q.column.end()));  // both of one pattern
+    CHECK((dense(system.H) - H).norm() < 1e-14 * H.norm());
+    CHECK((dense(system.Q) - Q).norm() < 1e-14 * Q.norm());
     CHECK((dense(system.gradient) - gradient).norm() < 1e-14 * gradient.norm());
     const VectorXd y = random_vector(n, rng);
     Array<Vec2> direction = per_vertex(y);
@@ -142,40 +142,36 @@ TEST_CASE("a substituted system is the product of matrices") {
 
 TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const auto [a, b] = nested_pair(3);
-  const SurfacePair pair = {build_surface(a.mesh, true), build_surface(b.mesh, true)};
+  const JointSurface s = shapes::joined(a.mesh, b.mesh);
+  const Points2 start = stacked(a.plane, b.plane);
   const Options options = with_pins(a, b);
   Result result;
-  result.f = a.plane;
-  result.g = b.plane;
   Array<Follower> followers;
-  REQUIRE(find_followers(pair, {}, options, followers, result));
+  REQUIRE(find_followers(s, start, {}, options, followers, result));
   REQUIRE(followers.size() == 4);
   const Weights weights = {2.2, 1e-2, 1e-3, &options.measure};
   const Executor executor(options);
-  const SystemBuilder systems(pair, false, executor);
-  const auto at = [&](const Points2& f, const Points2& g) {
-    Iterate x;
-    x.f = f;
-    x.g = g;
-    place_followers(followers, x.f, x.g);
-    evaluate(pair, weights, x);
-    return x;
+  const auto at = [&](const Points2& x) {
+    Iterate iterate;
+    iterate.x = x;
+    place_followers(followers, iterate.x);
+    evaluate(s, weights, iterate);
+    return iterate;
   };
-  const Iterate x = at(a.plane, b.plane);
-  CHECK((x.f - a.plane).norm() + (x.g - b.plane).norm() < 1e-14);
-  ModelBuilder builder(pair, weights, systems.one_ring(), executor);
+  const Iterate x = at(start);
+  CHECK((x.x - start).norm() < 1e-14);
+  ModelBuilder builder(s, weights, executor);
   builder.differentiate_elements(x);
-  LinearSystem system = systems.blend(Array<QuadraticModel>(1, builder.assemble(x)), 1);
-  substitute(followers, system);
-  VectorXd expected(2 * pair.rows());
+  LinearSystem system = blend(Array<QuadraticModel>(1, builder.assemble(x)), 1, {}, {}, executor);
+  substitute(followers, executor, system);
+  VectorXd expected(x.x.size());
   for (int i = 0; i < expected.size(); ++i) {
     const double h = 1e-6;
     double e[2];
     for (int side = 0; side < 2; ++side) {
-      Points2 f = x.f, g = x.g;
-      const int row = i / 2, n = pair.n_a();
-      (row < n ? f(row, i % 2) : g(row - n, i % 2)) += side == 0 ? -h : h;
-      e[side] = at(f, g).energy;
+      Points2 y = x.x;
+      y(i / 2, i % 2) += side == 0 ? -h : h;
+      e[side] = at(y).energy;
     }
     expected[i] = (e[1] - e[0]) / (2 * h);
   }

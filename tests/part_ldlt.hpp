@@ -33,8 +33,9 @@ using shapes::Rng;
 using Sparse = Eigen::SparseMatrix<double>;
 using Edges = std::set<std::pair<int, int>>;  // of vertices, smaller first
 
-BlockPattern pattern_of(int n, const Edges& edges) {
-  BlockPattern pattern;
+/// A matrix of zeros.
+BlockMatrix pattern_of(int n, const Edges& edges) {
+  BlockMatrix pattern;
   auto edge = edges.begin();  // ordered by first vertex, then second
   for (int r = 0; r < n; ++r) {
     pattern.start.push_back(pattern.column.size());
@@ -42,6 +43,7 @@ BlockPattern pattern_of(int n, const Edges& edges) {
     for (; edge != edges.end() && edge->first == r; ++edge) pattern.column.push_back(edge->second);
   }
   pattern.start.push_back(pattern.column.size());
+  pattern.value.resize(pattern.blocks());
   return pattern;
 }
 
@@ -97,38 +99,39 @@ Edges random_edges(int n, int count, Rng& rng) {
 
 /// Random blocks; each diagonal entry exceeds the others of its row, with the sign of `sign(v)`.
 template <class Sign>
-BlockValues dominant_values(const BlockPattern& pattern, Rng& rng, Sign sign) {
-  BlockValues values(pattern.blocks());
-  VectorXd row_sum = VectorXd::Zero(2 * pattern.rows());
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r] + 1; b < pattern.start[r + 1]; ++b) {
-      for (double& entry : values[b].entry) entry = rng.uniform(-1, 1);
-      const Matrix2d magnitude = shapes::eigen(values[b]).cwiseAbs();
+BlockMatrix dominant_matrix(const BlockMatrix& pattern, Rng& rng, Sign sign) {
+  BlockMatrix A = pattern;
+  VectorXd row_sum = VectorXd::Zero(2 * A.rows());
+  for (int r = 0; r < A.rows(); ++r)
+    for (int b = A.start[r] + 1; b < A.start[r + 1]; ++b) {
+      for (double& entry : A.value[b].entry) entry = rng.uniform(-1, 1);
+      const Matrix2d magnitude = shapes::eigen(A.value[b]).cwiseAbs();
       row_sum.segment<2>(2 * r) += magnitude.rowwise().sum();
-      row_sum.segment<2>(2 * pattern.column[b]) += magnitude.colwise().sum().transpose();
+      row_sum.segment<2>(2 * A.column[b]) += magnitude.colwise().sum().transpose();
     }
-  for (int r = 0; r < pattern.rows(); ++r) {
-    Mat2& D = values[pattern.start[r]];
+  for (int r = 0; r < A.rows(); ++r) {
+    Mat2& D = A.value[A.start[r]];
     D(0, 1) = D(1, 0) = rng.uniform(-0.5, 0.5);
     for (int c = 0; c < 2; ++c) D(c, c) = sign(r) * (row_sum(2 * r + c) + rng.uniform(0.6, 1.6));
   }
-  return values;
+  return A;
 }
 
-BlockValues positive_values(const BlockPattern& pattern, Rng& rng) {
-  return dominant_values(pattern, rng, [](int) { return 1; });
+BlockMatrix positive_matrix(const BlockMatrix& pattern, Rng& rng) {
+  return dominant_matrix(pattern, rng, [](int) { return 1; });
 }
 
-BlockValues indefinite_values(const BlockPattern& pattern, Rng& rng) {
-  return dominant_values(pattern, rng, [&](int) { return rng.below(2) ? 1 : -1; });
+BlockMatrix indefinite_matrix(const BlockMatrix& pattern, Rng& rng) {
+  return dominant_matrix(pattern, rng, [&](int) { return rng.below(2) ? 1 : -1; });
 }
 
 /// Both triangles of H + ωQ as one of Eigen's sparse matrices.
-Sparse assembled(const BlockPattern& pattern, const ShiftedMatrix& matrix) {
+Sparse assembled(const ShiftedMatrix& matrix) {
+  const BlockMatrix& H = *matrix.H;
   std::vector<Eigen::Triplet<double>> entries;
-  for (int r = 0; r < pattern.rows(); ++r)
-    for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
-      const int c = pattern.column[b];
+  for (int r = 0; r < H.rows(); ++r)
+    for (int b = H.start[r]; b < H.start[r + 1]; ++b) {
+      const int c = H.column[b];
       const Mat2 block = matrix.block(b);
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < 2; ++j) {
@@ -136,7 +139,7 @@ Sparse assembled(const BlockPattern& pattern, const ShiftedMatrix& matrix) {
           if (c != r) entries.emplace_back(2 * c + j, 2 * r + i, block(i, j));
         }
     }
-  Sparse A(2 * pattern.rows(), 2 * pattern.rows());
+  Sparse A(2 * H.rows(), 2 * H.rows());
   A.setFromTriplets(entries.begin(), entries.end());
   return A;
 }
@@ -147,7 +150,7 @@ Executor executor(int threads) {
   return Executor(options);
 }
 
-LdltSymbolic dissected(const BlockPattern& pattern, const Points2& positions) {
+LdltSymbolic dissected(const BlockMatrix& pattern, const Points2& positions) {
   return NestedDissection(pattern, positions, executor(1)).build();
 }
 
@@ -168,7 +171,7 @@ int eigen_negative_pivots(const Sparse& A) {
 }
 
 /// Factorises, solves, and compares residual and inertia with Eigen's LDLT.
-void check_solve(const BlockPattern& pattern, const Points2& positions,
+void check_solve(const BlockMatrix& pattern, const Points2& positions,
                  const std::vector<ShiftedMatrix>& family) {
   Rng rng(99);
   const LdltSymbolic symbolic = dissected(pattern, positions);
@@ -176,7 +179,7 @@ void check_solve(const BlockPattern& pattern, const Points2& positions,
   for (const ShiftedMatrix& matrix : family) {
     ldlt_factorize(symbolic, matrix, executor(1), factor);
     REQUIRE(factor.ok);
-    const Sparse A = assembled(pattern, matrix);
+    const Sparse A = assembled(matrix);
     CHECK(factor.negative == eigen_negative_pivots(A));
     const VectorXd b = random_vector(2 * pattern.rows(), rng);
     const VectorXd x = solved(symbolic, factor, b);
@@ -185,10 +188,10 @@ void check_solve(const BlockPattern& pattern, const Points2& positions,
 }
 
 /// Positive definite and indefinite values on one pattern.
-void check_pattern(const BlockPattern& pattern, const Points2& positions, std::uint64_t seed) {
+void check_pattern(const BlockMatrix& pattern, const Points2& positions, std::uint64_t seed) {
   Rng rng(seed);
-  const BlockValues positive = positive_values(pattern, rng);
-  const BlockValues indefinite = indefinite_values(pattern, rng);
+  const BlockMatrix positive = positive_matrix(pattern, rng);
+  const BlockMatrix indefinite = indefinite_matrix(pattern, rng);
   check_solve(pattern, positions, {{&positive, nullptr, 0}});
   check_solve(pattern, positions, {{&indefinite, nullptr, 0}});
 }
@@ -196,7 +199,7 @@ void check_pattern(const BlockPattern& pattern, const Points2& positions, std::u
 /// Counts violations of what the elimination needs: an order of all vertices, fronts that cut it
 /// into consecutive ranges, children before parents, rows below the own vertices, and every
 /// block of the pattern in exactly one front.
-int symbolic_faults(const BlockPattern& pattern, const LdltSymbolic& s) {
+int symbolic_faults(const BlockMatrix& pattern, const LdltSymbolic& s) {
   const int n = pattern.rows();
   int faults = s.order.size() != n || s.place.size() != n;
   std::vector<int> sorted(s.order.begin(), s.order.end());
@@ -255,7 +258,7 @@ TEST_CASE("nested dissection orders all vertices and puts every block into one f
       CAPTURE(disk.name);
       CAPTURE(wide);
       const int n = static_cast<int>(disk.plane.rows());
-      const BlockPattern pattern = pattern_of(n, mesh_edges(disk, wide));
+      const BlockMatrix pattern = pattern_of(n, mesh_edges(disk, wide));
       CHECK(symbolic_faults(pattern, dissected(pattern, disk.plane)) == 0);
       const Points2 elsewhere = random_points(n, rng);  // positions that say nothing
       CHECK(symbolic_faults(pattern, dissected(pattern, elsewhere)) == 0);
@@ -264,13 +267,13 @@ TEST_CASE("nested dissection orders all vertices and puts every block into one f
 
 TEST_CASE("nested dissection fills a lattice about as little as Eigen's minimum degree") {
   for (int n : {20, 50}) {
-    const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 1));
+    const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 1));
     const LdltSymbolic s = dissected(pattern, lattice_points(n));
     double filled = 0;
     for (const Front& f : s.fronts) filled += 2.0 * f.own() * (2 * f.rows.size() + f.own());
     Rng rng(2);
-    const BlockValues values = positive_values(pattern, rng);
-    const Eigen::SimplicialLDLT<Sparse> reference(assembled(pattern, {&values, nullptr, 0}));
+    const BlockMatrix A = positive_matrix(pattern, rng);
+    const Eigen::SimplicialLDLT<Sparse> reference(assembled({&A, nullptr, 0}));
     const double expected = static_cast<double>(reference.matrixL().nestedExpression().nonZeros());
     CAPTURE(n);
     CHECK(filled < 1.25 * expected);
@@ -279,7 +282,7 @@ TEST_CASE("nested dissection fills a lattice about as little as Eigen's minimum 
 
 TEST_CASE("the first separator of a lattice is about as short as one of its rows") {
   const int n = 50;
-  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 1));
+  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 1));
   for (double angle : {0.0, 0.3, 0.8}) {
     const Points2 x = lattice_points(n) * shapes::rotation(angle).transpose();
     CHECK(dissected(pattern, x).fronts.back().own() <= n + 2);
@@ -305,7 +308,7 @@ TEST_CASE("a limb crowded into a spot is cut off by a circle") {
 
 TEST_CASE("the unit of the positions does not matter") {
   const int n = 50;
-  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 1));
+  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 1));
   const LdltSymbolic expected = dissected(pattern, lattice_points(n));
   for (double unit : {0x1p-160, 0x1p160}) {
     const LdltSymbolic s = dissected(pattern, unit * lattice_points(n));
@@ -315,7 +318,7 @@ TEST_CASE("the unit of the positions does not matter") {
 
 TEST_CASE("the order and the fronts are the same for any number of threads") {
   const int n = 50;
-  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));
+  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 2));
   const LdltSymbolic one = dissected(pattern, lattice_points(n));
   ism::Options backwards;
   backwards.parallel_for = run_backwards;
@@ -353,7 +356,7 @@ TEST_CASE("random patterns with meaningless positions are solved") {
   Rng rng(4);
   for (int i = 0; i < 30; ++i) {
     const int n = rng.between(2, 120);
-    const BlockPattern pattern = pattern_of(n, random_edges(n, rng.between(0, 3 * n), rng));
+    const BlockMatrix pattern = pattern_of(n, random_edges(n, rng.between(0, 3 * n), rng));
     const Points2 positions = random_points(n, rng);
     CHECK(symbolic_faults(pattern, dissected(pattern, positions)) == 0);
     check_pattern(pattern, positions, 5);
@@ -369,7 +372,7 @@ TEST_CASE("patterns of several components are solved") {
   SUBCASE("side by side") { positions.bottomRows<144>().array() += 100; }
   SUBCASE("with loose vertices") { edges.erase(edges.begin(), edges.lower_bound({60, 0})); }
   SUBCASE("diagonal") { edges.clear(); }
-  const BlockPattern pattern = pattern_of(288, edges);
+  const BlockMatrix pattern = pattern_of(288, edges);
   CHECK(symbolic_faults(pattern, dissected(pattern, positions)) == 0);
   check_pattern(pattern, positions, 6);
 }
@@ -389,7 +392,7 @@ TEST_CASE("one vertex and a few vertices are solved") {
 
 TEST_CASE("equal positions do no harm") {
   const Edges edges = lattice_edges(15, 1);
-  const BlockPattern pattern = pattern_of(225, edges);
+  const BlockMatrix pattern = pattern_of(225, edges);
   Points2 positions = Points2::Constant(225, 2, 0.25);
   SUBCASE("all in one place") {}
   SUBCASE("on a line") { positions.col(0) = lattice_points(15).col(0); }
@@ -400,23 +403,23 @@ TEST_CASE("equal positions do no harm") {
 
 TEST_CASE("several shifted matrices are factorised side by side") {
   Rng rng(11);
-  const BlockPattern pattern = pattern_of(225, lattice_edges(15, 2));
-  const BlockValues H = indefinite_values(pattern, rng), Q = positive_values(pattern, rng);
-  const BlockValues other = positive_values(pattern, rng);
+  const BlockMatrix pattern = pattern_of(225, lattice_edges(15, 2));
+  const BlockMatrix H = indefinite_matrix(pattern, rng), Q = positive_matrix(pattern, rng);
+  const BlockMatrix other = positive_matrix(pattern, rng);
   check_solve(pattern, lattice_points(15),
               {{&H, &Q, 0}, {&H, &Q, 100}, {&H, nullptr, 7}, {&other, &Q, 1e6}, {&H, &Q, -100}});
 }
 
 TEST_CASE("the inertia is that of the eigenvalues") {
   Rng rng(12);
-  const BlockPattern pattern = pattern_of(49, lattice_edges(7, 1));
+  const BlockMatrix pattern = pattern_of(49, lattice_edges(7, 1));
   for (int i = 0; i < 10; ++i) {
-    const BlockValues values = indefinite_values(pattern, rng);
-    const ShiftedMatrix matrix = {&values, nullptr, 0};
+    const BlockMatrix A = indefinite_matrix(pattern, rng);
+    const ShiftedMatrix matrix = {&A, nullptr, 0};
     const LdltSymbolic symbolic = dissected(pattern, lattice_points(7));
     LdltFactor factor;
     ldlt_factorize(symbolic, matrix, executor(1), factor);
-    const Eigen::MatrixXd dense = assembled(pattern, matrix);
+    const Eigen::MatrixXd dense = assembled(matrix);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense);
     CHECK(factor.ok);
     CHECK(factor.negative == (eigen.eigenvalues().array() < 0).count());
@@ -426,21 +429,21 @@ TEST_CASE("the inertia is that of the eigenvalues") {
 
 TEST_CASE("a zero or non-finite pivot is reported, and leaves no trace in the memory") {
   Rng rng(13);
-  const BlockPattern pattern = pattern_of(144, lattice_edges(12, 1));
+  const BlockMatrix pattern = pattern_of(144, lattice_edges(12, 1));
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(12));
-  const BlockValues good = positive_values(pattern, rng);
+  const BlockMatrix good = positive_matrix(pattern, rng);
   for (int v : {0, 5, 77, 143})
     for (double bad :
          {0.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
       CAPTURE(v);
       CAPTURE(bad);
-      BlockValues broken = good;
+      BlockMatrix broken = good;
       if (bad == 0) {  // a vertex without any stiffness
         for (int r = 0; r < 144; ++r)
           for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b)
-            if (r == v || pattern.column[b] == v) broken[b] = {};
+            if (r == v || pattern.column[b] == v) broken.value[b] = {};
       } else {
-        broken[pattern.start[v]](1, 1) = bad;
+        broken.value[pattern.start[v]](1, 1) = bad;
       }
       LdltFactor factor;
       for (const bool is_good : {true, false, true}) {
@@ -452,24 +455,23 @@ TEST_CASE("a zero or non-finite pivot is reported, and leaves no trace in the me
 
 TEST_CASE("a singular matrix whose last pivot cancels exactly is reported") {
   // The graph Laplacian of a path has rows that add up to 0; all pivots are exact in binary.
-  const BlockPattern pattern = pattern_of(2, {{0, 1}});
-  BlockValues values(3, diagonal(1));
-  values[1] = diagonal(-1);
-  const LdltSymbolic symbolic = dissected(pattern, lattice_points(2).topRows(2));
+  BlockMatrix A = pattern_of(2, {{0, 1}});
+  for (int b : {0, 1, 2}) A.value[b] = diagonal(b == 1 ? -1 : 1);
+  const LdltSymbolic symbolic = dissected(A, lattice_points(2).topRows(2));
   LdltFactor factor;
-  ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
+  ldlt_factorize(symbolic, {&A, nullptr, 0}, executor(1), factor);
   CHECK(!factor.ok);
-  values[2] = diagonal(2);
-  ldlt_factorize(symbolic, {&values, nullptr, 0}, executor(1), factor);
+  A.value[2] = diagonal(2);
+  ldlt_factorize(symbolic, {&A, nullptr, 0}, executor(1), factor);
   CHECK(factor.ok);  // the same memory, and nothing left of the failure
   CHECK(factor.negative == 0);
 }
 
 TEST_CASE("memory used again holds nothing of the last factorisation, and no update matrices") {
   Rng rng(15);
-  const BlockPattern pattern = pattern_of(225, lattice_edges(15, 1));
+  const BlockMatrix pattern = pattern_of(225, lattice_edges(15, 1));
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(15));
-  const BlockValues first = indefinite_values(pattern, rng), second = positive_values(pattern, rng);
+  const BlockMatrix first = indefinite_matrix(pattern, rng), second = positive_matrix(pattern, rng);
   LdltFactor factor, fresh;
   ldlt_factorize(symbolic, {&first, nullptr, 0}, executor(1), factor);
   CHECK(factor.negative > 0);
@@ -484,9 +486,9 @@ TEST_CASE("memory used again holds nothing of the last factorisation, and no upd
 TEST_CASE("factors and solutions are the same bits for any number of threads") {
   Rng rng(14);
   const int n = 40;
-  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));
+  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 2));
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(n));
-  const BlockValues H = indefinite_values(pattern, rng), Q = positive_values(pattern, rng);
+  const BlockMatrix H = indefinite_matrix(pattern, rng), Q = positive_matrix(pattern, rng);
   const VectorXd b = random_vector(2 * n * n, rng);
   LdltFactor one;
   ldlt_factorize(symbolic, {&H, &Q, 0.5}, executor(1), one);
@@ -504,9 +506,9 @@ TEST_CASE("factors and solutions are the same bits for any number of threads") {
 TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wanted") {
   Rng rng(16);
   const int n = 20;
-  const BlockPattern pattern = pattern_of(n * n, lattice_edges(n, 2));
+  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 2));
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(n));
-  const BlockValues H = positive_values(pattern, rng), Q = positive_values(pattern, rng);
+  const BlockMatrix H = positive_matrix(pattern, rng), Q = positive_matrix(pattern, rng);
   const VectorXd b = random_vector(2 * n * n, rng);
   LdltFactor factor;
   ldlt_factorize(symbolic, {&H, &Q, 1}, executor(1), factor);
@@ -514,12 +516,11 @@ TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wante
     for (double tolerance : {1e-3, 1e-10}) {
       CAPTURE(omega);
       const ShiftedMatrix A = {&H, &Q, omega};
-      const VectorXd x =
-          dense(solve_with_neighbour(symbolic, factor, pattern, A, per_vertex(b), tolerance));
-      CHECK((assembled(pattern, A) * x - b).norm() < 10 * tolerance * b.norm());
+      const VectorXd x = dense(solve_with_neighbour(symbolic, factor, A, per_vertex(b), tolerance));
+      CHECK((assembled(A) * x - b).norm() < 10 * tolerance * b.norm());
     }
   const Array<Vec2> zero(n * n);
-  CHECK(dense(solve_with_neighbour(symbolic, factor, pattern, {&H, &Q, 2}, zero, 0)).isZero(0));
+  CHECK(dense(solve_with_neighbour(symbolic, factor, {&H, &Q, 2}, zero, 0)).isZero(0));
 }
 
 }  // namespace ldlt_tests

@@ -99,13 +99,11 @@ double area_of(const TriangleMesh& mesh) {
 
 /// The covered areas as the objective counts them.
 ism::detail::Iterate covered(const Disk& a, const Disk& b) {
-  const ism::detail::SurfacePair pair = {ism::detail::build_surface(a.mesh, true),
-                                         ism::detail::build_surface(b.mesh, true)};
+  const ism::detail::JointSurface s = shapes::joined(a.mesh, b.mesh);
   ism::detail::Iterate x;
-  x.f = a.plane;
-  x.g = b.plane;
+  x.x = ism::detail::stacked(a.plane, b.plane);
   const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
-  ism::detail::evaluate(pair, ism::detail::Weights{2, 1e-8, 1e-3, &measure}, x);
+  ism::detail::evaluate(s, ism::detail::Weights{2, 1e-8, 1e-3, &measure}, x);
   return x;
 }
 

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <utility>
@@ -25,6 +26,7 @@ using Eigen::Vector3d;
 using ism::Problem;
 using ism::TriangleMesh;
 using ism::detail::build_half_edges;
+using ism::detail::build_surface;
 using ism::detail::HalfEdgeMesh;
 using ism::detail::row2;
 using ism::detail::Surface;
@@ -184,6 +186,7 @@ TEST_CASE("the boundary loop is closed, complete and counter-clockwise") {
     const HalfEdgeMesh m = half_edges(disk.mesh);
     const int n = m.boundary.size();
     CHECK(n == count_boundary(m));
+    CHECK(m.loops() == 1);
     double loop_area = 0, mesh_area = 0;
     int wrong = 0;
     for (int i = 0; i < n; ++i) {
@@ -231,6 +234,7 @@ TEST_CASE("half-edges of a closed mesh have no boundary") {
   const TriangleMesh closed = tetrahedron();
   const HalfEdgeMesh m = build_half_edges(4, closed.triangles);
   CHECK(m.boundary.empty());
+  CHECK(m.loops() == 0);
   CHECK(count_boundary(m) == 0);
 }
 
@@ -259,7 +263,7 @@ TEST_CASE("the rest frame is isometric to the triangle") {
 TEST_CASE("a surface keeps inverse rest frames and areas of its faces") {
   for (const shapes::Disk& disk : shapes::all_disks()) {
     CAPTURE(disk.name);
-    const Surface s = ism::detail::build_surface(disk.mesh, true);
+    const Surface s = build_surface(disk.mesh, true);
     double total = 0, worst = 0;
     for (int f = 0; f < s.mesh.n_faces; ++f) {
       const Eigen::Matrix<double, 3, 2> edges = edges_of(disk.mesh, f);
@@ -285,10 +289,53 @@ TEST_CASE("a surface is scaled to unit area whatever its unit") {
       const double area = surface_area(disk.mesh);
       TriangleMesh given = disk.mesh;
       given.vertices *= unit;
-      const Surface s = ism::detail::build_surface(given, false);
+      const Surface s = build_surface(given, false);
       CHECK(s.total_area == doctest::Approx(1).epsilon(1e-12));
       CHECK((s.vertices - disk.mesh.vertices / std::sqrt(area)).norm() < 1e-13);
     }
+}
+
+// ---- two surfaces as one ----
+
+TEST_CASE("in a joint surface, what is of B comes behind what is of A") {
+  const TriangleMesh a = shapes::comb(3, 2).mesh, b = shapes::spherical_cap(3, 7, 1).mesh;
+  const int n_a = static_cast<int>(a.vertices.rows()), n_b = static_cast<int>(b.vertices.rows());
+  const ism::Triangles triangles_of_b = b.triangles.array() + n_a;
+  const HalfEdgeMesh expected =
+      build_half_edges(n_a + n_b, ism::detail::stacked(a.triangles, triangles_of_b));
+  const auto same = [](const auto& x, const auto& y) {
+    return std::equal(std::begin(x), std::end(x), std::begin(y), std::end(y));
+  };
+  for (bool keep_scale : {false, true}) {
+    CAPTURE(keep_scale);
+    const ism::detail::JointSurface s = shapes::joined(a, b, keep_scale);
+    const Surface of_a = build_surface(a, keep_scale), of_b = build_surface(b, keep_scale);
+    CHECK(s.n_a == n_a);
+    CHECK(s.faces_a == a.triangles.rows());
+    CHECK(s.boundary_a == of_a.mesh.boundary.size());
+    CHECK(s.mesh.n_vertices == expected.n_vertices);
+    CHECK(s.mesh.n_faces == expected.n_faces);
+    CHECK(s.mesh.loops() == 2);
+    CHECK(same(s.mesh.tail, expected.tail));
+    CHECK(same(s.mesh.twin, expected.twin));
+    CHECK(same(s.mesh.out, expected.out));
+    CHECK(same(s.mesh.boundary, expected.boundary));
+    CHECK(same(s.mesh.loop, expected.loop));
+    CHECK(s.vertices.topRows(n_a) == of_a.vertices);
+    CHECK(s.vertices.bottomRows(n_b) == of_b.vertices);
+    int wrong = 0;
+    for (int f = 0; f < s.mesh.n_faces; ++f) {
+      const Surface& of = f < s.faces_a ? of_a : of_b;
+      const int i = f < s.faces_a ? f : f - s.faces_a;
+      wrong += s.area[f] != of.area[i] || !same(s.rest_inverse[f].entry, of.rest_inverse[i].entry);
+    }
+    CHECK(wrong == 0);
+    CHECK(s.area_a == of_a.total_area);
+    CHECK(s.area_b == of_b.total_area);
+    CHECK(s.total_area == of_a.total_area + of_b.total_area);
+    CHECK(s.scale_a == of_a.scale);
+    CHECK(s.scale_b == of_b.scale);
+  }
 }
 
 // ---- validation ----

@@ -44,28 +44,25 @@ using runs::on_one_thread;
 using shapes::Disk;
 using shapes::eigen;
 using shapes::half_edges;
+using shapes::joined;
 using shapes::Rng;
+using shapes::to_mat2;
 using shapes::to_vec2;
 
 // ---- pairs and the objective ----
 
-SurfacePair surfaces(const Disk& a, const Disk& b) {
-  return {build_surface(a.mesh, true), build_surface(b.mesh, true)};
-}
-
-Iterate evaluated(const SurfacePair& pair, const Weights& weights, const Points2& f,
-                  const Points2& g) {
-  Iterate x;
-  x.f = f;
-  x.g = g;
-  evaluate(pair, weights, x);
-  return x;
+Iterate evaluated(const JointSurface& s, const Weights& weights, const Points2& x) {
+  Iterate at;
+  at.x = x;
+  evaluate(s, weights, at);
+  return at;
 }
 
 const ism::DistortionMeasure kDirichlet = ism::symmetric_dirichlet();
 
 double map_energy(const Disk& a, const Disk& b) {
-  return evaluated(surfaces(a, b), Weights{2, 1e-8, 1e-3, &kDirichlet}, a.plane, b.plane)
+  return evaluated(joined(a.mesh, b.mesh), Weights{2, 1e-8, 1e-3, &kDirichlet},
+                   stacked(a.plane, b.plane))
       .map_energy;
 }
 
@@ -81,37 +78,34 @@ std::pair<Disk, Disk> random_pair(std::uint64_t seed, int nx = 4, int ny = 4) {
 
 /// An iterate of a pair and its quadratic model, with what either refers to.
 struct Modelled {
-  SurfacePair pair;
+  JointSurface s;
   Weights weights;
   Executor executor{Options()};
-  SystemBuilder systems;
+  BlockMatrix laplacian;  // empty without a preconditioner
   Iterate x;
   QuadraticModel model;
 
   Modelled(const Disk& a, const Disk& b, const Weights& w, bool precondition = false)
-      : pair(surfaces(a, b)),
+      : s(joined(a.mesh, b.mesh)),
         weights(w),
-        systems(pair, precondition, executor),
-        x(evaluated(pair, weights, a.plane, b.plane)),
-        model(model_at(x)) {}
+        x(evaluated(s, weights, stacked(a.plane, b.plane))),
+        model(model_at(x)) {
+    if (precondition) laplacian = squared_laplacian(s, executor);
+  }
 
   QuadraticModel model_at(const Iterate& at) const {
-    ModelBuilder builder(pair, weights, systems.one_ring(), executor);
+    ModelBuilder builder(s, weights, executor);
     builder.differentiate_elements(at);
     return builder.assemble(at);
   }
 
-  LinearSystem system(const std::vector<QuadraticModel>& history, double decay = 1) const {
+  LinearSystem system(const std::vector<QuadraticModel>& history, double decay = 1,
+                      const BlockMatrix& others = {}) const {
     Array<QuadraticModel> models;
     for (const QuadraticModel& m : history) models.push_back(m);
-    return systems.blend(models, decay);
+    return blend(models, decay, others, laplacian, executor);
   }
 };
-
-MatrixXd dense_model(const Modelled& m, const QuadraticModel& model) {
-  const LinearSystem system = m.system({model});
-  return dense(system.pattern, system.H);
-}
 
 void add_element(const std::vector<int>& rows, const MatrixXd& element, MatrixXd& H) {
   for (std::size_t i = 0; i < rows.size(); ++i)
@@ -122,29 +116,25 @@ void add_element(const std::vector<int>& rows, const MatrixXd& element, MatrixXd
 
 /// The projected Hessian, summed into a dense matrix element by element.
 MatrixXd dense_reference(const Modelled& m) {
-  MatrixXd H = MatrixXd::Zero(2 * m.pair.rows(), 2 * m.pair.rows());
-  const int n = m.pair.n_a();
-  for (const Surface* s : {&m.pair.a, &m.pair.b}) {
-    const bool is_a = s == &m.pair.a;
-    for (int f = 0; f < s->mesh.n_faces; ++f) {
-      elements::TriangleDerivatives d = elements::triangle_derivatives(
-          is_a ? m.x.jacobian_f[f] : m.x.jacobian_g[f], s->rest_inverse[f], s->area[f]);
-      elements::project_spd<3>(d.hessian, m.weights.epsilon);
-      std::vector<int> rows;
-      for (int k = 0; k < 3; ++k) rows.push_back((is_a ? 0 : n) + s->mesh.corner(f, k));
-      add_element(rows, m.weights.barrier * d.hessian, H);
-    }
+  const HalfEdgeMesh& mesh = m.s.mesh;
+  MatrixXd H = MatrixXd::Zero(2 * mesh.n_vertices, 2 * mesh.n_vertices);
+  for (int f = 0; f < mesh.n_faces; ++f) {
+    elements::TriangleDerivatives d =
+        elements::triangle_derivatives(m.x.jacobian[f], m.s.rest_inverse[f], m.s.area[f]);
+    elements::project_spd<3>(d.hessian, m.weights.epsilon);
+    std::vector<int> rows;
+    for (int k = 0; k < 3; ++k) rows.push_back(mesh.corner(f, k));
+    add_element(rows, m.weights.barrier * d.hessian, H);
   }
   for (const OverlayPolygon& p : m.x.overlay.polygons) {
-    const SixPoints points = six_points(m.pair, m.x, p);
+    const SixPoints points = six_points(mesh, m.x.x, p);
     if (is_negligible(polygon_area(polygon_shape(p, points), points), points)) continue;
-    elements::PolygonDerivatives d =
-        elements::polygon_derivatives(p, points, m.pair.a.rest_inverse[p.ta],
-                                      m.pair.b.rest_inverse[p.tb], kDirichlet, m.weights.kappa);
+    elements::PolygonDerivatives d = elements::polygon_derivatives(
+        p, points, m.s.rest_inverse[p.ta], m.s.rest_inverse[p.tb], kDirichlet, m.weights.kappa);
     elements::project_spd<6>(d.hessian, m.weights.epsilon);
     std::vector<int> rows;
-    for (int k = 0; k < 3; ++k) rows.push_back(m.pair.a.mesh.corner(p.ta, k));
-    for (int k = 0; k < 3; ++k) rows.push_back(n + m.pair.b.mesh.corner(p.tb, k));
+    for (int f : {p.ta, p.tb})
+      for (int k = 0; k < 3; ++k) rows.push_back(mesh.corner(f, k));
     add_element(rows, d.hessian, H);
   }
   return H;
@@ -152,14 +142,13 @@ MatrixXd dense_reference(const Modelled& m) {
 
 /// Central differences of E by every unknown.
 VectorXd difference_gradient(const Modelled& m, double h) {
-  VectorXd gradient(2 * m.pair.rows());
+  VectorXd gradient(m.x.x.size());
   for (int i = 0; i < gradient.size(); ++i) {
-    const int row = i / 2, c = i % 2, n = m.pair.n_a();
     double e[2];
     for (int side = 0; side < 2; ++side) {
-      Points2 f = m.x.f, g = m.x.g;
-      (row < n ? f(row, c) : g(row - n, c)) += side == 0 ? -h : h;
-      e[side] = evaluated(m.pair, m.weights, f, g).energy;
+      Points2 x = m.x.x;
+      x(i / 2, i % 2) += side == 0 ? -h : h;
+      e[side] = evaluated(m.s, m.weights, x).energy;
     }
     gradient[i] = (e[1] - e[0]) / (2 * h);
   }
@@ -260,9 +249,9 @@ TEST_CASE("the identity has no energy but the barrier, and no forces, in any emb
     CHECK(std::abs(m.x.map_energy - 2 * (m.x.area_a + m.x.area_b)) < 1e-10);
     const double barrier = m.weights.barrier * (m.x.energy_f + m.x.energy_g);
     CHECK(std::abs(m.x.energy - barrier) < 1e-10);
-    CHECK(m.x.area_a == doctest::Approx(m.pair.a.total_area).epsilon(1e-11));
+    CHECK(m.x.area_a == doctest::Approx(m.s.area_a).epsilon(1e-11));
     CHECK(dense(m.model.gradient).cwiseAbs().maxCoeff() < 1e-9);
-    CHECK(dense_model(m, m.model).allFinite());
+    CHECK(dense(m.model.H).allFinite());
   }
 }
 
@@ -304,18 +293,18 @@ TEST_CASE("the gradient of the whole objective agrees with differences") {
 
 TEST_CASE("an evaluation gives up only where the energy exceeds the limit") {
   const auto [a, b] = random_pair(6);
-  const SurfacePair pair = surfaces(a, b);
+  const JointSurface s = joined(a.mesh, b.mesh);
   const Weights weights = {2.2, 1e-2, 1e-3, &kDirichlet};
-  Iterate x = evaluated(pair, weights, a.plane, b.plane);
+  Iterate x = evaluated(s, weights, stacked(a.plane, b.plane));
   const double energy = x.energy;
   const auto energy_within = [&](double limit) {
-    evaluate(pair, weights, x, limit);
+    evaluate(s, weights, x, limit);
     return x.energy;
   };
   CHECK(energy_within(energy + 1e-12) == energy);
   CHECK(energy_within(energy + 1) == energy);
   // The limit at which to give up leaves room for the energy of all area that is not covered.
-  const double room = weights.kappa * (pair.total_area() - x.area_a - x.area_b);
+  const double room = weights.kappa * (s.total_area - x.area_a - x.area_b);
   REQUIRE(room > 0);
   CHECK(energy_within(energy - room + 1e-9) == energy);
   CHECK(energy_within(energy - room - 1e-9) == std::numeric_limits<double>::infinity());
@@ -328,17 +317,15 @@ TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and defin
     const auto [a, b] = random_pair(seed);
     const Modelled m(a, b, {2, 1e-2, 1e-3, &kDirichlet});
     const LinearSystem system = m.system({m.model});
-    const MatrixXd H = dense(system.pattern, system.H), expected = dense_reference(m);
+    const MatrixXd H = dense(system.H), expected = dense_reference(m);
     CHECK((H - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.cwiseAbs().maxCoeff());
     CHECK((H - H.transpose()).cwiseAbs().maxCoeff() < 1e-12 * expected.cwiseAbs().maxCoeff());
     CHECK(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff() > 0);
     const VectorXd gradient = dense(system.gradient);
     CHECK(gradient == dense(m.model.gradient));
-    Points2 positions(m.pair.rows(), 2);
-    positions << m.x.f, m.x.g;
-    const LdltSymbolic symbolic = NestedDissection(system.pattern, positions, m.executor).build();
+    const LdltSymbolic symbolic = NestedDissection(system.H, m.x.x, m.executor).build();
     LdltFactor factor;
-    ldlt_factorize(symbolic, {&system.H, nullptr, 0}, m.executor, factor);
+    ldlt_factorize(symbolic, system.shifted(0), m.executor, factor);
     CHECK(factor.ok);
     CHECK(factor.negative == 0);
     const VectorXd d = dense(ldlt_solve(symbolic, factor, negated(system.gradient)));
@@ -347,34 +334,74 @@ TEST_CASE("the assembled Hessian is the sum of its elements, symmetric and defin
   }
 }
 
+TEST_CASE("sums of blocks and weighted sums of matrices are those of dense matrices") {
+  Rng rng(32);
+  const Executor executor{Options()};
+  for (int n : {1, 10, 200}) {
+    CAPTURE(n);
+    std::vector<std::pair<int, int>> places;
+    const auto random_sum = [&](MatrixXd& expected) {
+      Array<Block> blocks;
+      expected.setZero(2 * n, 2 * n);
+      for (int i = 0; i < 4 * n; ++i) {
+        const int c = rng.below(n), r = rng.below(c + 1);
+        MatrixXd M = MatrixXd::NullaryExpr(2, 2, [&](Eigen::Index) { return rng.uniform(-1, 1); });
+        if (r == c) M += MatrixXd(M.transpose());
+        expected.block<2, 2>(2 * r, 2 * c) += M;
+        if (r != c) expected.block<2, 2>(2 * c, 2 * r) += M.transpose();
+        blocks.push_back({r, c, to_mat2(M)});
+        places.push_back({r, c});
+      }
+      return sum_of_blocks(n, blocks, executor);
+    };
+    MatrixXd dense_A, dense_B;
+    const BlockMatrix A = random_sum(dense_A), B = random_sum(dense_B);
+    CHECK((dense(A) - dense_A).norm() < 1e-14 * dense_A.norm());
+    Array<Term> terms(1, Term{&A, 0.7});
+    terms.push_back({&B, -1.3});
+    const BlockMatrix sum = weighted_sum(terms, executor);
+    const MatrixXd expected = 0.7 * dense_A - 1.3 * dense_B;
+    CHECK((dense(sum) - expected).norm() < 1e-14 * expected.norm());
+    std::sort(places.begin(), places.end());
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    std::vector<std::pair<int, int>> found;
+    for (int r = 0; r < sum.rows(); ++r)
+      for (int b = sum.start[r]; b < sum.start[r + 1]; ++b) found.push_back({r, sum.column[b]});
+    CHECK(found == places);  // every block once, columns in order
+  }
+}
+
 TEST_CASE("a blended system is the weighted mean of models with different couplings") {
   const auto [a, b] = random_pair(5);
   for (bool precondition : {false, true}) {
     const Modelled m(a, b, {2, 1e-2, 1e-3, &kDirichlet}, precondition);
     const Points2 g = shapes::moved(b.plane, shapes::rotation(0.3), Vector2d(-0.6, 0.4));
-    const QuadraticModel old = m.model_at(evaluated(m.pair, m.weights, a.plane, g));
+    const QuadraticModel old = m.model_at(evaluated(m.s, m.weights, stacked(a.plane, g)));
     const LinearSystem system = m.system({m.model, old}, 0.5);
-    const MatrixXd H0 = dense_model(m, m.model), H1 = dense_model(m, old);
+    const MatrixXd H0 = dense(m.model.H), H1 = dense(old.H);
     const MatrixXd expected = (H0 + 0.5 * H1) / 1.5;
     CHECK((H0 - H1).norm() > 0.1 * H0.norm());
-    CHECK((dense(system.pattern, system.H) - expected).norm() < 1e-13 * expected.norm());
+    CHECK((dense(system.H) - expected).norm() < 1e-13 * expected.norm());
     const VectorXd gradient = (dense(m.model.gradient) + 0.5 * dense(old.gradient)) / 1.5;
     CHECK((dense(system.gradient) - gradient).norm() < 1e-13 * gradient.norm());
-    CHECK(system.Q.empty() == !precondition);
+    CHECK(system.has_Q() == precondition);
+    if (precondition) CHECK(dense(system.Q) == dense(m.laplacian));
+    const BlockMatrix others = squared_laplacian(m.s, m.executor);
+    const MatrixXd sum = expected + dense(others);
+    CHECK((dense(m.system({m.model, old}, 0.5, others).H) - sum).norm() < 1e-13 * sum.norm());
   }
 }
 
 TEST_CASE("the squared Laplacian is semidefinite and does not see translations") {
   const auto [a, b] = random_pair(6);
   const Modelled m(a, b, {2, 1e-8, 1e-3, &kDirichlet}, true);
-  const LinearSystem system = m.system({m.model});
-  const MatrixXd Q = dense(system.pattern, system.Q);
+  const MatrixXd Q = dense(m.system({m.model}).Q);
   VectorXd along_x = VectorXd::Zero(Q.rows());
-  for (int v = 0; v < m.pair.n_a(); ++v) along_x[2 * v] = 1;
+  for (int v = 0; v < m.s.n_a; ++v) along_x[2 * v] = 1;
   CHECK((Q * along_x).norm() < 1e-12 * Q.norm());
   const VectorXd eigenvalues = Eigen::SelfAdjointEigenSolver<MatrixXd>(Q).eigenvalues();
   CHECK(eigenvalues.minCoeff() > -1e-12 * eigenvalues.maxCoeff());
-  const MatrixXd coupling = Q.topRightCorner(2 * m.pair.n_a(), 2 * m.pair.n_b());
+  const MatrixXd coupling = Q.topRightCorner(2 * m.s.n_a, Q.cols() - 2 * m.s.n_a);
   CHECK(coupling.cwiseAbs().maxCoeff() == 0);
 }
 
@@ -382,10 +409,10 @@ TEST_CASE("eliminated unknowns get unit rows and columns and no force") {
   const auto [a, b] = random_pair(7);
   const Modelled m(a, b, {2, 1e-2, 1e-3, &kDirichlet}, true);
   LinearSystem system = m.system({m.model});
-  const MatrixXd H = dense(system.pattern, system.H), Q = dense(system.pattern, system.Q);
-  const int v = m.pair.n_a() + 3, w = 2;
+  const MatrixXd H = dense(system.H), Q = dense(system.Q);
+  const int v = m.s.n_a + 3, w = 2;
   const int removed[] = {2 * v, 2 * v + 1, 2 * w + 1};
-  FixedCoordinates is_fixed(m.pair.rows());
+  FixedCoordinates is_fixed(m.s.mesh.n_vertices);
   for (int i : removed) is_fixed(i / 2, i % 2) = 1;
   eliminate(is_fixed, system);
   MatrixXd expected_H = H, expected_Q = Q;
@@ -395,8 +422,8 @@ TEST_CASE("eliminated unknowns get unit rows and columns and no force") {
     expected_H(i, i) = 1;
     CHECK(dense(system.gradient)[i] == 0);
   }
-  CHECK(dense(system.pattern, system.H) == expected_H);
-  CHECK(dense(system.pattern, system.Q) == expected_Q);
+  CHECK(dense(system.H) == expected_H);
+  CHECK(dense(system.Q) == expected_Q);
   CHECK(system.gradient[w].x == m.model.gradient[w].x);
 }
 
@@ -528,7 +555,7 @@ TEST_CASE("every iterate is injective, whatever the limit of iterations") {
     before = result.final_state().energy;
     const Weights weights = {options.coverage_weight, options.barrier_weight, 1e-3,
                              &options.measure};
-    const Iterate end = evaluated(surfaces(a, b), weights, result.f, result.g);
+    const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     // The positions belong to the log; where products are fused, code inlined twice rounds twice.
     CHECK(end.energy == doctest::Approx(result.final_state().energy).epsilon(1e-14));
   }
@@ -663,8 +690,8 @@ TEST_CASE("every measure is minimised, injectively") {
     check_energy_never_grows(result);
     check_injective(a, b, result);
     const Weights weights = {0.2, options.barrier_weight, 1e-3, &measure};
-    CHECK(evaluated(surfaces(a, b), weights, result.f, result.g).map_energy ==
-          doctest::Approx(result.final_state().map_energy).epsilon(1e-9));
+    const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
+    CHECK(end.map_energy == doctest::Approx(result.final_state().map_energy).epsilon(1e-9));
   }
 }
 
@@ -734,13 +761,11 @@ TEST_CASE("a measure that is no number is reported, not accepted") {
   };
   options.fixed_a = {0};  // so that the planes are not moved first
   options.measure = {bottomless, 0, 1};
-  const SurfacePair pair = surfaces(a, b);
+  const JointSurface s = joined(a.mesh, b.mesh);
   const Weights weights = {options.coverage_weight, options.barrier_weight, options.spd_epsilon,
                            &options.measure};
-  const Executor executor(options);
-  const SystemBuilder systems(pair, false, executor);
-  ModelBuilder(pair, weights, systems.one_ring(), executor)
-      .differentiate_elements(evaluated(pair, weights, a.plane, b.plane));
+  ModelBuilder(s, weights, Executor(options))
+      .differentiate_elements(evaluated(s, weights, stacked(a.plane, b.plane)));
   sound = calls;
   calls = 0;
   const Result stalled = ism::compute_map(a.mesh, b.mesh, {}, options);
@@ -806,8 +831,8 @@ TEST_CASE("a scaffold is usable where a boundary is straight but for rounding") 
       const Scaffold s = build_scaffold(m, disk.plane, 1);
       CHECK(std::abs(scaffold_energy(s, disk.plane)) < 1e-9);
       for (const Mat2& inverse : s.rest_inverse) CHECK(is_finite(inverse));
-      Points2 d(disk.plane.rows(), 2);
-      for (int v = 0; v < d.rows(); ++v) d.row(v) = rng.point(1).transpose();
+      Array<Vec2> d(m.n_vertices);
+      for (Vec2& move : d) move = to_vec2(rng.point(1));
       CHECK(max_step(s, disk.plane, d) > 1e-6);
     }
 }
@@ -841,37 +866,34 @@ TEST_CASE("a scaffold is locally Delaunay") {
 
 TEST_CASE("the energy of a scaffold is least where it was built, with the Hessian that is added") {
   Rng rng(28);
-  const Disk disk = shapes::comb(3, 2);
-  const HalfEdgeMesh m = half_edges(disk.mesh);
-  const int n = m.n_vertices, first = 2;
-  const Scaffold s = build_scaffold(m, disk.plane, 0.3);
-  Array<ExtraBlock> blocks;
-  add_scaffold(s, first, blocks);
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2 * (first + n), 2 * (first + n));
-  for (const ExtraBlock& b : blocks) {
-    CHECK(b.row <= b.column);
-    CHECK(squared_norm(b.Q) == 0);
-    H.block<2, 2>(2 * b.row, 2 * b.column) += eigen(b.H);
-    if (b.row != b.column) H.block<2, 2>(2 * b.column, 2 * b.row) += eigen(transposed(b.H));
+  const Disk a = shapes::comb(3, 2), b = shapes::fan(7);  // which overlap
+  const HalfEdgeMesh m = joined(a.mesh, b.mesh).mesh;
+  const Points2 x = stacked(a.plane, b.plane);
+  const int n = m.n_vertices;
+  const Scaffold s = build_scaffold(m, x, 0.3);
+  CHECK(s.triangle.size() == m.boundary.size() + 8);
+  Array<Block> blocks;
+  add_scaffold(s, blocks);
+  MatrixXd H = MatrixXd::Zero(2 * n, 2 * n);
+  for (const Block& block : blocks) {
+    const int r = 2 * block.row, c = 2 * block.column;
+    CHECK(r <= c);
+    H.block<2, 2>(r, c) += eigen(block.value);
+    if (r != c) H.block<2, 2>(c, r) += eigen(transposed(block.value));
   }
-  CHECK(std::abs(scaffold_energy(s, disk.plane)) < 1e-12);
+  CHECK(std::abs(scaffold_energy(s, x)) < 1e-12);
   for (int trial = 0; trial < 10; ++trial) {
     Points2 d(n, 2);
-    Eigen::VectorXd flat = Eigen::VectorXd::Zero(H.rows());
-    for (int v = 0; v < n; ++v) {
-      d.row(v) = rng.point(1).transpose();
-      flat.segment<2>(2 * (first + v)) = d.row(v).transpose();
-    }
+    for (int v = 0; v < n; ++v) d.row(v) = rng.point(1).transpose();
+    const VectorXd flat = Eigen::Map<const VectorXd>(d.data(), d.size());
     const double h = 1e-4, expected = flat.dot(H * flat);
-    const double second =
-        scaffold_energy(s, disk.plane + h * d) + scaffold_energy(s, disk.plane - h * d);
+    const double second = scaffold_energy(s, x + h * d) + scaffold_energy(s, x - h * d);
     CHECK(second / (h * h) == doctest::Approx(expected).epsilon(1e-4));
-    const double slope =
-        scaffold_energy(s, disk.plane + h * d) - scaffold_energy(s, disk.plane - h * d);
+    const double slope = scaffold_energy(s, x + h * d) - scaffold_energy(s, x - h * d);
     CHECK(std::abs(slope) < 1e-2 * second);
-    const double most = max_step(s, disk.plane, d);
-    CHECK(scaffold_energy(s, disk.plane + 0.999 * most * d) < kInfinity);
-    if (most < kInfinity) CHECK(scaffold_energy(s, disk.plane + 1.001 * most * d) == kInfinity);
+    const double most = max_step(s, x, per_vertex(flat));
+    CHECK(scaffold_energy(s, x + 0.999 * most * d) < kInfinity);
+    if (most < kInfinity) CHECK(scaffold_energy(s, x + 1.001 * most * d) == kInfinity);
   }
 }
 

@@ -50,6 +50,13 @@ inline ism::detail::HalfEdgeMesh half_edges(const ism::TriangleMesh& mesh) {
   return ism::detail::build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
 }
 
+/// Two surfaces as one.
+inline ism::detail::JointSurface joined(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
+                                        bool keep_scale = true) {
+  return ism::detail::join(
+      {ism::detail::build_surface(a, keep_scale), ism::detail::build_surface(b, keep_scale)});
+}
+
 // The header's small types as Eigen's, and the other way round.
 inline Vector2d eigen(ism::detail::Vec2 p) { return {p.x, p.y}; }
 inline Eigen::Vector3d eigen(const ism::detail::Vec3& p) { return {p.x, p.y, p.z}; }

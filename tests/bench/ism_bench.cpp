@@ -205,12 +205,11 @@ class Report {
 /// One state of the iteration, and how its parts are computed.
 struct State {
   State(const Problem& problem, const ism::Points2& f, const ism::Points2& g)
-      : pair{build_surface(problem.a, false), build_surface(problem.b, false)} {
-    x.f = f;
-    x.g = g;
-    evaluate(pair, weights, x);
+      : surface(join({build_surface(problem.a, false), build_surface(problem.b, false)})) {
+    x.x = stacked(f, g);
+    evaluate(surface, weights, x);
   }
-  SurfacePair pair;
+  JointSurface surface;
   ism::Options options;
   Weights weights{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
                   &options.measure};
@@ -226,15 +225,14 @@ Executor executor(int threads) {
 // ---- the parts ----
 
 void bench_overlay(State& s, int repeats, Report& report) {
-  const double overlay = median_seconds(
-      repeats, [&] { compute_overlay(s.pair.a.mesh, s.x.f, s.pair.b.mesh, s.x.g, s.x.overlay); });
-  const double all = median_seconds(repeats, [&] { evaluate(s.pair, s.weights, s.x); });
+  const double overlay =
+      median_seconds(repeats, [&] { compute_overlay(s.surface, s.x.x, s.x.overlay); });
+  const double all = median_seconds(repeats, [&] { evaluate(s.surface, s.weights, s.x); });
   const int n = s.x.overlay.polygons.size();
   report.add("overlay", 1, overlay, 1e3, "ms", 0, std::to_string(n) + " polygons");
   report.add("energy, per polygon", 1, (all - overlay) / n, 1e6, "us", 0, "E_f and E_g included");
   const double injective = median_seconds(repeats, [&] {
-    if (!is_injective(s.pair.a.mesh, s.x.f) || !is_injective(s.pair.b.mesh, s.x.g))
-      fail("the state is not injective");
+    if (!is_injective(s.surface.mesh, s.x.x)) fail("the state is not injective");
   });
   report.add("exact test of injectivity", 1, injective, 1e3, "ms");
 }
@@ -242,8 +240,8 @@ void bench_overlay(State& s, int repeats, Report& report) {
 void load_batch(const State& s, int first, PolygonBatch& batch) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const OverlayPolygon& p = s.x.overlay.polygons[first + lane];
-    load(p, six_points(s.pair, s.x, p), s.pair.a.rest_inverse[p.ta], s.pair.b.rest_inverse[p.tb],
-         lane, batch);
+    load(p, six_points(s.surface.mesh, s.x.x, p), s.surface.rest_inverse[p.ta],
+         s.surface.rest_inverse[p.tb], lane, batch);
   }
 }
 
@@ -375,16 +373,16 @@ void bench_projection(State& s, int repeats, Report& report) {
 /// The system of one iteration: of this state alone, at a given ω_L.
 LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) {
   const Executor run = executor(threads);
-  const SystemBuilder systems(s.pair, true, run);
-  ModelBuilder models(s.pair, s.weights, systems.one_ring(), run);
+  const BlockMatrix laplacian = squared_laplacian(s.surface, run);
+  ModelBuilder models(s.surface, s.weights, run);
   const double derivatives = median_seconds(repeats, [&] { models.differentiate_elements(s.x); });
   report.add("all derivatives, projected", threads, derivatives, 1e3, "ms");
   Array<QuadraticModel> history(1);
   const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(s.x); });
   LinearSystem system;
-  const double blend =
-      median_seconds(repeats, [&] { system = systems.blend(history, s.options.history_decay); });
-  report.add("assembly and blend", threads, assembly + blend, 1e3, "ms");
+  const double blending = median_seconds(
+      repeats, [&] { system = blend(history, s.options.history_decay, {}, laplacian, run); });
+  report.add("assembly and blend", threads, assembly + blending, 1e3, "ms");
   return system;
 }
 
@@ -392,16 +390,14 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
                 Report& report) {
   const ShiftedMatrix matrix = system.shifted(omega);
   const Executor run = executor(threads);
-  ism::Points2 positions(s.pair.rows(), 2);
-  positions << s.x.f, s.x.g;
   LdltSymbolic symbolic;
   LdltFactor factor;
-  const double analysis = median_seconds(
-      repeats, [&] { symbolic = NestedDissection(system.pattern, positions, run).build(); });
+  const double analysis =
+      median_seconds(repeats, [&] { symbolic = NestedDissection(system.H, s.x.x, run).build(); });
   const double factorisation =
       median_seconds(repeats, [&] { ldlt_factorize(symbolic, matrix, run, factor); });
   const double own = analysis + factorisation;
-  rivals::Sparse A = rivals::lower_triangle(system.pattern, matrix);
+  rivals::Sparse A = rivals::lower_triangle(matrix);
   const Array<Vec2> b = negated(system.gradient);
   const Eigen::VectorXd flat_b = rivals::flattened(b);
   const auto residual = [&](const Eigen::VectorXd& x) {
@@ -432,7 +428,7 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
   }
 #endif
   const double neighbour = median_seconds(repeats, [&] {
-    x = solve_with_neighbour(symbolic, factor, system.pattern, system.shifted(omega / 2), b, 1e-3);
+    x = solve_with_neighbour(symbolic, factor, system.shifted(omega / 2), b, 1e-3);
   });
   report.add("conjugate gradients to 1e-3 for omega / 2", 1, neighbour, 1e3, "ms");
 }

@@ -29,8 +29,8 @@ namespace rivals {
 using Sparse = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
 
 /// The lower triangle of H + ω Q, without zeros.
-inline Sparse lower_triangle(const ism::detail::BlockPattern& pattern,
-                             const ism::detail::ShiftedMatrix& matrix) {
+inline Sparse lower_triangle(const ism::detail::ShiftedMatrix& matrix) {
+  const ism::detail::BlockMatrix& pattern = *matrix.H;
   std::vector<Eigen::Triplet<double>> entries;
   for (int r = 0; r < pattern.rows(); ++r)
     for (int b = pattern.start[r]; b < pattern.start[r + 1]; ++b) {
