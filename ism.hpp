@@ -3682,27 +3682,33 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
 
 // ---- block matrices, row by row ----
 
-/// Collects consecutive rows of a block matrix: blocks in any order, of which those of one column
-/// are added.
+/// Consecutive rows of a block matrix. What a row is the sum of is added twice: first only columns
+/// count, then, in their places, the blocks.
 class RowWriter {
  public:
-  void begin(int columns) { place_.assign(columns, -1); }
+  explicit RowWriter(int columns = 0) : place_(columns, -1) {}
 
   void add(int column, const Mat2& block) {
     int& place = place_[column];
-    if (place < row_) {
+    if (is_ordered_) {
+      value_[place] += block;
+    } else if (place < row_) {
       place = column_.size();
       column_.push_back(column);
-      value_.push_back({});
     }
-    value_[place] += block;
   }
 
-  void end_row() {
+  template <class Fill>
+  void write_row(int r, const Fill& fill) {
+    is_ordered_ = false;
+    fill(r, *this);
     std::sort(column_.begin() + row_, column_.end());
-    sorted_.clear();
-    for (int i = row_; i < column_.size(); ++i) sorted_.push_back(value_[place_[column_[i]]]);
-    std::copy(sorted_.begin(), sorted_.end(), value_.begin() + row_);
+    for (int i = row_; i < column_.size(); ++i) {
+      place_[column_[i]] = i;
+      value_.push_back({});
+    }
+    is_ordered_ = true;
+    fill(r, *this);
     row_ = column_.size();
     end_.push_back(row_);
   }
@@ -3717,35 +3723,33 @@ class RowWriter {
 
  private:
   int row_ = 0;  // where the row begins that is being written
+  bool is_ordered_ = false;
   Array<int> column_, end_;
-  Array<Mat2> value_, sorted_;
+  Array<Mat2> value_;
   Array<int> place_;  // per column, of its block if that is in the row
 };
 
-/// A matrix of which fill(r, row) adds the blocks of row r.
+/// A matrix of which fill(r, row) adds the blocks of row r, the same ones whenever it is called.
 inline BlockMatrix build_rows(int rows, const Executor& executor,
                               const Callback<int, RowWriter&>& fill) {
   constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
   const int block = (std::max)(kLeast, (rows + kMostTasks - 1) / kMostTasks);
   Array<RowWriter> part((rows + block - 1) / block);
   executor.run_blocks(rows, block, [&](int begin, int end) {
-    RowWriter& row = part[begin / block];
-    row.begin(rows);
-    for (int r = begin; r < end; ++r) {
-      fill(r, row);
-      row.end_row();
-    }
+    RowWriter& writer = part[begin / block];
+    writer = RowWriter(rows);
+    for (int r = begin; r < end; ++r) writer.write_row(r, fill);
   });
   int blocks = 0;
-  for (const RowWriter& row : part) blocks += row.blocks();
+  for (const RowWriter& writer : part) blocks += writer.blocks();
   BlockMatrix matrix;
   matrix.start.reserve(rows + 1);
   matrix.column.reserve(blocks);
   matrix.value.reserve(blocks);
   matrix.start.push_back(0);
-  for (RowWriter& row : part) {
-    row.append_to(matrix);
-    row = RowWriter();
+  for (RowWriter& writer : part) {
+    writer.append_to(matrix);
+    writer = RowWriter();
   }
   return matrix;
 }
@@ -3799,10 +3803,10 @@ struct FaceTerm {
   Vec2 gradient[3];
 };
 
-/// What a polygon contributes besides its A-A part.
-struct PolygonTerm {
-  Mat2 ab[3][3];
-  FaceTerm b;
+/// What the polygons in a triangle of A contribute between its corners and a vertex of B.
+struct Coupling {
+  int vertex;
+  Mat2 hessian[3];
 };
 
 /// The symmetric Dirichlet energies, times a weight, of triangles begin to end - 1 of an embedding,
@@ -3840,14 +3844,11 @@ inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& te
                                 const Callback<int, RowWriter&>& add_others) {
   QuadraticModel model;
   model.gradient.resize(m.n_vertices);
+  for (int h = 0; h < m.tail.size(); ++h) model.gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
   model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
     m.for_each_outgoing(u, [&](int h) {
-      const FaceTerm& term = terms[h / 3];
-      model.gradient[u] += term.gradient[h % 3];
-      for (int k = 0; k < 3; ++k) {
-        const int v = m.corner(h / 3, k);
-        if (u <= v) row.add(v, term.hessian[h % 3][k]);
-      }
+      for (int k = 0; k < 3; ++k)
+        if (u <= m.corner(h / 3, k)) row.add(m.corner(h / 3, k), terms[h / 3].hessian[h % 3][k]);
       add_others(h, row);
     });
   });
@@ -3863,10 +3864,12 @@ class ModelBuilder {
   /// Derivatives of all polygons and triangles, projected one by one (Algorithm 1, lines 4 to 7).
   void differentiate_elements(const Iterate& x) {
     by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
-    polygon_.resize(x.overlay.polygons.size());
+    polygon_in_b_.resize(x.overlay.polygons.size());
+    coupling_.resize(s_.faces_a);
     face_.resize(s_.mesh.n_faces);
     executor_.run_blocks(s_.faces_a, kBlock, [&](int begin, int end) {
       embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      for (int f = begin; f < end; ++f) coupling_[f].clear();
       differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
     });
     executor_.run_blocks(s_.mesh.n_faces - s_.faces_a, kBlock, [&](int begin, int end) {
@@ -3874,18 +3877,15 @@ class ModelBuilder {
       embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
       for (int f = begin; f < end; ++f)
         for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
-          add(polygon_[by_face_.item[i]].b, face_[f]);
+          add(polygon_in_b_[by_face_.item[i]], face_[f]);
     });
   }
 
   /// Sums the terms of the last differentiate_elements() (line 8).
-  QuadraticModel assemble(const Iterate& x) const {
+  QuadraticModel assemble() const {
     return sum_terms(s_.mesh, face_, executor_, [&](int h, RowWriter& row) {
       if (h >= 3 * s_.faces_a) return;
-      for (int i = by_face_.start[h / 3]; i < by_face_.start[h / 3 + 1]; ++i)
-        for (int k = 0; k < 3; ++k)
-          row.add(s_.mesh.corner(x.overlay.polygons[by_face_.item[i]].tb, k),
-                  polygon_[by_face_.item[i]].ab[h % 3][k]);
+      for (const Coupling& c : coupling_[h / 3]) row.add(c.vertex, c.hessian[h % 3]);
     });
   }
 
@@ -3917,29 +3917,41 @@ class ModelBuilder {
   }
 
   void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
-    PolygonTerm& term = polygon_[id];
-    term = PolygonTerm();
+    const OverlayPolygon& p = x.overlay.polygons[id];
+    FaceTerm &a = face_[p.ta], &b = polygon_in_b_[id];
+    b = FaceTerm();
     if (batch.is_negligible[lane]) return;
-    FaceTerm& face = face_[x.overlay.polygons[id].ta];
     const auto force = [&](int i) {
       return Vec2{batch.gradient[2 * i][lane], batch.gradient[2 * i + 1][lane]};
     };
-    for (int i = 0; i < 3; ++i) {
-      face.gradient[i] += force(i);
-      term.b.gradient[i] = force(3 + i);
-      for (int j = 0; j < 3; ++j) {
-        face.hessian[i][j] += batch.hessian.block(i, j, lane);
-        term.ab[i][j] = batch.hessian.block(i, 3 + j, lane);
-        term.b.hessian[i][j] = batch.hessian.block(3 + i, 3 + j, lane);
+    for (int j = 0; j < 3; ++j) {
+      a.gradient[j] += force(j);
+      b.gradient[j] = force(3 + j);
+      Coupling& coupling = coupling_with(s_.mesh.corner(p.tb, j), coupling_[p.ta]);
+      for (int i = 0; i < 3; ++i) {
+        a.hessian[i][j] += batch.hessian.block(i, j, lane);
+        b.hessian[i][j] = batch.hessian.block(3 + i, 3 + j, lane);
+        coupling.hessian[i] += batch.hessian.block(i, 3 + j, lane);
       }
     }
+  }
+
+  /// That with a vertex, if it is among the last ones, or else a new one.
+  static Coupling& coupling_with(int vertex, Array<Coupling>& couplings) {
+    constexpr int kLast = 16;
+    const int n = couplings.size();
+    for (int i = n - 1; i >= 0 && i >= n - kLast; --i)
+      if (couplings[i].vertex == vertex) return couplings[i];
+    couplings.push_back({vertex, {}});
+    return couplings.back();
   }
 
   const JointSurface& s_;
   const Weights& weights_;
   const Executor& executor_;
   FaceGroups by_face_;
-  Array<PolygonTerm> polygon_;
+  Array<FaceTerm> polygon_in_b_;     // per polygon, its part between vertices of B
+  Array<Array<Coupling>> coupling_;  // per triangle of A
   Array<FaceTerm> face_;
 };
 
@@ -4826,7 +4838,7 @@ class Optimizer {
       Timer timer;
       models_.differentiate_elements(x_);  // lines 3 to 7
       log.seconds_derivatives = timer.lap();
-      remember(models_.assemble(x_));  // lines 8 and 9
+      remember(models_.assemble());  // lines 8 and 9
       log.seconds_assembly = timer.lap();
       if (choose_step(log)) {  // lines 9 to 23
         accept(log, result);   // lines 24 and 25

@@ -96,7 +96,7 @@ struct Modelled {
   QuadraticModel model_at(const Iterate& at) const {
     ModelBuilder builder(s, weights, executor);
     builder.differentiate_elements(at);
-    return builder.assemble(at);
+    return builder.assemble();
   }
 
   LinearSystem system(const std::vector<QuadraticModel>& history, double decay = 1,

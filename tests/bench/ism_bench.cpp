@@ -378,7 +378,7 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
   const double derivatives = median_seconds(repeats, [&] { models.differentiate_elements(s.x); });
   report.add("all derivatives, projected", threads, derivatives, 1e3, "ms");
   Array<QuadraticModel> history(1);
-  const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(s.x); });
+  const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(); });
   LinearSystem system;
   const double blending = median_seconds(
       repeats, [&] { system = blend(history, s.options.history_decay, {}, laplacian, run); });
