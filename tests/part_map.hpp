@@ -381,6 +381,8 @@ TEST_CASE("input that is no map gives a status and no images") {
   broken.triangles(0, 0) = 77;
   check_unusable(SurfaceMap(broken, b.mesh, a.plane, b.plane), Status::kInvalidMesh, "mesh A");
   check_unusable(SurfaceMap(b.mesh, broken, b.plane, a.plane), Status::kInvalidMesh, "mesh B");
+  CHECK(SurfaceMap(b.mesh, broken, b.plane, a.plane).forward_vertices().size() ==
+        static_cast<std::size_t>(b.mesh.vertices.rows()));
   check_unusable(SurfaceMap({}, {}, {}, {}), Status::kInvalidMesh, "mesh A");
   const Points2 mirrored = -a.plane.rowwise().reverse();  // a reflection
   const auto positions = Status::kInvalidPositions;

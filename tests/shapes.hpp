@@ -134,8 +134,11 @@ Disk cells(int nx, int ny, Keep keep) {
   };
   for (int j = 0; j < ny; ++j)
     for (int i = 0; i < nx; ++i)
-      if (keep(i, j))
-        builder.quad(corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
+      if (keep(i, j)) {  // named first: vertices are numbered as they are asked for
+        const int d = corner(i, j + 1), c = corner(i + 1, j + 1);
+        const int b = corner(i + 1, j), a = corner(i, j);
+        builder.quad(a, b, c, d);
+      }
   return builder.build();
 }
 
