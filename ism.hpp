@@ -3789,6 +3789,12 @@ inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& execut
   });
 }
 
+inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executor& executor) {
+  Array<Term> terms(1, Term{&A, 1});
+  terms.push_back({&B, 1});
+  return weighted_sum(terms, executor);
+}
+
 // ---- gradient and projected Hessian ----
 
 /// Gradient and projected Hessian at one iterate, the memory of §5.3.
@@ -4152,10 +4158,7 @@ inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit
         });
       });
     }
-  const BlockMatrix others = sum_of_blocks(A.rows(), moved, executor);
-  Array<Term> terms(1, Term{&A, 1});
-  terms.push_back({&others, 1});
-  return weighted_sum(terms, executor);
+  return sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
 }
 
 /// Replaces x by P x in a system.
@@ -4787,7 +4790,7 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 // the displacement (set_direction) and on the loss of covered area (is_acceptable); s = 1 is tried
 // where it is within these bounds (add_block); Armijo's slope is that of the newest gradient, so
 // that E never grows (set_direction); history weights add up to 1, so that ω_L means the same in
-// the first iterations (blend); scaffolds where a boundary was met (notice_collision); where only a
+// the first iterations (blend); a scaffold once a boundary was met (notice_collision); where only a
 // short step is found, the newest derivatives alone are tried too (try_newest); where none is
 // found, what smooths the direction is let go (recover); stopping rules (has_settled). For speed,
 // one matrix is factorised, and conjugate gradients use its factor for the other ω_L (solve); and
@@ -5559,10 +5562,7 @@ class FlatNewton {
     }
     add_scaffold(scaffold_, blocks);
     if (blocks.empty()) return;
-    const BlockMatrix others = sum_of_blocks(m_.n_vertices, blocks, executor_);
-    Array<Term> terms(1, Term{&system.H, 1});
-    terms.push_back({&others, 1});
-    system.H = weighted_sum(terms, executor_);
+    system.H = sum(system.H, sum_of_blocks(m_.n_vertices, blocks, executor_), executor_);
   }
 
   const FlatProblem& problem_;
