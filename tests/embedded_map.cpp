@@ -1,5 +1,6 @@
 // The header as an engine would build it: without exceptions, RTTI and threads, and in more than
-// one file of a program. This file has the implementation, embedded_main.cpp the API only.
+// one file of a program. This file has the implementation, embedded_main.cpp the API only. They are
+// the program of test_consumers.sh, too.
 
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"

@@ -12,34 +12,8 @@ trap 'rm -rf "$work"' EXIT
 
 # What a consumer has: two files that use the API, one of which may hold the implementation.
 mkdir "$work/app"
-cat > "$work/app/mesh.cpp" <<'CPP'
-#include "ism.hpp"
-
-ism::TriangleMesh bent_square(double height) {
-  ism::TriangleMesh mesh;
-  mesh.vertices.resize(5, 3);
-  mesh.vertices << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0.5, 0.5, height;
-  mesh.triangles.resize(4, 3);
-  mesh.triangles << 0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4;
-  return mesh;
-}
-CPP
-cat > "$work/app/main.cpp" <<'CPP'
-#ifdef HOLDS_IMPLEMENTATION
-#define ISM_IMPLEMENTATION
-#endif
-#include "ism.hpp"
-
-ism::TriangleMesh bent_square(double height);
-
-int main() {
-  const ism::TriangleMesh a = bent_square(0), b = bent_square(0.3);
-  const ism::Result result = ism::compute_map(a, b, {{0, 0}, {2, 2}});
-  if (!ism::is_usable(result.status)) return 1;
-  const ism::SurfaceMap map(a, b, result.f, result.g);
-  return map.forward_vertex(4).covered ? 0 : 2;
-}
-CPP
+cp "$project/tests/embedded_main.cpp" "$work/app/main.cpp"
+grep -v '#define ISM_IMPLEMENTATION' "$project/tests/embedded_map.cpp" > "$work/app/map.cpp"
 
 # What find_package and a CMake target bring is read off Eigen's package, for the plain copy too.
 cat > "$work/app/CMakeLists.txt" <<'CMAKE'
@@ -50,10 +24,10 @@ if(ISM_FOLDER)
 else()
   find_package(ism REQUIRED)
 endif()
-add_executable(app main.cpp mesh.cpp)
+add_executable(app main.cpp map.cpp)
 target_link_libraries(app PRIVATE ${ISM_TARGET})
 if(ISM_TARGET STREQUAL "ism::header")
-  target_compile_definitions(app PRIVATE HOLDS_IMPLEMENTATION)
+  set_source_files_properties(map.cpp PROPERTIES COMPILE_DEFINITIONS ISM_IMPLEMENTATION)
 endif()
 CMAKE
 
@@ -79,8 +53,8 @@ build() {
 # A plain copy beside the sources, without CMake.
 cp "$project/ism.hpp" "$work/app"
 eigen="$(cd "$work" && "$cmake" --find-package -DNAME=Eigen3 -DCOMPILER_ID=GNU -DLANGUAGE=CXX -DMODE=COMPILE)"
-(cd "$work/app" && "$compiler" -std=c++17 $eigen -DHOLDS_IMPLEMENTATION main.cpp mesh.cpp -pthread \
-  -o "$work/copy")
+(cd "$work/app" && "$compiler" -std=c++17 $eigen -DISM_IMPLEMENTATION -c map.cpp &&
+  "$compiler" -std=c++17 $eigen main.cpp map.o -pthread -o "$work/copy" && rm map.o)
 "$work/copy"
 rm "$work/app/ism.hpp"
 echo "a plain copy: works"
