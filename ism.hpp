@@ -3274,15 +3274,16 @@ inline void subtract_product(const DenseBlock& A, const DenseBlock& B, const Den
   mapped(C).noalias() -= mapped(A) * mapped(B);
 }
 
-/// The same for the lower triangle of C.
+/// The same for the lower triangle of C, in halves. What is above its diagonal does not count.
 inline void subtract_product_lower(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C) {
-  mapped(C).triangularView<Eigen::Lower>() -= mapped(A) * mapped(B);
-}
-
-/// X ← X L⁻ᵀ with a unit lower triangle L.
-inline void solve_on_the_right(const DenseBlock& L, const DenseBlock& X) {
-  DenseMap x = mapped(X);
-  mapped(L).triangularView<Eigen::UnitLower>().transpose().solveInPlace<Eigen::OnTheRight>(x);
+  constexpr Eigen::Index kNarrow = 32;
+  const Eigen::Index n = C.cols, half = n / 2, k = A.cols;
+  if (n <= kNarrow) return subtract_product(A, B, C);
+  const DenseBlock low = A.block(half, 0, n - half, k), left = B.block(0, 0, k, half);
+  subtract_product_lower(A.block(0, 0, half, k), left, C.block(0, 0, half, half));
+  subtract_product(low, left, C.block(half, 0, n - half, half));
+  subtract_product_lower(low, B.block(0, half, k, n - half),
+                         C.block(half, half, n - half, n - half));
 }
 
 /// y -= a x.
@@ -3306,24 +3307,21 @@ inline DenseBlock scaled_transpose(const DenseBlock& D, const DenseBlock& L,
 
 /// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
 inline bool factor_narrow(const DenseBlock& A, int& negative) {
-  const Eigen::Index k = A.cols, below = A.rows - k;
+  const Eigen::Index k = A.cols, n = A.rows;
   for (Eigen::Index j = 0; j < k; ++j) {
     const double pivot = A(j, j);
     if (pivot == 0 || !std::isfinite(pivot)) return false;
     if (pivot < 0) ++negative;
     for (Eigen::Index c = j + 1; c < k; ++c)
-      subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, k - c);
-    for (Eigen::Index c = j + 1; c < k; ++c) A(c, j) /= pivot;
+      subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, n - c);
+    DenseVector(A.col(j) + j + 1, n - j - 1) /= pivot;
   }
-  if (below == 0) return true;
-  solve_on_the_right(A.block(0, 0, k, k), A.block(k, 0, below, k));
-  for (Eigen::Index j = 0; j < k; ++j) DenseVector(A.col(j) + k, below) /= A(j, j);
   return true;
 }
 
 /// The same of any width: the left half, what it takes from the right half, the right half.
 inline bool factor_panel(const DenseBlock& A, int& negative) {
-  constexpr Eigen::Index kNarrow = 32;
+  constexpr Eigen::Index kNarrow = 16;
   const Eigen::Index k = A.cols, n = A.rows, left = k / 2, right = k - left;
   if (k <= kNarrow) return factor_narrow(A, negative);
   if (!factor_panel(A.block(0, 0, n, left), negative)) return false;
