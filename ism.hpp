@@ -542,11 +542,14 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <exception>
 #include <initializer_list>
 #include <limits>
 #include <utility>
 
 #ifndef ISM_NO_THREADS
+#include <condition_variable>
+#include <mutex>
 #include <thread>
 #endif
 
@@ -696,8 +699,8 @@ template <class T>
 class Array {
  public:
   Array() = default;
-  explicit Array(int n, const T& value = T()) { assign(n, value); }
-  Array(const Array& other) { append(other.begin(), other.size_); }
+  explicit Array(int n, const T& value = T()) : Array() { assign(n, value); }
+  Array(const Array& other) : Array() { append(other.begin(), other.size_); }
   Array(Array&& other) noexcept { swap(other); }
   Array& operator=(Array other) noexcept { return swap(other), *this; }
   ~Array() {
@@ -843,29 +846,141 @@ class Callback {
   void (*call_)(const void*, Arguments...);
 };
 
+/// Keeps the first exception of some tasks until all of them have ended.
+class FirstError {
+ public:
+  /// Runs a task, unless one has failed.
+  void guard(const Callback<int>& task, int i) {
+#ifdef __cpp_exceptions
+    if (failed_.load(std::memory_order_relaxed)) return;
+    try {
+      task(i);
+    } catch (...) {
+      if (!failed_.exchange(true)) error_ = std::current_exception();
+    }
+#else
+    task(i);
+#endif
+  }
+
+  void rethrow() const {
+#ifdef __cpp_exceptions
+    if (error_) std::rethrow_exception(error_);
+#endif
+  }
+
+ private:
+#ifdef __cpp_exceptions
+  std::atomic<bool> failed_{false};
+  std::exception_ptr error_;
+#endif
+};
+
+#ifndef ISM_NO_THREADS
+/// Threads that sleep until there are tasks. A helper that wakes too late finds none and sleeps on;
+/// nobody waits for it.
+class Crew {
+ public:
+  explicit Crew(int helpers) { start(helpers); }
+  Crew(const Crew&) = delete;
+  Crew& operator=(const Crew&) = delete;
+  ~Crew() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_over_ = true;
+    }
+    wake_.notify_all();
+    for (std::thread& helper : helpers_) helper.join();
+  }
+
+  /// Runs task(0) ... task(n - 1) on the calling thread and those helpers that come. False, and
+  /// nothing was run, if the crew is at work already.
+  bool run(int n, const Callback<int>& task) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (task_ != nullptr) return false;
+      task_ = &task;
+      n_ = n;
+      next_ = 0;
+    }
+    for (int t = 1; t < (std::min)(n, size()); ++t) wake_.notify_one();
+    work(task, n);
+    std::unique_lock<std::mutex> lock(mutex_);
+    task_ = nullptr;  // helpers that wake from now on stay away
+    left_.wait(lock, [&] { return working_ == 0; });
+    return true;
+  }
+
+  int size() const { return static_cast<int>(helpers_.size()) + 1; }
+
+ private:
+  /// As many helpers as the system gives.
+  void start(int helpers) {
+#ifdef __cpp_exceptions
+    try {
+#endif
+      helpers_.reserve(static_cast<std::size_t>(helpers));
+      for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
+#ifdef __cpp_exceptions
+    } catch (...) {
+    }
+#endif
+  }
+
+  void work(const Callback<int>& task, int n) {
+    for (int i = next_++; i < n; i = next_++) task(i);
+  }
+
+  void help() {
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (true) {
+      wake_.wait(lock, [&] { return is_over_ || (task_ != nullptr && next_ < n_); });
+      if (is_over_) return;
+      const Callback<int>& task = *task_;
+      const int n = n_;
+      ++working_;
+      lock.unlock();
+      work(task, n);
+      lock.lock();
+      if (--working_ == 0) left_.notify_one();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable wake_, left_;
+  std::vector<std::thread> helpers_;
+  const Callback<int>* task_ = nullptr;  // of the run that is on
+  int n_ = 0;
+  std::atomic<int> next_{0};
+  int working_ = 0;  // helpers
+  bool is_over_ = false;
+};
+#endif
+
 /// Runs independent tasks. Tasks are cut by the callers without regard to the number of threads
-/// and write to places of their own, so results are the same bits for any number of threads.
+/// and write to places of their own, so results are the same bits for any number of threads. An
+/// exception of a task ends a run as soon as the tasks that were begun have ended.
 class Executor {
  public:
   using Task = Callback<int>;
 
-  explicit Executor(const Options& options)
-      : threads_(options.threads), hook_(options.parallel_for) {
+  explicit Executor(const Options& options) : hook_(options.parallel_for) {
 #ifndef ISM_NO_THREADS
     constexpr int kMostPerProcessor = 4;
     const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
-    threads_ = threads_ <= 0 ? processors : (std::min)(threads_, kMostPerProcessor * processors);
+    const int threads = options.threads <= 0
+                            ? processors
+                            : (std::min)(options.threads, kMostPerProcessor * processors);
+    if (threads > 1 && !hook_) crew_ = std::make_unique<Crew>(threads - 1);
 #endif
-    threads_ = (std::max)(threads_, 1);
   }
 
   void run(int n, const Task& task) const {
-    if (n <= 0) return;
-    if (hook_) return hook_(n, task);
-#ifndef ISM_NO_THREADS
-    if (threads_ > 1 && n > 1) return run_threads(n, task);
-#endif
-    for (int i = 0; i < n; ++i) task(i);
+    FirstError error;
+    const auto guarded = [&](int i) { error.guard(task, i); };
+    if (n > 0 && !run_side_by_side(n, guarded))
+      for (int i = 0; i < n; ++i) guarded(i);
+    error.rethrow();
   }
 
   /// task(begin, end) over [0, n) in blocks of a fixed size.
@@ -874,20 +989,17 @@ class Executor {
   }
 
  private:
+  bool run_side_by_side(int n, const Task& task) const {
+    if (hook_) return hook_(n, task), true;
 #ifndef ISM_NO_THREADS
-  void run_threads(int n, const Task& task) const {
-    std::atomic<int> next{0};
-    const auto work = [&] {
-      for (int i = next++; i < n; i = next++) task(i);
-    };
-    std::vector<std::thread> helpers;
-    for (int t = 1; t < (std::min)(threads_, n); ++t) helpers.emplace_back(work);
-    work();
-    for (std::thread& helper : helpers) helper.join();
-  }
+    if (crew_ && n > 1) return crew_->run(n, task);
 #endif
+    return false;
+  }
 
-  int threads_;
+#ifndef ISM_NO_THREADS
+  std::unique_ptr<Crew> crew_;
+#endif
   ParallelFor hook_;
 };
 
@@ -3356,25 +3468,25 @@ class MemoryPool {
   /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
   Eigen::VectorXd take(Eigen::Index n) {
     Eigen::VectorXd memory;
-    lock();
-    if (!pieces_.empty()) {
+    {
+      const Lock lock(locked_);
       int best = 0;
       for (int i = 1; i < pieces_.size(); ++i)
         if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
-      pieces_[best].swap(pieces_.back());
-      memory.swap(pieces_.back());
-      pieces_.pop_back();
+      if (!pieces_.empty()) {
+        pieces_[best].swap(pieces_.back());
+        memory.swap(pieces_.back());
+        pieces_.pop_back();
+      }
     }
-    unlock();
     if (memory.size() < n) memory.resize(n);
     return memory;
   }
 
   void give(Eigen::VectorXd& memory) {
     if (memory.size() == 0) return;
-    lock();
+    const Lock lock(locked_);
     pieces_.push_back(std::move(memory));
-    unlock();
   }
 
  private:
@@ -3383,11 +3495,14 @@ class MemoryPool {
     return size > than;
   }
 
-  void lock() {
-    while (locked_.test_and_set(std::memory_order_acquire)) {
+  struct Lock {
+    std::atomic_flag& flag;
+    explicit Lock(std::atomic_flag& f) : flag(f) {
+      while (flag.test_and_set(std::memory_order_acquire)) {
+      }
     }
-  }
-  void unlock() { locked_.clear(std::memory_order_release); }
+    ~Lock() { flag.clear(std::memory_order_release); }
+  };
 
   std::atomic_flag locked_ = ATOMIC_FLAG_INIT;
   Array<Eigen::VectorXd> pieces_;
@@ -4818,13 +4933,14 @@ inline double domain_radius(const Points2& x) {
 
 class Optimizer {
  public:
-  Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers)
+  Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers,
+            const Executor& executor)
       : s_(s),
         options_(options),
         followers_(followers),
         weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
                  &options.measure},
-        executor_(options),
+        executor_(executor),
         models_(s, weights_, executor_),
         omega_(options.omega_start) {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
@@ -5088,7 +5204,7 @@ class Optimizer {
   const Array<Follower>& followers_;
   Weights weights_;
   StepRules rules_{};
-  Executor executor_;
+  const Executor& executor_;
   ModelBuilder models_;
   BlockMatrix laplacian_;  // squared; empty without a preconditioner
   double omega_;
@@ -6356,7 +6472,8 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
 class PairEmbedder {
  public:
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-               const Options& options, Approach approach, const OutlinePair* outlines)
+               const Options& options, const Executor& executor, Approach approach,
+               const OutlinePair* outlines)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
@@ -6364,7 +6481,7 @@ class PairEmbedder {
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
         outline_b_(is_held_ ? &outlines->b : nullptr),
-        executor_(options) {}
+        executor_(executor) {}
 
   void run(Embedding& result) {
     Array<char> keep_a(pair_.a.mesh.n_vertices, 0), keep_b(pair_.b.mesh.n_vertices, 0);
@@ -6617,7 +6734,7 @@ class PairEmbedder {
     options.fixed_b.clear();
     Points2 y = x;
     Result result;
-    Optimizer(s, options, {}).run(y, result);
+    Optimizer(s, options, {}, executor_).run(y, result);
     if (is_usable(result.status)) x.swap(y);
   }
 
@@ -6653,7 +6770,7 @@ class PairEmbedder {
   const Approach approach_;
   const bool is_held_;
   const Outline *const outline_a_, *const outline_b_;  // null if boundaries are free
-  Executor executor_;
+  const Executor& executor_;
 };
 
 // ---- exact landmarks ----
@@ -6668,8 +6785,9 @@ class PairEmbedder {
 
 class LandmarkJoiner {
  public:
-  LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options)
-      : pair_(pair), options_(options), executor_(options) {
+  LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+                 const Executor& executor)
+      : pair_(pair), options_(options), executor_(executor) {
     for (const Landmark& l : landmarks) landmarks_.push_back(l);
   }
 
@@ -6755,7 +6873,7 @@ class LandmarkJoiner {
 
   SurfacePair& pair_;
   const Options& options_;
-  Executor executor_;
+  const Executor& executor_;
   Array<Landmark> landmarks_, apart_, joined_;
 };
 
@@ -6772,12 +6890,12 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 /// Embeds with free boundaries by shape; where that fails or strains the surfaces, once more by
 /// connectivity, and the better one counts.
 inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                         const Options& options, Embedding& embedding) {
+                         const Options& options, const Executor& executor, Embedding& embedding) {
   constexpr double kStrained = 100;  // of isometries: 4
-  PairEmbedder(pair, landmarks, options, Approach::kShape, nullptr).run(embedding);
+  PairEmbedder(pair, landmarks, options, executor, Approach::kShape, nullptr).run(embedding);
   if (embedding.status != Status::kAborted && !(strain(pair, embedding) < kStrained)) {
     Embedding other;
-    PairEmbedder(pair, landmarks, options, Approach::kConnectivity, nullptr).run(other);
+    PairEmbedder(pair, landmarks, options, executor, Approach::kConnectivity, nullptr).run(other);
     if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
       embedding = other;
   }
@@ -6786,26 +6904,29 @@ inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& l
 
 /// Embeds both meshes in one square.
 inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                            const Options& options, Embedding& embedding) {
+                            const Options& options, const Executor& executor,
+                            Embedding& embedding) {
   OutlineBuilder builder(pair, landmarks);
   if (!builder.has_landmarks()) {
-    if (!embed_freely(pair, landmarks, options, embedding)) return false;
+    if (!embed_freely(pair, landmarks, options, executor, embedding)) return false;
     builder.match_closest(embedding.f, embedding.g);
   }
   const OutlinePair outlines = builder.build();
-  PairEmbedder(pair, landmarks, options, Approach::kConnectivity, &outlines).run(embedding);
+  PairEmbedder(pair, landmarks, options, executor, Approach::kConnectivity, &outlines)
+      .run(embedding);
   return embedding.status == Status::kConverged;
 }
 
 /// The start, as the options want it. May add vertices to the meshes of the pair.
 inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
-                  Embedding& embedding) {
+                  const Executor& executor, Embedding& embedding) {
   Timer timer;
   const bool is_held = options.boundary != Boundary::kFree;
   bool ok = !(is_held || options.exact_landmarks) || check_order(pair, landmarks, embedding);
-  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, embedding)
-                      : embed_freely(pair, landmarks, options, embedding));
-  if (ok && options.exact_landmarks) LandmarkJoiner(pair, landmarks, options).run(embedding);
+  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, executor, embedding)
+                      : embed_freely(pair, landmarks, options, executor, embedding));
+  if (ok && options.exact_landmarks)
+    LandmarkJoiner(pair, landmarks, options, executor).run(embedding);
   if (embedding.status != Status::kConverged) {
     embedding.f.resize(0, 2);
     embedding.g.resize(0, 2);
@@ -7922,7 +8043,7 @@ Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
   Embedding embedding;
   detail::SurfacePair pair;
   if (!detail::build_pair(a, b, landmarks, options, pair, embedding)) return embedding;
-  detail::embed(pair, landmarks, options, embedding);
+  detail::embed(pair, landmarks, options, detail::Executor(options), embedding);
   detail::return_meshes(a, b, pair, embedding);
   if (embedding.status == Status::kConverged)
     embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
@@ -7937,11 +8058,12 @@ Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
     result.start.status = result.status;
     return result;
   }
+  const detail::Executor executor(options);
   const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
   if (is_given)
     detail::take_positions(pair, options, result.start);
   else
-    detail::embed(pair, landmarks, options, result.start);
+    detail::embed(pair, landmarks, options, executor, result.start);
   detail::return_meshes(a, b, pair, result.start);
   if (result.start.status != Status::kConverged) {
     detail::fail(result, result.start.status, {result.start.message}, result.start.ids);
@@ -7955,7 +8077,7 @@ Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   x = detail::scaled(scale, x);
   detail::Array<detail::Follower> followers;
   if (detail::find_followers(s, x, landmarks, options, followers, result)) {
-    detail::Optimizer(s, options, followers).run(x, result);
+    detail::Optimizer(s, options, followers, executor).run(x, result);
     result.message = detail::words_of(result.status).sentence;
   }
   x = detail::scaled(1 / scale, x);

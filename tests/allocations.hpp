@@ -1,7 +1,13 @@
-// How often a test program has asked for memory.
+// How often a test program has asked for memory, how much of it is left, and how to be refused.
 
 #pragma once
 
 #include <cstddef>
 
+constexpr std::size_t kNever = static_cast<std::size_t>(-1);
+
 std::size_t allocations();
+std::size_t memory_in_use();  // in pieces
+
+/// The n-th allocation from now on, counted from 0, fails once.
+void fail_allocation(std::size_t n);

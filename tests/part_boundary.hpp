@@ -498,14 +498,16 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const TriangleMesh a = shapes::grid(5, 5).mesh;
   SurfacePair pair = {build_surface(a, false), build_surface(a, false)};
   ism::Embedding embedding;
-  embed_in_square(pair, {}, held(Boundary::kFixed), embedding);
+  const Options fixed = held(Boundary::kFixed);
+  const Executor executor(fixed);
+  embed_in_square(pair, {}, fixed, executor, embedding);
   REQUIRE(embedding.status == Status::kConverged);
   const HalfEdgeMesh& m = pair.a.mesh;
   const int u = m.tail[m.boundary[1]], v = m.tail[m.boundary[2]];  // two places that are fixed
   const std::vector<Landmark> landmarks = {{u, v}};
-  Options options = held(Boundary::kFixed);
+  Options options = fixed;
   options.exact_landmarks = true;
-  CHECK_FALSE(LandmarkJoiner(pair, landmarks, options).run(embedding));
+  CHECK_FALSE(LandmarkJoiner(pair, landmarks, options, executor).run(embedding));
   CHECK(embedding.status == Status::kInvalidLandmarks);
   CHECK(embedding.message ==
         "these landmarks could not be joined: " + std::to_string(u) + "-" + std::to_string(v));
