@@ -77,7 +77,9 @@
 #include <Eigen/Core>
 
 #include <array>
+#include <atomic>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -103,11 +105,14 @@ struct TriangleMesh {
 /// How a call ended. Every result carries one of these, a sentence and the ids it speaks of; which
 /// mesh they belong to, and whether they are vertices or triangles, the sentence says.
 enum class Status {
+  kDone,              // what was asked for is there: an embedding, a map, attributes
   kConverged,         // the stopping rule of Options::tolerance was met
   kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
+  kTimeLimit,         // the same of Options::max_seconds
+  kCancelled,         // the caller said stop; the result is the last injective iterate
   kStalled,           // no step along any direction lowers the energy; the result is still valid
-  kCancelled,         // the progress callback said stop; the result is the last injective iterate
-  kAborted,           // the progress callback said stop before there was a map; no positions
+  kUnfinished,        // a Solver has more to do; the result is the last injective iterate
+  kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
   kInvalidMesh,       // an input mesh is not a clean triangulated disk, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
@@ -120,18 +125,16 @@ enum class Status {
                        // factorisation are not finite
 };
 
-/// True for the statuses under which the positions are a valid injective map.
-inline bool is_usable(Status s) {
-  return s == Status::kConverged || s == Status::kIterationLimit || s == Status::kStalled ||
-         s == Status::kCancelled;
-}
+/// True for the statuses under which there is what was asked for, of compute_map() a valid
+/// injective map: those before kNoMapYet.
+inline bool is_usable(Status s) { return s <= Status::kUnfinished; }
 
 /// The name of a status in words ("converged", "iteration limit", ...).
 const char* to_string(Status s);
 
 /// What every result carries.
 struct Outcome {
-  Status status = Status::kConverged;
+  Status status = Status::kDone;
   std::string message;   // a sentence for the user
   std::vector<int> ids;  // the ids it speaks of
 };
@@ -203,12 +206,15 @@ struct IterationLog {
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
-/// What the progress callback receives: a phase, and during optimisation the iteration's log.
+/// What a call is at.
+enum class Phase { kEmbedding, kOptimization };
+
+/// What the progress callback receives.
 struct Progress {
-  enum class Phase { kEmbedding, kOptimization };
   Phase phase = Phase::kEmbedding;
+  double fraction = 0;                      // of the call, an estimate in [0, 1] that never falls
   std::string what;                         // a few words, for a progress line
-  const IterationLog* iteration = nullptr;  // set in kOptimization
+  const IterationLog* iteration = nullptr;  // set once after each iteration
 };
 
 /// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
@@ -303,9 +309,12 @@ struct Options {
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
-  /// Called after each level of the embedding and each iteration, from the calling thread; return
-  /// false to cancel.
+  /// Called after each step of the embedding and each iteration, and several times a second while
+  /// they last, from the calling thread. Return false to cancel.
   std::function<bool(const Progress&)> progress;
+  /// Set it to true, from any thread, to cancel. It is read some thousand times a second.
+  const std::atomic<bool>* stop = nullptr;
+  double max_seconds = std::numeric_limits<double>::infinity();  // > 0, of a call
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
   /// count as pinned.
@@ -362,8 +371,8 @@ struct Result : Outcome {
 /// kNumericalFailure names the vertex for which rounding leaves no room. With fewer than two
 /// landmarks, rotations of one plane against the other are tried by some iterations of the
 /// optimisation. Where an outline is in its own way or a surface is folded sharply, the boundary
-/// unfolds from a circle, which may strain the result. Statuses: kConverged, kInvalidMesh,
-/// kInvalidLandmarks, kInvalidOptions, kAborted, kNumericalFailure. Thread-safe.
+/// unfolds from a circle, which may strain the result. Statuses: kDone, kInvalidMesh,
+/// kInvalidLandmarks, kInvalidOptions, kNoMapYet, kNumericalFailure. Thread-safe.
 Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -444,7 +453,7 @@ class SurfaceMap {
   /// Cost: linear in the number of meta mesh polygons.
   SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f, const Points2& g);
 
-  /// kConverged if the map can be used, else kInvalidMesh, kInvalidPositions or kNoOverlap; all
+  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions or kNoOverlap; all
   /// points are then uncovered.
   Status status() const;
   const std::string& message() const;
@@ -466,7 +475,7 @@ class SurfaceMap {
   /// straight line of the plane. A point whose face is out of range interrupts the curve.
   std::vector<Polyline> forward_curve(const Polyline& points) const;
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
-  /// Where a point lies in space, in the units of the mesh given. status() must be kConverged and
+  /// Where a point lies in space, in the units of the mesh given. status() must be kDone and
   /// p.face one of its triangles.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
@@ -538,13 +547,11 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #define ISM_HPP_IMPLEMENTED
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <exception>
 #include <initializer_list>
-#include <limits>
 #include <utility>
 
 #ifndef ISM_NO_THREADS
@@ -819,15 +826,18 @@ inline bool fail(Outcome& outcome, Status status, Words message, const std::vect
 
 class Timer {
  public:
-  double lap() {  // seconds since construction or the last lap
-    const auto now = std::chrono::steady_clock::now();
-    const double seconds = std::chrono::duration<double>(now - start_).count();
-    start_ = now;
-    return seconds;
+  double seconds() const {  // since construction or the last lap
+    return std::chrono::duration<double>(Clock::now() - start_).count();
+  }
+  double lap() {
+    const double passed = seconds();
+    start_ = Clock::now();
+    return passed;
   }
 
  private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
 };
 
 /// A function to be called during a call it is passed to: std::function without a copy.
@@ -957,14 +967,21 @@ class Crew {
 };
 #endif
 
-/// Runs independent tasks. Tasks are cut by the callers without regard to the number of threads
-/// and write to places of their own, so results are the same bits for any number of threads. An
-/// exception of a task ends a run as soon as the tasks that were begun have ended.
+/// What a call has from its caller: threads, an ear for progress, and the wish to stop.
+///
+/// Independent tasks are cut without regard to the number of threads and write to places of their
+/// own, so results are the same bits for any number of threads. An exception of a task ends a run
+/// as soon as the tasks that were begun have ended. Stopping skips no task: what takes long asks
+/// is_stopped(), which stays true from then on, and leaves behind what may be thrown away.
 class Executor {
  public:
   using Task = Callback<int>;
 
-  explicit Executor(const Options& options) : hook_(options.parallel_for) {
+  explicit Executor(const Options& options)
+      : hook_(options.parallel_for),
+        tell_(options.progress),
+        stop_(options.stop),
+        max_seconds_(options.max_seconds) {
 #ifndef ISM_NO_THREADS
     constexpr int kMostPerProcessor = 4;
     const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -977,7 +994,11 @@ class Executor {
 
   void run(int n, const Task& task) const {
     FirstError error;
-    const auto guarded = [&](int i) { error.guard(task, i); };
+    const auto task_and_tick = [&](int i) {
+      task(i);
+      tick();
+    };
+    const auto guarded = [&](int i) { error.guard(task_and_tick, i); };
     if (n > 0 && !run_side_by_side(n, guarded))
       for (int i = 0; i < n; ++i) guarded(i);
     error.rethrow();
@@ -986,6 +1007,49 @@ class Executor {
   /// task(begin, end) over [0, n) in blocks of a fixed size.
   void run_blocks(int n, int block, const Callback<int, int>& task) const {
     run((n + block - 1) / block, [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
+  }
+
+  /// True once the caller wants the call to end. For any thread.
+  bool is_stopped() const {
+    if (stop_status_ != Status::kUnfinished) return true;
+    if (stop_ != nullptr && stop_->load(std::memory_order_relaxed))
+      stop_status_ = Status::kCancelled;
+    else if (seconds() > max_seconds_)
+      stop_status_ = Status::kTimeLimit;
+    return stop_status_ != Status::kUnfinished;
+  }
+
+  /// kCancelled or kTimeLimit once stopped, before kUnfinished.
+  Status stop_status() const { return stop_status_; }
+
+  /// The clock stands still between a pause and the next resumption, which is what a thread calls
+  /// that goes on with the work.
+  void pause() { seconds_before_ = seconds(); }
+  void resume() {
+    clock_.lap();
+    stop_status_ = Status::kUnfinished;
+#ifndef ISM_NO_THREADS
+    caller_ = std::this_thread::get_id();
+#endif
+  }
+
+  double fraction() const { return progress_.fraction; }
+
+  /// What part of a call the embedding is.
+  void set_embedding_share(double share) { embedding_share_ = share; }
+
+  /// Reports how far the call is; for the calling thread.
+  void tell(Phase phase, double fraction, Words what, const IterationLog* iteration) const {
+    if (!tell_) return;
+    progress_.phase = phase;
+    const double before = phase == Phase::kEmbedding ? 0 : embedding_share_;
+    const double share = phase == Phase::kEmbedding ? embedding_share_ : 1 - embedding_share_;
+    progress_.fraction = (std::max)(
+        {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
+    progress_.what = sentence(what);
+    progress_.iteration = iteration;
+    tell_again();
+    progress_.iteration = nullptr;
   }
 
  private:
@@ -997,10 +1061,34 @@ class Executor {
     return false;
   }
 
+  void tell_again() const {
+    since_told_.lap();
+    if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
+  }
+
+  /// Reports once more, if that is due, after a task of the calling thread.
+  void tick() const {
+    constexpr double kOften = 0.1;  // seconds
+    if (!tell_ || !is_caller() || since_told_.seconds() < kOften || progress_.what.empty()) return;
+    tell_again();
+  }
+
 #ifndef ISM_NO_THREADS
+  bool is_caller() const { return std::this_thread::get_id() == caller_; }
+  std::thread::id caller_ = std::this_thread::get_id();
   std::unique_ptr<Crew> crew_;
+#else
+  bool is_caller() const { return !hook_; }
 #endif
   ParallelFor hook_;
+  std::function<bool(const Progress&)> tell_;
+  const std::atomic<bool>* stop_;
+  double max_seconds_, seconds_before_ = 0, embedding_share_ = 0.1;
+  Timer clock_;
+  double seconds() const { return seconds_before_ + clock_.seconds(); }
+  mutable Timer since_told_;
+  mutable Progress progress_;
+  mutable std::atomic<Status> stop_status_{Status::kUnfinished};
 };
 
 // ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ================
@@ -3600,9 +3688,10 @@ inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& ma
   factor.broken.assign(n, 0);
   for (const Array<FrontGroup>& stage : symbolic.stages)
     executor.run(stage.size(), [&](int group) {
-      for (int id : stage[group].fronts) eliminate_front(symbolic, id, matrix, factor);
+      for (int id : stage[group].fronts)
+        if (!executor.is_stopped()) eliminate_front(symbolic, id, matrix, factor);
     });
-  factor.ok = true;
+  factor.ok = !executor.is_stopped();
   factor.negative = 0;
   for (int i = 0; i < n; ++i) {
     factor.ok = factor.ok && !factor.broken[i];
@@ -3673,15 +3762,16 @@ inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2
 /// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
 /// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
 /// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
-/// has fallen to a tolerance of its first value, z the preconditioned r, or after 50 steps.
+/// has fallen to a tolerance of its first value, z the preconditioned r, after 50 steps, or where
+/// the caller stops.
 inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
                                         const ShiftedMatrix& A, const Array<Vec2>& b,
-                                        double tolerance) {
+                                        double tolerance, const Executor& executor) {
   constexpr int kMostSteps = 50;
   const int n = b.size();
   Array<Vec2> x(n), r = b, p(n), Ap;
   double before = 0, first = 0;
-  for (int k = 0; k < kMostSteps; ++k) {
+  for (int k = 0; k < kMostSteps && !executor.is_stopped(); ++k) {
     const Array<Vec2> z = ldlt_solve(symbolic, factor, r);
     const double now = dot(r, z);
     if (k == 0) first = now;
@@ -3987,6 +4077,7 @@ class ModelBuilder {
     coupling_.resize(s_.faces_a);
     face_.resize(s_.mesh.n_faces);
     executor_.run_blocks(s_.faces_a, kBlock, [&](int begin, int end) {
+      if (executor_.is_stopped()) return;
       embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
       for (int f = begin; f < end; ++f) coupling_[f].clear();
       differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
@@ -4848,7 +4939,8 @@ inline void try_candidates(const SearchProblem& problem, const Executor& executo
   const double best = result.best < 0 ? kInfinity : trials[result.best].value();
   executor.run(n, [&](int i) {
     trials[first + i].candidate = candidates[i];
-    evaluate_trial(problem, best, trials[first + i]);
+    trials[first + i].accepted = false;
+    if (!executor.is_stopped()) evaluate_trial(problem, best, trials[first + i]);
   });
   for (int i = first; i < first + n; ++i) {
     const Trial& t = trials[i];
@@ -4865,6 +4957,7 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
   const int covered = trials_per_block(problem.stride) * problem.stride;
   SearchResult result;
   for (int block = 0; block * covered < kMost && result.best < 0; ++block) {
+    if (executor.is_stopped()) break;
     Array<Candidate> candidates;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, problem.stride, candidates);
@@ -4949,26 +5042,10 @@ class Optimizer {
   /// Algorithm 1 from an injective start x on, which becomes the last iterate.
   void run(Points2& x, Result& result) {
     start(x, result);
-    while (result.status == Status::kIterationLimit &&
-           static_cast<int>(result.log.size()) < options_.max_iterations) {  // line 2
-      IterationLog log;
-      Timer timer;
-      models_.differentiate_elements(x_);  // lines 3 to 7
-      log.seconds_derivatives = timer.lap();
-      remember(models_.assemble());  // lines 8 and 9
-      log.seconds_assembly = timer.lap();
-      if (choose_step(log)) {  // lines 9 to 23
-        accept(log, result);   // lines 24 and 25
-        result.status = status_after_step(result);
-      } else {
-        result.status = status_without_step(result);
-      }
+    while (iterate(result)) {  // line 2
     }
     x = x_.x;
   }
-
- private:
-  static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   void start(const Points2& x, Result& result) {
     x_.x = x;
@@ -4980,11 +5057,41 @@ class Optimizer {
               options_.least_coverage * x_.area_a, options_.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
     result.initial.omega = omega_;
-    result.status = Status::kIterationLimit;
+    result.status = Status::kUnfinished;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
     if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
     if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
+
+  /// One iteration; true if there is more to do. Where the caller stops it, x stays what it is, and
+  /// the next call goes on with the same iteration.
+  bool iterate(Result& result) {
+    if (result.status != Status::kUnfinished) return false;
+    if (static_cast<int>(result.log.size()) >= options_.max_iterations)
+      return result.status = Status::kIterationLimit, false;
+    if (!has_model_ && !differentiate()) return false;  // lines 3 to 9
+    const bool found = choose_step(log_);               // lines 9 to 23
+    if (executor_.is_stopped()) return false;
+    has_model_ = false;
+    if (found) accept(result);  // lines 24 and 25
+    result.status = found ? status_after_step(result) : status_without_step(result);
+    return result.status == Status::kUnfinished;
+  }
+
+  const Points2& positions() const { return x_.x; }
+
+  /// How far a run has come, an estimate: E falls the slower the closer to the end it is.
+  double fraction(const Result& result) const {
+    constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
+    const int n = static_cast<int>(result.log.size());
+    const double by_count = n / static_cast<double>((std::max)(1, options_.max_iterations));
+    const double by_fall = std::log(mean_fall(result, (std::min)(n, options_.window)) / kAtFirst) /
+                           std::log(options_.tolerance / kAtFirst);
+    return clamp01((std::max)(by_count, by_fall > 0 ? (std::min)(by_fall, 1.0) : 0.0));
+  }
+
+ private:
+  static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
   /// both planes are moved.
@@ -5005,6 +5112,18 @@ class Optimizer {
     is_fixed_(anchors.rim, 1) = 1;
   }
 
+  /// The derivatives of x; false if the caller stops.
+  bool differentiate() {
+    log_ = IterationLog();
+    Timer timer;
+    models_.differentiate_elements(x_);  // lines 3 to 7
+    if (executor_.is_stopped()) return false;
+    log_.seconds_derivatives = timer.lap();
+    remember(models_.assemble());  // lines 8 and 9
+    log_.seconds_assembly = timer.lap();
+    return has_model_ = true;
+  }
+
   /// Adds the newest derivatives to the memory (§5.3).
   void remember(QuadraticModel model) {
     if (history_.size() < options_.history_length) history_.push_back({});
@@ -5018,14 +5137,16 @@ class Optimizer {
     log.history_reset = true;
   }
 
-  /// Finds the next iterate; false if no step was found or none is left to find.
+  /// Finds the next iterate; false if no step was found, none is left to find, or the caller stops.
   bool choose_step(IterationLog& log) {
     constexpr double kRounding = 1e-14;
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 9 to 16
+      if (executor_.is_stopped()) return false;
       is_stationary_ = promise_little(directions, kRounding);
       if (is_stationary_ || directions.empty()) return false;
       const SearchResult found = search(directions, log);  // lines 17 to 23
+      if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision(found);
       if (found.best >= 0) {
         std::swap(chosen_, trials_[found.best]);
@@ -5056,7 +5177,7 @@ class Optimizer {
         all_descend = all_descend && d.slope < 0;
         if (d.slope <= 0) descending.push_back(d);
       }
-      if (all_descend || history_.size() == 1) return descending;
+      if (all_descend || history_.size() == 1 || executor_.is_stopped()) return descending;
       reset_history(log);  // lines 13 and 14
     }
   }
@@ -5079,7 +5200,7 @@ class Optimizer {
       if (!factor_.ok) return;
       Array<Vec2> d = k == 0 ? ldlt_solve(symbolic, factor_, right)
                              : solve_with_neighbour(symbolic, factor_, system.shifted(omegas[k]),
-                                                    right, options_.solve_tolerance);
+                                                    right, options_.solve_tolerance, executor_);
       expand_direction(followers_, d);
       set_direction(d, directions[k]);
     });
@@ -5106,15 +5227,16 @@ class Optimizer {
     return found;
   }
 
-  void accept(IterationLog& log, Result& result) {
+  void accept(Result& result) {
+    result.log.reserve(result.log.size() + 1);
     std::swap(x_, chosen_.x);
     omega_ = chosen_.omega;
-    describe(s_, followers_, x_, log);
-    log.iteration = static_cast<int>(result.log.size()) + 1;
-    log.omega = chosen_.omega;
-    log.step = chosen_.candidate.step;
-    log.max_step = chosen_.max_step;
-    result.log.push_back(log);
+    describe(s_, followers_, x_, log_);
+    log_.iteration = static_cast<int>(result.log.size()) + 1;
+    log_.omega = chosen_.omega;
+    log_.step = chosen_.candidate.step;
+    log_.max_step = chosen_.max_step;
+    result.log.push_back(log_);
   }
 
   // ---- beyond the paper ----
@@ -5168,26 +5290,30 @@ class Optimizer {
     history_ = std::move(memory);
   }
 
+  /// By how much E fell per iteration over the last ones, as a fraction of E + κ (area A + area B).
+  double mean_fall(const Result& result, int iterations) const {
+    const IterationLog &now = result.final_state(), &before = state_before(result, iterations);
+    return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area) /
+           iterations;
+  }
+
+  static const IterationLog& state_before(const Result& result, int iterations) {
+    const int n = static_cast<int>(result.log.size());
+    return n == iterations ? result.initial
+                           : result.log[static_cast<std::size_t>(n - 1 - iterations)];
+  }
+
   /// The stopping rule of Options::tolerance: over this many last iterations, E fell by less than
   /// what it would have to fall over a whole window.
   bool has_settled(const Result& result, int iterations) const {
-    const int n = static_cast<int>(result.log.size());
-    if (n < iterations) return false;
-    const IterationLog& now = result.final_state();
-    const IterationLog& before =
-        n == iterations ? result.initial : result.log[static_cast<std::size_t>(n - 1 - iterations)];
-    if (now.omega < before.omega && now.omega > kHardlyActs) return false;
-    const double scale = now.energy + weights_.kappa * s_.total_area;
-    return before.energy - now.energy < options_.window * options_.tolerance * scale;
+    if (static_cast<int>(result.log.size()) < iterations) return false;
+    const double omega = result.final_state().omega;
+    if (omega < state_before(result, iterations).omega && omega > kHardlyActs) return false;
+    return mean_fall(result, iterations) * iterations < options_.window * options_.tolerance;
   }
 
   Status status_after_step(const Result& result) const {
-    Progress progress;
-    progress.phase = Progress::Phase::kOptimization;
-    progress.what = "optimising the map";
-    progress.iteration = &result.log.back();
-    if (options_.progress && !options_.progress(progress)) return Status::kCancelled;
-    return has_settled(result, options_.window) ? Status::kConverged : Status::kIterationLimit;
+    return has_settled(result, options_.window) ? Status::kConverged : Status::kUnfinished;
   }
 
   /// How a run ends that finds no step: that counts as an iteration of the window in which E did
@@ -5212,6 +5338,8 @@ class Optimizer {
   bool is_stationary_ = false;
   FixedCoordinates is_fixed_;
   Iterate x_;
+  IterationLog log_;               // of the iteration that is on
+  bool has_model_ = false;         // the derivatives at x are in the memory
   Array<QuadraticModel> history_;  // newest first
   LdltFactor factor_;
   Array<Trial> trials_;
@@ -5376,10 +5504,11 @@ struct Quadric {
 class Decimation {
  public:
   Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
-             DynamicMesh& mesh)
+             const Executor& executor, DynamicMesh& mesh)
       : s_(s),
         protected_(is_protected),
         approach_(approach),
+        executor_(executor),
         mesh_(mesh),
         version_(s.mesh.n_vertices, 0),
         merged_(s.mesh.n_vertices, 1) {
@@ -5387,7 +5516,7 @@ class Decimation {
   }
 
   /// Collapses until at most `target` vertices are left, first with, then without regard to the
-  /// shape of triangles.
+  /// shape of triangles; or until the caller stops.
   Array<Collapse> run(int target) {
     Array<Collapse> collapses;
     int active = s_.mesh.n_vertices;
@@ -5395,7 +5524,7 @@ class Decimation {
       keep_shape_ = keep_shape;
       heap_.clear();
       for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
-      while (active > target && !heap_.empty()) {
+      while (active > target && !heap_.empty() && !executor_.is_stopped()) {
         std::pop_heap(heap_.begin(), heap_.end());
         const Candidate c = heap_.back();
         heap_.pop_back();
@@ -5505,6 +5634,7 @@ class Decimation {
   const Surface& s_;
   const Array<char>& protected_;
   const Approach approach_;
+  const Executor& executor_;
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
   Array<int> version_;
@@ -5530,7 +5660,7 @@ struct Spring {
 
 /// A surface, or A ⊔ B, whose embedding is to be relaxed.
 struct FlatProblem {
-  const Surface& surface;
+  Surface surface;
   Boundary boundary = Boundary::kFree;
   Array<Spring> springs = {};
   Array<Follower> followers = {};
@@ -5538,38 +5668,48 @@ struct FlatProblem {
 
 class FlatNewton {
  public:
-  FlatNewton(const FlatProblem& problem, const Executor& executor)
-      : problem_(problem), m_(problem.surface.mesh), executor_(executor) {}
+  /// Starts from an injective x.
+  FlatNewton(FlatProblem problem, Points2 x, const Executor& executor)
+      : problem_(std::move(problem)),
+        m_(problem_.surface.mesh),
+        executor_(executor),
+        is_fixed_(m_.n_vertices),
+        x_(std::move(x)),
+        energy_(value(x_)) {
+    fix_boundaries(m_, x_, problem_.boundary, is_fixed_);
+  }
 
-  /// At most `most` steps, until one lowers the energy by less than `tolerance` of it.
-  void minimize(int most, double tolerance, Points2& x) {
-    fix_boundaries_at(x);
-    double energy = value(x);
-    for (int i = 0; i < most; ++i) {
-      const double before = energy;
-      if (!step(x, energy) || before - energy < tolerance * energy) return;
-    }
+  const Points2& positions() const { return x_; }
+
+  /// Takes a step. True if it is not the last one: there are `most` at most, until one lowers the
+  /// energy by less than `tolerance` of it. Where the caller stops, the next call tries it again.
+  bool minimize(int most, double tolerance) {
+    if (steps_ >= most) return false;
+    const double before = energy_;
+    const bool gained = step();
+    if (!gained && executor_.is_stopped()) return true;
+    ++steps_;
+    return gained && steps_ < most && before - energy_ >= tolerance * energy_;
   }
 
   /// Moves the boundary to where `target` has it, and the interior by the Newton step that goes
   /// with it; false, and nothing moved, if a triangle would lose most of its area. Boundary::kFixed
   /// only.
-  bool drag(const Points2& target, Points2& x) {
-    fix_boundaries_at(x);
-    LinearSystem system = assemble(x);
+  bool drag(const Points2& target) {
+    LinearSystem system = assemble();
     Array<Vec2> prescribed(m_.n_vertices);
     for (int h : m_.boundary)
-      prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x, m_.tail[h]);
+      prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x_, m_.tail[h]);
     add_product(system.shifted(0), prescribed, system.gradient);
     eliminate(is_fixed_, system);
     Array<Vec2> d;
-    if (!solve(system, x, d)) return false;
+    if (!solve(system, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
-    if (first_step(x, d) < 1) return false;
-    Points2 y = moved(x, d, 1);
+    if (first_step(d) < 1) return false;
+    Points2 y = moved(x_, d, 1);
     for (int h : m_.boundary) set_row(y, m_.tail[h], row2(target, m_.tail[h]));
     if (!is_injective(m_, y) || !(value(y) < kInfinity)) return false;
-    x.swap(y);
+    x_.swap(y);
     return true;
   }
 
@@ -5581,45 +5721,40 @@ class FlatNewton {
   }
 
  private:
-  void fix_boundaries_at(const Points2& x) {
-    is_fixed_ = FixedCoordinates(m_.n_vertices);
-    fix_boundaries(m_, x, problem_.boundary, is_fixed_);
-  }
-
   /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
   /// the boundary, a scaffold keeps it away.
-  bool step(Points2& x, double& energy) {
-    const LinearSystem system = assemble(x);
-    if (is_scaffolded_) build_scaffold_at(x);
+  bool step() {
+    const LinearSystem system = assemble();
+    if (is_scaffolded_) build_scaffold_here();
     bool collided = false;
-    if (descend(system, x, energy, collided)) return true;
-    if (is_scaffolded_ || !collided) return false;
+    if (descend(system, collided)) return true;
+    if (is_scaffolded_ || !collided || executor_.is_stopped()) return false;
     is_scaffolded_ = true;
-    build_scaffold_at(x);
-    return descend(system, x, energy, collided);
+    build_scaffold_here();
+    return descend(system, collided);
   }
 
-  void build_scaffold_at(const Points2& x) {
+  void build_scaffold_here() {
     constexpr double kWeight = 1e-2;  // of all its triangles, per area of the surface
-    scaffold_ = build_scaffold(m_, x, kWeight * problem_.surface.total_area);
+    scaffold_ = build_scaffold(m_, x_, kWeight * problem_.surface.total_area);
   }
 
-  bool descend(LinearSystem system, Points2& x, double& energy, bool& collided) {
+  bool descend(LinearSystem system, bool& collided) {
     constexpr int kMostTrials = 30;
     const Array<Vec2> gradient = system.gradient;
     add_springs_and_scaffold(system);
     substitute(problem_.followers, executor_, system);
     eliminate(is_fixed_, system);
     Array<Vec2> d;
-    if (!solve(system, x, d)) return false;
+    if (!solve(system, d)) return false;
     expand_direction(problem_.followers, d);
     const double slope = dot(gradient, d);
     if (!(slope < 0)) return false;
-    double s = first_step(x, d);
-    for (int i = 0; i < kMostTrials; ++i, s *= 0.6) {
-      Points2 y = moved(x, d, s);
+    double s = first_step(d);
+    for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
+      Points2 y = moved(x_, d, s);
       place_followers(problem_.followers, y);
-      if (is_accepted(y, s * slope, energy)) return x.swap(y), true;
+      if (is_accepted(y, s * slope)) return x_.swap(y), true;
       collided = collided || collides(m_, y);
       if (collided && !is_scaffolded_) return false;
     }
@@ -5627,8 +5762,8 @@ class FlatNewton {
   }
 
   /// d = -H⁻¹ g; false if there is none that is finite.
-  bool solve(const LinearSystem& system, const Points2& x, Array<Vec2>& d) {
-    const LdltSymbolic symbolic = NestedDissection(system.H, x, executor_).build();
+  bool solve(const LinearSystem& system, Array<Vec2>& d) {
+    const LdltSymbolic symbolic = NestedDissection(system.H, x_, executor_).build();
     ldlt_factorize(symbolic, system.shifted(0), executor_, factor_);
     if (!factor_.ok) return false;
     d = ldlt_solve(symbolic, factor_, negated(system.gradient));
@@ -5638,28 +5773,28 @@ class FlatNewton {
   }
 
   /// A step of 1, or what the first triangle to degenerate leaves of it.
-  double first_step(const Points2& x, const Array<Vec2>& d) const {
-    return (std::min)({1.0, 0.9 * max_step(m_, x, d), 0.9 * max_step(scaffold_, x, d)});
+  double first_step(const Array<Vec2>& d) const {
+    return (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(scaffold_, x_, d)});
   }
 
-  bool is_accepted(const Points2& y, double promised, double& energy) const {
+  bool is_accepted(const Points2& y, double promised) {
     if (!is_injective(m_, y)) return false;
-    const double e = value(y);
-    if (!(e + scaffold_energy(scaffold_, y) <= energy + 1e-4 * promised)) return false;
-    energy = e;
+    const double energy = value(y);
+    if (!(energy + scaffold_energy(scaffold_, y) <= energy_ + 1e-4 * promised)) return false;
+    energy_ = energy;
     return true;
   }
 
   /// Gradient and Hessian, but for the Hessians of springs and scaffold.
-  LinearSystem assemble(const Points2& x) {
+  LinearSystem assemble() {
     constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
     terms_.resize(m_.n_faces);
     executor_.run_blocks(m_.n_faces, 256, [&](int begin, int end) {
-      embedding_terms(problem_.surface, x, begin, end, kEpsilon, 1, terms_);
+      embedding_terms(problem_.surface, x_, begin, end, kEpsilon, 1, terms_);
     });
     QuadraticModel model = sum_terms(m_, terms_, executor_, [](int, RowWriter&) {});
     for (const Spring& s : problem_.springs) {
-      const Vec2 force = 2 * s.weight * (row2(x, s.p) - row2(x, s.q));
+      const Vec2 force = 2 * s.weight * (row2(x_, s.p) - row2(x_, s.q));
       model.gradient[s.p] += force;
       model.gradient[s.q] -= force;
     }
@@ -5679,10 +5814,13 @@ class FlatNewton {
     system.H = sum(system.H, sum_of_blocks(m_.n_vertices, blocks, executor_), executor_);
   }
 
-  const FlatProblem& problem_;
+  const FlatProblem problem_;
   const HalfEdgeMesh& m_;
   const Executor& executor_;
   FixedCoordinates is_fixed_;
+  Points2 x_;
+  double energy_;
+  int steps_ = 0;
   Array<FaceTerm> terms_;
   LdltFactor factor_;
   bool is_scaffolded_ = false;
@@ -5694,7 +5832,7 @@ class FlatNewton {
 // Purpose:    embeds the coarsest mesh and brings the vertices back, one by one.
 // Source:     Tutte 1963; Hormann and Greiner 2000.
 // Invariants: after every vertex that returns, all triangles are positive and the boundary simple.
-// Fails:      where rounding leaves a vertex no room; refine() returns its id.
+// Fails:      where rounding leaves a vertex no room; grow() returns its id.
 
 /// The vertices and faces present at one resolution, renumbered.
 struct Level {
@@ -5748,14 +5886,16 @@ class Hierarchy {
 
   /// `angle`: where boundary vertices go on the circle, by connectivity.
   Hierarchy(const Surface& s, const char* name, const Array<char>& is_protected, Approach approach,
-            const Array<double>& angle)
+            const Array<double>& angle, const Executor& executor)
       : s_(s),
         name_(name),
         approach_(approach),
+        executor_(executor),
         angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, approach, mesh_).run(kBase);
+    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(kBase);
+    goal_ = active();
   }
 
   const Surface& surface() const { return s_; }
@@ -5766,7 +5906,7 @@ class Hierarchy {
 
   /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
   /// mean of its neighbours.
-  bool embed_base(const Executor& executor) {
+  bool embed_base() {
     const Level level = current();
     const HalfEdgeMesh& m = level.surface.mesh;
     Points2 x = Points2::Zero(m.n_vertices, 2);
@@ -5790,10 +5930,10 @@ class Hierarchy {
       else if (u < v)
         blocks.push_back({u, v, diagonal(-1)});
     }
-    const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor);
-    const LdltSymbolic symbolic = NestedDissection(H, x, executor).build();
+    const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor_);
+    const LdltSymbolic symbolic = NestedDissection(H, x, executor_).build();
     LdltFactor factor;
-    ldlt_factorize(symbolic, {&H, nullptr, 0}, executor, factor);
+    ldlt_factorize(symbolic, {&H, nullptr, 0}, executor_, factor);
     if (!factor.ok) return false;
     const Array<Vec2> solution = ldlt_solve(symbolic, factor, right);
     for (int v = 0; v < m.n_vertices; ++v) set_row(x, v, solution[v]);
@@ -5838,9 +5978,14 @@ class Hierarchy {
     x_ = transformed(x_, motion);
   }
 
-  /// Brings vertices back until `target` are present; the id of one without room, or -1.
-  int refine(int target) {
-    while (!is_full() && active() < target) {
+  /// How many vertices are to be present next.
+  void set_goal(int vertices) { goal_ = vertices; }
+  bool has_grown() const { return is_full() || active() >= goal_; }
+
+  /// Brings vertices back until as many are present, or the caller stops; the id of one without
+  /// room, or -1.
+  int grow() {
+    while (!has_grown() && !executor_.is_stopped()) {
       const Collapse c = std::move(collapses_.back());
       collapses_.pop_back();
       local_metric_ = local_metric(c.changed);
@@ -6062,10 +6207,12 @@ class Hierarchy {
   const Surface& s_;
   const char* const name_;
   const Approach approach_;
+  const Executor& executor_;
   const Array<double> angle_;  // per vertex of the full mesh
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
+  int goal_ = 0;
   Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
@@ -6425,7 +6572,8 @@ class OutlineBuilder {
 
 // ---- both surfaces ----
 //
-// Purpose:    embeds a pair by one of the approaches and brings the planes together.
+// Purpose:    embeds a pair by one of the approaches and brings the planes together, in steps of at
+//             most some tenths of a second.
 // Method:     by shape: each surface alone up to a coarse level, where the planes meet; then both,
 //             tied by the landmarks, up to the full meshes. Where the planes meet decides the
 //             isotopy class of the map around the landmarks, and limbs that have unfolded freely
@@ -6433,21 +6581,13 @@ class OutlineBuilder {
 //             nothing has unfolded before all vertices are there, so all of this comes last. With
 //             outlines, which go by connectivity, boundaries are dragged there from the circle, and
 //             that is where the planes meet.
-// Fails:      with a status and a sentence, also where the progress callback says stop.
+// Invariants: a step that the caller stops has changed nothing that shows; the next call repeats it
+//             or goes on with it, so results do not depend on pauses.
+// Fails:      with a status and a sentence.
 
 constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
 constexpr int kMostSteps = 30;        // Newton steps per level
 constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
-
-/// Reports progress; false if the callback cancels.
-inline bool report_progress(const Options& options, Words what, Outcome& outcome) {
-  if (!options.progress) return true;
-  Progress progress;
-  progress.phase = Progress::Phase::kEmbedding;
-  progress.what = sentence(what);
-  return options.progress(progress) ||
-         fail(outcome, Status::kAborted, {"cancelled during the initial embedding"});
-}
 
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
@@ -6471,31 +6611,27 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
 
 class PairEmbedder {
  public:
+  /// `outlines`: null if boundaries are free.
   PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
                const Options& options, const Executor& executor, Approach approach,
                const OutlinePair* outlines)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
+        executor_(executor),
         approach_(approach),
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
-        outline_b_(is_held_ ? &outlines->b : nullptr),
-        executor_(executor) {}
+        outline_b_(is_held_ ? &outlines->b : nullptr) {
+    plan();
+  }
 
-  void run(Embedding& result) {
-    Array<char> keep_a(pair_.a.mesh.n_vertices, 0), keep_b(pair_.b.mesh.n_vertices, 0);
-    for (const Landmark& l : landmarks_) keep_a[l.a] = keep_b[l.b] = 1;
-    Hierarchy a(pair_.a, "A", keep_a, approach_, boundary_angles(pair_.a.mesh, outline_a_));
-    Hierarchy b(pair_.b, "B", keep_b, approach_, boundary_angles(pair_.b.mesh, outline_b_));
-    const bool by_shape = approach_ == Approach::kShape;
-    const char* what = by_shape ? "decimated the meshes" : "once more, by connectivity alone";
-    if (!report_progress(options_, {what}, result)) return;
-    if (!embed_base(a, result) || !embed_base(b, result)) return;
-    if (!(by_shape ? meet_early(a, b, result) : meet_last(a, b, result))) return;
-    if (!is_held_) make_overlap(a, b);
-    result.f = a.positions();
-    result.g = b.positions();
+  /// The next step; false after the last one. The result then has positions, or says why not.
+  bool step(Embedding& result) {
+    result_ = &result;
+    if (next_ < steps_.size() && !steps_[next_]()) ++next_;
+    if (result.status != Status::kDone) next_ = steps_.size();
+    return next_ < steps_.size();
   }
 
  private:
@@ -6505,29 +6641,80 @@ class PairEmbedder {
   static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
   static constexpr double kUnfoldingTolerance = 1e-4;
 
-  bool meet_early(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    if (!embed_alone(a, kTrial, result) || !embed_alone(b, kTrial, result)) return false;
-    if (landmarks_.size() < 2 && !align_by_trial(a, b, kTrialIterations, result)) return false;
-    if (!embed_alone(a, kCoarse, result) || !embed_alone(b, kCoarse, result)) return false;
-    bring_together(a, b);
-    while (!a.is_full() || !b.is_full()) {
-      if (!report_progress(
-              options_, {"embedding both: ", a.active(), " + ", b.active(), " vertices"}, result))
-        return false;
-      if (!grow(a, result) || !grow(b, result)) return false;
-      relax(a, b, kStiffest);
-    }
-    return true;
+  /// A step returns true if it is to be called again.
+  using Step = std::function<bool()>;
+  void add(Step step) { steps_.push_back(std::move(step)); }
+
+  void plan() {
+    add([this] { return decimate(pair_.a, "A", true, outline_a_, a_); });
+    add([this] { return decimate(pair_.b, "B", false, outline_b_, b_); });
+    if (approach_ == Approach::kShape)
+      plan_to_meet_early();
+    else
+      plan_to_meet_last();
+    add([this] { return finish(); });
   }
 
-  bool meet_last(Hierarchy& a, Hierarchy& b, Embedding& result) const {
-    if (!embed_alone(a, pair_.a.mesh.n_vertices, result) ||
-        !embed_alone(b, pair_.b.mesh.n_vertices, result))
-      return false;
-    if (!unfold(a, outline_a_, result) || !unfold(b, outline_b_, result)) return false;
-    if (!is_held_ && landmarks_.size() < 2 && !align_by_trial(a, b, 0, result)) return false;
-    bring_together(a, b);
-    return true;
+  void plan_to_meet_early() {
+    add_embed_alone(kTrial);
+    if (landmarks_.size() < 2) add_align_by_trial(kTrialIterations);
+    add_embed_alone(kCoarse);
+    add_bring_together();
+    add([this] { return embed_both(); });
+  }
+
+  void plan_to_meet_last() {
+    add_embed_alone((std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices));
+    add_unfold(a_, outline_a_);
+    add_unfold(b_, outline_b_);
+    if (!is_held_ && landmarks_.size() < 2) add_align_by_trial(0);
+    add_bring_together();
+  }
+
+  void add_embed_alone(int target) {
+    add([this, target] { return embed_alone(*a_, target); });
+    add([this, target] { return embed_alone(*b_, target); });
+  }
+
+  /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
+  void add_bring_together() {
+    if (landmarks_.empty()) return add([this] { return relax_both(0); });
+    if (landmarks_.size() >= 2 && !is_held_) add([this] { return align_by_landmarks(); });
+    for (double weight = 1; weight <= kStiffest; weight *= 10)
+      add([this, weight] { return relax_both(weight); });
+  }
+
+  bool fail(Words message, const std::vector<int>& ids = {}) const {
+    return detail::fail(*result_, Status::kNumericalFailure, message, ids);
+  }
+
+  bool decimate(const Surface& s, const char* name, bool is_a, const Outline* outline,
+                std::unique_ptr<Hierarchy>& h) const {
+    tell({"decimating ", name});
+    Array<char> keep(s.mesh.n_vertices, 0);
+    for (const Landmark& l : landmarks_) keep[is_a ? l.a : l.b] = 1;
+    h = std::make_unique<Hierarchy>(s, name, keep, approach_, boundary_angles(s.mesh, outline),
+                                    executor_);
+    if (executor_.is_stopped()) return true;
+    const bool is_embedded = h->embed_base();
+    if (executor_.is_stopped()) return true;
+    if (!is_embedded) fail({"Tutte's embedding of the decimated mesh ", name, " failed"});
+    return false;
+  }
+
+  bool finish() {
+    if (!is_held_) make_overlap();
+    result_->f = a_->positions();
+    result_->g = b_->positions();
+    return false;
+  }
+
+  /// The vertices that are there tell how far the embedding is.
+  void tell(Words what) const {
+    const int n = pair_.a.mesh.n_vertices + pair_.b.mesh.n_vertices;
+    const int active = (a_ ? a_->active() : 0) + (b_ ? b_->active() : 0);
+    executor_.tell(Phase::kEmbedding, a_ && b_ ? active / static_cast<double>(n) : 0, what,
+                   nullptr);
   }
 
   /// What the boundaries may do once they have left the circle.
@@ -6548,32 +6735,47 @@ class PairEmbedder {
   /// Where a boundary vertex is at t, from 0 to 1, on its way from p to q.
   using Way = Vec2 (*)(Vec2 p, Vec2 q, double t, const Outline& outline);
 
-  /// Drags the boundary of a surface to the places u on an outline.
-  bool drag(const Surface& s, const Outline& outline, const Array<double>& u, Way way,
-            const char* name, Points2& x, Embedding& result) const {
-    constexpr int kMostDrags = 500, kRelaxations = 3;
-    const FlatProblem problem = {s, Boundary::kFixed};
-    FlatNewton newton(problem, executor_);
-    const Points2 from = x;
-    Points2 target = from;
+  /// A surface on its way from edges that are all alike to their lengths on the surface.
+  struct Unfolding {
+    Points2 x;
+    Points2 from;  // where a drag begins
     double t = 0, step = 0.25;
-    for (int i = 0; i < kMostDrags && t < 1; ++i) {
-      const double next = (std::min)(1.0, t + step);
-      for (int h : s.mesh.boundary) {
-        const int v = s.mesh.tail[h];
-        set_row(target, v, way(row2(from, v), outline.point(u[v]), next, outline));
-      }
-      newton.minimize(kRelaxations, 0, x);
-      const bool is_there = newton.drag(target, x);
-      if (is_there) t = next;
-      step *= is_there ? 1.5 : 0.5;
-      const int percent = static_cast<int>(100 * t);
-      if (!report_progress(options_, {"boundary of ", name, " along a square: ", percent, "%"},
-                           result))
-        return false;
+    int drags = 0;
+  };
+
+  static constexpr int kStages = 4;
+  Surface stage_surface(const Surface& s, int stage) const {
+    return stage < kStages ? softened(s, stage / double{kStages}, s.total_area) : s;
+  }
+
+  /// Drags the boundary of a surface a little farther to its places on an outline.
+  bool drag(const Hierarchy& h, const Outline& outline, int stage) {
+    constexpr int kMostDrags = 500, kRelaxations = 3;
+    const Surface& s = h.surface();
+    Unfolding& u = unfolding_;
+    if (u.drags == 0) u.from = u.x;
+    const int percent = static_cast<int>(100 * u.t);
+    tell({"boundary of ", h.name(), " along a square: ", percent, "%"});
+    const double next = (std::min)(1.0, u.t + u.step);
+    const Array<double> places = outline.places(s.mesh, stage / double{kStages});
+    const Way way = stage == 0 ? superelliptic : straight;
+    Points2 target = u.from;
+    for (int e : s.mesh.boundary) {
+      const int v = s.mesh.tail[e];
+      set_row(target, v, way(row2(u.from, v), outline.point(places[v]), next, outline));
     }
-    return t == 1 || fail(result, Status::kNumericalFailure,
-                          {"the boundary of mesh ", name, " cannot be laid along a square"});
+    FlatNewton newton({stage_surface(s, stage), Boundary::kFixed}, u.x, executor_);
+    while (newton.minimize(kRelaxations, 0) && !executor_.is_stopped()) {
+    }
+    const bool is_there = newton.drag(target);
+    if (executor_.is_stopped()) return true;
+    u.x = newton.positions();
+    if (is_there) u.t = next;
+    u.step *= is_there ? 1.5 : 0.5;
+    if (u.t < 1 && ++u.drags < kMostDrags) return true;
+    if (u.t < 1) fail({"the boundary of mesh ", h.name(), " cannot be laid along a square"});
+    u.t = 0, u.step = 0.25, u.drags = 0;
+    return false;
   }
 
   /// Along a side.
@@ -6593,142 +6795,179 @@ class PairEmbedder {
     return ((1 - t) * norm(p) + t * outline.half_side) / length * direction;
   }
 
-  bool grow(Hierarchy& h, Embedding& result) const {
-    const int stuck = h.refine(2 * h.active());
-    return stuck < 0 ||
-           fail(result, Status::kNumericalFailure,
-                {"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"},
-                {stuck});
+  /// Brings vertices back.
+  bool grow(Hierarchy& h) const {
+    const int stuck = h.grow();
+    if (stuck >= 0)
+      fail({"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"}, {stuck});
+    return stuck < 0;
   }
 
-  bool embed_base(Hierarchy& h, Embedding& result) const {
-    return h.embed_base(executor_) ||
-           fail(result, Status::kNumericalFailure,
-                {"Tutte's embedding of the decimated mesh ", h.name(), " failed"});
-  }
-
-  /// Embeds one surface, without the other, up to a number of vertices.
-  bool embed_alone(Hierarchy& h, int target, Embedding& result) const {
-    const bool by_shape = approach_ == Approach::kShape;
-    while (true) {
-      Level level = h.current();
-      if (!by_shape) level.surface = softened(level.surface, 0, h.surface().total_area);
-      Points2 x = h.positions(level);
-      const FlatProblem problem = {level.surface, by_shape ? Boundary::kFree : Boundary::kFixed};
-      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-      h.set(level, x);
-      if (!report_progress(options_, {"embedding ", h.name(), ": ", h.active(), " vertices"},
-                           result))
-        return false;
-      if (h.is_full() || h.active() >= target) return true;
-      if (!grow(h, result)) return false;
+  /// Embeds one surface, without the other, up to a number of vertices: grows, or takes a step.
+  bool embed_alone(Hierarchy& h, int target) {
+    tell({"embedding ", h.name(), ": ", h.active(), " vertices"});
+    if (!h.has_grown()) return grow(h);
+    if (!newton_) {
+      level_a_ = h.current();
+      const bool by_shape = approach_ == Approach::kShape;
+      Surface s =
+          by_shape ? level_a_.surface : softened(level_a_.surface, 0, h.surface().total_area);
+      newton_ = std::make_unique<FlatNewton>(
+          FlatProblem{std::move(s), by_shape ? Boundary::kFree : Boundary::kFixed},
+          h.positions(level_a_), executor_);
     }
+    if (newton_->minimize(kMostSteps, kTolerance)) return true;
+    h.set(level_a_, newton_->positions());
+    newton_.reset();
+    if (h.is_full() || h.active() >= target) return false;
+    h.set_goal(2 * h.active());
+    return true;
+  }
+
+  /// Embeds both up to the full meshes.
+  bool embed_both() {
+    tell({"embedding both: ", a_->active(), " + ", b_->active(), " vertices"});
+    if (!a_->has_grown()) return grow(*a_);
+    if (!b_->has_grown()) return grow(*b_);
+    if (is_relaxed_ && a_->is_full() && b_->is_full()) return false;
+    if (is_relaxed_) {
+      a_->set_goal(2 * a_->active());
+      b_->set_goal(2 * b_->active());
+      is_relaxed_ = false;
+      return true;
+    }
+    is_relaxed_ = !relax_both(kStiffest);
+    return true;
   }
 
   /// Returns from edges that are all alike to their lengths on the surface. The boundary is let go,
   /// or, with an outline, laid along the square first.
-  bool unfold(Hierarchy& h, const Outline* outline, Embedding& result) const {
-    constexpr int kStages = 4;
-    const Surface& s = h.surface();
-    Points2 x = h.positions();
+  void add_unfold(const std::unique_ptr<Hierarchy>& h, const Outline* outline) {
+    add([this, &h] {
+      unfolding_.x = h->positions();
+      return false;
+    });
     for (int i = 0; i <= kStages; ++i) {
-      const double part = i / double{kStages};
-      const Surface soft = i < kStages ? softened(s, part, s.total_area) : s;
-      const bool is_dragged = is_held_ && (i == 0 || boundary() == Boundary::kFixed);
-      if (is_dragged && !drag(soft, *outline, outline->places(s.mesh, part),
-                              i == 0 ? superelliptic : straight, h.name(), x, result))
-        return false;
-      const FlatProblem problem = {soft, boundary()};
-      FlatNewton(problem, executor_).minimize(kUnfoldingSteps, kUnfoldingTolerance, x);
-      if (!report_progress(
-              options_, {"unfolding ", h.name(), ": stage ", i + 1, " of ", kStages + 1}, result))
-        return false;
+      if (is_held_ && (i == 0 || boundary() == Boundary::kFixed))
+        add([this, &h, outline, i] { return drag(*h, *outline, i); });
+      add([this, &h, i] { return unfold(*h, i); });
     }
-    h.set(h.current(), x);
-    return true;
+    add([this, &h] {
+      h->set(h->current(), unfolding_.x);
+      return false;
+    });
   }
 
-  /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
-  void bring_together(Hierarchy& a, Hierarchy& b) const {
-    if (landmarks_.empty()) return relax(a, b, 0);
-    if (landmarks_.size() >= 2 && !is_held_) align_by_landmarks(a, b);
-    for (double weight = 1; weight <= kStiffest; weight *= 10) relax(a, b, weight);
+  bool unfold(const Hierarchy& h, int stage) {
+    tell({"unfolding ", h.name(), ": stage ", stage + 1, " of ", kStages + 1});
+    if (!newton_)
+      newton_ = std::make_unique<FlatNewton>(
+          FlatProblem{stage_surface(h.surface(), stage), boundary()}, unfolding_.x, executor_);
+    if (newton_->minimize(kUnfoldingSteps, kUnfoldingTolerance)) return true;
+    unfolding_.x = newton_->positions();
+    newton_.reset();
+    return false;
   }
 
   /// The landmarks whose vertices are both present; decimation may take some if there are many.
-  Array<Landmark> present_landmarks(const Hierarchy& a, const Hierarchy& b) const {
+  Array<Landmark> present_landmarks() const {
     Array<Landmark> present;
     for (const Landmark& l : landmarks_)
-      if (a.has(l.a) && b.has(l.b)) present.push_back(l);
+      if (a_->has(l.a) && b_->has(l.b)) present.push_back(l);
     return present;
   }
 
-  void align_by_landmarks(Hierarchy& a, const Hierarchy& b) const {
-    const Array<Landmark> landmarks = present_landmarks(a, b);
-    if (landmarks.empty()) return;
+  bool align_by_landmarks() const {
+    const Array<Landmark> landmarks = present_landmarks();
+    if (landmarks.empty()) return false;
     Points2 from(landmarks.size(), 2), to(landmarks.size(), 2);
     for (int i = 0; i < landmarks.size(); ++i) {
-      set_row(from, i, row2(a.positions(), landmarks[i].a));
-      set_row(to, i, row2(b.positions(), landmarks[i].b));
+      set_row(from, i, row2(a_->positions(), landmarks[i].a));
+      set_row(to, i, row2(b_->positions(), landmarks[i].b));
     }
-    a.move(rigid_fit(from, to));
+    a_->move(rigid_fit(from, to));
+    return false;
   }
 
-  /// Tries rotations of A about the landmark, or about its centre and its deepest point: the most
+  /// Rotations of A about the landmark, or about its centre and its deepest point: the most
   /// promising ones are optimised for a while, and the one with the least distortion for its
   /// coverage wins.
-  bool align_by_trial(Hierarchy& a, const Hierarchy& b, int iterations, Embedding& result) const {
-    constexpr int kOptimized = 4;
-    const Level level_a = a.current(), level_b = b.current();
-    const JointSurface coarse = join({level_a.surface, level_b.surface});
-    const Points2 f = a.positions(level_a), g = b.positions(level_b);
+  struct Trials {
+    JointSurface coarse;
+    Points2 f, g;
     Array<RigidMotion> motions;
-    if (landmarks_.empty()) {
-      add_rotations(centroid(f), centroid(g), motions);
-      add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g),
-                    motions);
-    } else {
-      add_rotations(row2(a.positions(), landmarks_[0].a), row2(b.positions(), landmarks_[0].b),
-                    motions);
-    }
-    Array<double> at_first;
-    for (const RigidMotion& motion : motions)
-      at_first.push_back(badness(coarse, stacked(transformed(f, motion), g)));
-    const Array<int> order = sorted_by(at_first);
-    int best = -1;
+    Array<double> at_first;  // badness
+    Array<int> order;        // the most promising one first
+    int tried = 0, best = -1;
     double least = kInfinity;
-    for (int tried = 0; tried < kOptimized; ++tried) {
-      const int i = order[tried];
-      Points2 x = stacked(transformed(f, motions[i]), g);
-      optimize(coarse, iterations, x);
-      const double value = badness(coarse, x);
-      if (best < 0 || value < least || (value == least && i < best)) best = i, least = value;
-      if (!report_progress(options_, {"tried rotation ", tried + 1, " of ", int{kOptimized}},
-                           result))
-        return false;
-    }
-    a.move(motions[best]);
-    return true;
+  };
+
+  void add_align_by_trial(int iterations) {
+    add([this] { return prepare_trials(); });
+    add([this] { return rank_trial(); });
+    add([this, iterations] { return try_motion(iterations); });
   }
 
-  static void add_rotations(Vec2 from, Vec2 to, Array<RigidMotion>& motions) {
+  bool prepare_trials() {
+    const Level level_a = a_->current(), level_b = b_->current();
+    trials_ = Trials();
+    trials_.coarse = join({level_a.surface, level_b.surface});
+    const Points2& f = trials_.f = a_->positions(level_a);
+    const Points2& g = trials_.g = b_->positions(level_b);
+    if (landmarks_.empty()) {
+      add_rotations(centroid(f), centroid(g));
+      add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g));
+    } else {
+      add_rotations(row2(a_->positions(), landmarks_[0].a), row2(b_->positions(), landmarks_[0].b));
+    }
+    return false;
+  }
+
+  void add_rotations(Vec2 from, Vec2 to) {
     constexpr int kRotations = 24;
     for (int i = 0; i < kRotations; ++i)
-      motions.push_back(rigid_motion(2 * kPi * i / kRotations, from, to));
+      trials_.motions.push_back(rigid_motion(2 * kPi * i / kRotations, from, to));
+  }
+
+  Points2 trial_start(int motion) const {
+    return stacked(transformed(trials_.f, trials_.motions[motion]), trials_.g);
+  }
+
+  bool rank_trial() {
+    const int i = trials_.at_first.size();
+    trials_.at_first.push_back(badness(trials_.coarse, trial_start(i)));
+    if (i + 1 < trials_.motions.size()) return true;
+    trials_.order = sorted_by(trials_.at_first);
+    return false;
+  }
+
+  bool try_motion(int iterations) {
+    constexpr int kOptimized = 4;
+    Trials& t = trials_;
+    tell({"trying rotation ", t.tried + 1, " of ", int{kOptimized}});
+    const int i = t.order[t.tried];
+    Points2 x = trial_start(i);
+    optimize(t.coarse, iterations, x);
+    const double value = badness(t.coarse, x);
+    if (executor_.is_stopped()) return true;
+    if (t.best < 0 || value < t.least || (value == t.least && i < t.best))
+      t.best = i, t.least = value;
+    if (++t.tried < kOptimized) return true;
+    a_->move(t.motions[t.best]);
+    return false;
   }
 
   /// Where the two planes lie apart in spite of all, the deepest points of both come together.
-  void make_overlap(Hierarchy& a, const Hierarchy& b) const {
-    const Points2 &f = a.positions(), &g = b.positions();
+  void make_overlap() {
+    const Points2 &f = a_->positions(), &g = b_->positions();
     if (badness(join(pair_), stacked(f, g)) < kInfinity) return;
-    a.move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
+    a_->move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
   }
 
   /// Some iterations of Algorithm 1.
   void optimize(const JointSurface& s, int iterations, Points2& x) const {
     Options options = options_;
     options.max_iterations = iterations;
-    options.progress = nullptr;
     options.boundary = Boundary::kFree;
     options.fixed_a.clear();
     options.fixed_b.clear();
@@ -6749,28 +6988,46 @@ class PairEmbedder {
     return value < kInfinity ? value : kInfinity;  // NaN, too
   }
 
-  /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels.
-  void relax(Hierarchy& a, Hierarchy& b, double weight) const {
-    const Level level_a = a.current(), level_b = b.current();
-    const JointSurface s = join({level_a.surface, level_b.surface});
-    FlatProblem problem = {s, boundary()};
-    const Array<Landmark> landmarks = present_landmarks(a, b);
-    for (const Landmark& l : landmarks)
-      problem.springs.push_back(
-          {level_a.place[l.a], s.n_a + level_b.place[l.b], weight / landmarks.size()});
-    Points2 x = stacked(a.positions(level_a), b.positions(level_b));
-    FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
-    a.set(level_a, rows_between(x, 0, s.n_a));
-    b.set(level_b, rows_between(x, s.n_a, s.mesh.n_vertices));
+  /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
+  /// step.
+  bool relax_both(double weight) {
+    if (!newton_) {
+      level_a_ = a_->current(), level_b_ = b_->current();
+      JointSurface s = join({level_a_.surface, level_b_.surface});
+      const int n_a = s.n_a;
+      FlatProblem problem = {std::move(s), boundary()};
+      const Array<Landmark> landmarks = present_landmarks();
+      for (const Landmark& l : landmarks)
+        problem.springs.push_back(
+            {level_a_.place[l.a], n_a + level_b_.place[l.b], weight / landmarks.size()});
+      newton_ = std::make_unique<FlatNewton>(
+          std::move(problem), stacked(a_->positions(level_a_), b_->positions(level_b_)), executor_);
+    }
+    if (newton_->minimize(kMostSteps, kTolerance)) return true;
+    const Points2& x = newton_->positions();
+    const int n_a = level_a_.vertex.size();
+    a_->set(level_a_, rows_between(x, 0, n_a));
+    b_->set(level_b_, rows_between(x, n_a, rows_of(x)));
+    newton_.reset();
+    return false;
   }
 
   const SurfacePair& pair_;
   const std::vector<Landmark>& landmarks_;
   const Options& options_;
+  const Executor& executor_;
   const Approach approach_;
   const bool is_held_;
-  const Outline *const outline_a_, *const outline_b_;  // null if boundaries are free
-  const Executor& executor_;
+  const Outline *const outline_a_, *const outline_b_;
+  Embedding* result_ = nullptr;
+  Array<Step> steps_;
+  int next_ = 0;
+  std::unique_ptr<Hierarchy> a_, b_;
+  Level level_a_, level_b_;             // what is being relaxed; of one surface alone, the first
+  std::unique_ptr<FlatNewton> newton_;  // relaxes them
+  bool is_relaxed_ = true;              // the level of embed_both()
+  Unfolding unfolding_;
+  Trials trials_;
 };
 
 // ---- exact landmarks ----
@@ -6791,18 +7048,20 @@ class LandmarkJoiner {
     for (const Landmark& l : landmarks) landmarks_.push_back(l);
   }
 
-  bool run(Embedding& result) {
+  /// The next step; false after the last one.
+  bool step(Embedding& result) {
     constexpr int kMostRefinements = 6;
-    for (int i = 0; i <= kMostRefinements; ++i) {
-      const Points2 f = result.f, g = result.g;
-      apart_ = landmarks_;
-      joined_.clear();
-      if (!pull(result)) return false;
-      if (apart_.empty()) return true;
-      if (i == kMostRefinements) break;
-      result.f = f;
-      result.g = g;
-      refine(i == 0 ? apart_ : landmarks_, result);
+    if (!newton_ && weight_ == 0) begin(result);
+    if (pull()) return true;
+    weight_ = 0;
+    result.f = rows_between(x_, 0, s_.n_a);
+    result.g = rows_between(x_, s_.n_a, s_.mesh.n_vertices);
+    if (apart_.empty()) return false;
+    if (refinements_ < kMostRefinements) {
+      result.f = f_;
+      result.g = g_;
+      refine(refinements_++ == 0 ? apart_ : landmarks_, result);
+      return true;
     }
     std::vector<int> ids;
     const std::string names = names_of(apart_, ids);
@@ -6811,37 +7070,48 @@ class LandmarkJoiner {
   }
 
  private:
-  bool pull(Embedding& result) {
-    constexpr double kHardest = 1e12;
-    const JointSurface s = join(pair_);
-    FlatProblem problem = {s, options_.boundary};
-    Points2 x = stacked(result.f, result.g);
-    for (double weight = 10 * kStiffest; weight <= kHardest && !apart_.empty(); weight *= 10) {
-      join_landmarks(s, x);
-      if (!report_progress(options_, {"landmarks still apart: ", apart_.size()}, result))
-        return false;
-      problem.springs.clear();
+  static constexpr double kSoftest = 10 * kStiffest, kHardest = 1e12;
+
+  /// A round: all are apart, and pulled harder and harder.
+  void begin(const Embedding& result) {
+    f_ = result.f;
+    g_ = result.g;
+    apart_ = landmarks_;
+    joined_.clear();
+    s_ = join(pair_);
+    x_ = stacked(f_, g_);
+    weight_ = kSoftest;
+  }
+
+  /// A Newton step; false at the end of the round.
+  bool pull() {
+    if (!newton_) {
+      const bool is_last = weight_ > kHardest || apart_.empty();
+      join_landmarks();
+      if (is_last) return false;
+      executor_.tell(Phase::kEmbedding, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
+      FlatProblem problem = {s_, options_.boundary};
       for (const Landmark& l : apart_)
-        problem.springs.push_back({l.a, s.n_a + l.b, weight / landmarks_.size()});
-      problem.followers.clear();
-      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(s, l));
-      FlatNewton(problem, executor_).minimize(kMostSteps, kTolerance, x);
+        problem.springs.push_back({l.a, s_.n_a + l.b, weight_ / landmarks_.size()});
+      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(s_, l));
+      newton_ = std::make_unique<FlatNewton>(std::move(problem), x_, executor_);
     }
-    join_landmarks(s, x);
-    result.f = rows_between(x, 0, s.n_a);
-    result.g = rows_between(x, s.n_a, s.mesh.n_vertices);
+    if (newton_->minimize(kMostSteps, kTolerance)) return true;
+    x_ = newton_->positions();
+    newton_.reset();
+    weight_ *= 10;
     return true;
   }
 
-  void join_landmarks(const JointSurface& s, Points2& x) {
+  void join_landmarks() {
     Array<Landmark> left;
     for (const Landmark& l : apart_) {
-      const Vec2 before = row2(x, l.a);
-      set_row(x, l.a, row2(x, s.n_a + l.b));
-      if (is_injective(s.mesh, x)) {
+      const Vec2 before = row2(x_, l.a);
+      set_row(x_, l.a, row2(x_, s_.n_a + l.b));
+      if (is_injective(s_.mesh, x_)) {
         joined_.push_back(l);
       } else {
-        set_row(x, l.a, before);
+        set_row(x_, l.a, before);
         left.push_back(l);
       }
     }
@@ -6875,64 +7145,120 @@ class LandmarkJoiner {
   const Options& options_;
   const Executor& executor_;
   Array<Landmark> landmarks_, apart_, joined_;
+  JointSurface s_;
+  Points2 f_, g_, x_;  // before the round, and now
+  double weight_ = 0;  // of the pull; 0 before a round
+  int refinements_ = 0;
+  std::unique_ptr<FlatNewton> newton_;
 };
 
 // ---- which of them a call needs ----
 
 /// E_f + E_g per area, infinite for a failure.
 inline double strain(const SurfacePair& pair, const Embedding& e) {
-  if (e.status != Status::kConverged) return kInfinity;
+  if (e.status != Status::kDone) return kInfinity;
   const double energy = embedding_energy(pair.a, e.f, 0, pair.a.mesh.n_faces) +
                         embedding_energy(pair.b, e.g, 0, pair.b.mesh.n_faces);
   return energy < kInfinity ? energy / (pair.a.total_area + pair.b.total_area) : kInfinity;
 }
 
-/// Embeds with free boundaries by shape; where that fails or strains the surfaces, once more by
-/// connectivity, and the better one counts.
-inline bool embed_freely(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                         const Options& options, const Executor& executor, Embedding& embedding) {
-  constexpr double kStrained = 100;  // of isometries: 4
-  PairEmbedder(pair, landmarks, options, executor, Approach::kShape, nullptr).run(embedding);
-  if (embedding.status != Status::kAborted && !(strain(pair, embedding) < kStrained)) {
-    Embedding other;
-    PairEmbedder(pair, landmarks, options, executor, Approach::kConnectivity, nullptr).run(other);
-    if (other.status == Status::kAborted || strain(pair, other) < strain(pair, embedding))
-      embedding = other;
-  }
-  return embedding.status == Status::kConverged;
-}
+/// The start, as the options want it, in steps. Free boundaries are embedded by shape; where that
+/// fails or strains the surfaces, once more by connectivity, and the better one counts. Held ones
+/// go along a square; where no landmark tells how they correspond, a free embedding does. Then
+/// exact landmarks are joined. May add vertices to the meshes of the pair.
+class Embedder {
+ public:
+  Embedder(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+           const Executor& executor)
+      : pair_(pair), landmarks_(landmarks), options_(options), executor_(executor) {}
 
-/// Embeds both meshes in one square.
-inline bool embed_in_square(SurfacePair& pair, const std::vector<Landmark>& landmarks,
-                            const Options& options, const Executor& executor,
-                            Embedding& embedding) {
-  OutlineBuilder builder(pair, landmarks);
-  if (!builder.has_landmarks()) {
-    if (!embed_freely(pair, landmarks, options, executor, embedding)) return false;
-    builder.match_closest(embedding.f, embedding.g);
+  /// The next step; false after the last one: the result then has positions, or says why not.
+  bool step() {
+    if (stage_ == Stage::kEnd) return false;
+    Timer timer;
+    const bool is_running = stage_ == Stage::kBegin || run_stage();
+    if (!is_running || stage_ == Stage::kBegin) stage_ = next_stage();
+    if (result_.status != Status::kDone && stage_ != Stage::kByConnectivity) stage_ = Stage::kEnd;
+    if (stage_ == Stage::kEnd && result_.status != Status::kDone) {
+      result_.f.resize(0, 2);
+      result_.g.resize(0, 2);
+    }
+    result_.seconds += timer.lap();
+    return stage_ != Stage::kEnd;
   }
-  const OutlinePair outlines = builder.build();
-  PairEmbedder(pair, landmarks, options, executor, Approach::kConnectivity, &outlines)
-      .run(embedding);
-  return embedding.status == Status::kConverged;
-}
 
-/// The start, as the options want it. May add vertices to the meshes of the pair.
-inline void embed(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
-                  const Executor& executor, Embedding& embedding) {
-  Timer timer;
-  const bool is_held = options.boundary != Boundary::kFree;
-  bool ok = !(is_held || options.exact_landmarks) || check_order(pair, landmarks, embedding);
-  ok = ok && (is_held ? embed_in_square(pair, landmarks, options, executor, embedding)
-                      : embed_freely(pair, landmarks, options, executor, embedding));
-  if (ok && options.exact_landmarks)
-    LandmarkJoiner(pair, landmarks, options, executor).run(embedding);
-  if (embedding.status != Status::kConverged) {
-    embedding.f.resize(0, 2);
-    embedding.g.resize(0, 2);
+  Embedding& result() { return result_; }
+
+ private:
+  enum class Stage { kBegin, kByShape, kByConnectivity, kInSquare, kJoining, kEnd };
+
+  bool is_held() const { return options_.boundary != Boundary::kFree; }
+
+  /// A step of the stage; false after its last one.
+  bool run_stage() {
+    if (stage_ == Stage::kJoining) return joiner_->step(result_);
+    return embedder_->step(stage_ == Stage::kByConnectivity ? other_ : result_);
   }
-  embedding.seconds = timer.lap();
-}
+
+  /// What follows on a stage.
+  Stage next_stage() {
+    constexpr double kStrained = 100;  // of isometries: 4
+    switch (stage_) {
+      case Stage::kBegin:
+        if ((is_held() || options_.exact_landmarks) && !check_order(pair_, landmarks_, result_))
+          return Stage::kEnd;
+        if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks_);
+        if (is_held() && outline_builder_->has_landmarks()) return begin_square();
+        return begin(Stage::kByShape, Approach::kShape, nullptr);
+      case Stage::kByShape:
+        if (strain(pair_, result_) < kStrained) return after_free();
+        return begin(Stage::kByConnectivity, Approach::kConnectivity, nullptr);
+      case Stage::kByConnectivity:
+        other_.seconds = result_.seconds;
+        if (strain(pair_, other_) < strain(pair_, result_)) result_ = std::move(other_);
+        return after_free();
+      case Stage::kInSquare:
+        return after_embedding();
+      default:
+        return Stage::kEnd;
+    }
+  }
+
+  Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
+    embedder_ =
+        std::make_unique<PairEmbedder>(pair_, landmarks_, options_, executor_, approach, outlines);
+    return stage;
+  }
+
+  Stage begin_square() {
+    outlines_ = outline_builder_->build();
+    return begin(Stage::kInSquare, Approach::kConnectivity, &outlines_);
+  }
+
+  Stage after_free() {
+    if (!is_held() || result_.status != Status::kDone) return after_embedding();
+    outline_builder_->match_closest(result_.f, result_.g);
+    return begin_square();
+  }
+
+  Stage after_embedding() {
+    embedder_.reset();
+    if (!options_.exact_landmarks) return Stage::kEnd;
+    joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks_, options_, executor_);
+    return Stage::kJoining;
+  }
+
+  SurfacePair& pair_;
+  const std::vector<Landmark>& landmarks_;
+  const Options& options_;
+  const Executor& executor_;
+  Stage stage_ = Stage::kBegin;
+  std::unique_ptr<OutlineBuilder> outline_builder_;
+  OutlinePair outlines_;
+  std::unique_ptr<PairEmbedder> embedder_;
+  std::unique_ptr<LandmarkJoiner> joiner_;
+  Embedding result_, other_;  // the other one by connectivity
+};
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
@@ -7184,11 +7510,11 @@ class CurveMapper {
 
 // ---- what a SurfaceMap holds ----
 
-struct MapData : Outcome {  // kConverged if the pair is there
+struct MapData : Outcome {  // kDone if the pair is there
   TriangleMesh a, b;
   EmbeddedPair pair;
 
-  bool ok() const { return status == Status::kConverged; }
+  bool ok() const { return status == Status::kDone; }
   const TriangleMesh& mesh(Side side) const { return side == Side::kA ? a : b; }
   int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
@@ -7645,7 +7971,7 @@ Attributes from_meta(const MetaMesh& meta, Side side, Element element,
 Attributes transfer(const MetaMesh& meta, Side from, Element element, const Eigen::MatrixXd& values,
                     Element target) {
   const Attributes corners = to_meta(meta, from, element, values);
-  if (corners.status != Status::kConverged) return corners;
+  if (corners.status != Status::kDone) return corners;
   return from_meta(meta, from == Side::kA ? Side::kB : Side::kA, target, corners.values);
 }
 
@@ -7803,6 +8129,7 @@ inline bool check_options(const Options& o, Outcome& outcome) {
       {o.short_step >= 0, "short_step must be at least 0"},
       {in_0_to_1(o.solve_tolerance) && o.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
       {o.max_iterations >= 0, "max_iterations must be at least 0"},
+      {o.max_seconds > 0, "max_seconds must be positive"},
       {o.tolerance >= 0, "tolerance must be at least 0"},
       {o.window >= 1, "window must be at least 1"},
       {o.threads >= 0, "threads must be at least 0"}};
@@ -7991,11 +8318,14 @@ struct StatusWords {
 
 inline StatusWords words_of(Status s) {
   static constexpr StatusWords kWords[] = {
+      {"done", ""},
       {"converged", "the energy hardly falls any more"},
       {"iteration limit", "stopped at the iteration limit"},
-      {"stalled", "no injective step lowers the energy"},
+      {"time limit", "stopped at the time limit; this is the last injective iterate"},
       {"cancelled", "cancelled; this is the last injective iterate"},
-      {"aborted", ""},
+      {"stalled", "no injective step lowers the energy"},
+      {"unfinished", "there is more to do; this is the last injective iterate"},
+      {"no map yet", "the initial embedding has not come to its end"},
       {"invalid mesh", ""},
       {"invalid landmarks", ""},
       {"invalid options", ""},
@@ -8009,6 +8339,126 @@ inline StatusWords words_of(Status s) {
        "measure fails"}};
   return kWords[static_cast<int>(s)];
 }
+
+/// A call of compute_map() in steps.
+class Run {
+ public:
+  /// `only_start`: the initial embedding is all that is wanted.
+  Run(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks,
+      const Options& options, bool only_start)
+      : a_(a),
+        b_(b),
+        landmarks_(landmarks),
+        options_(options),
+        only_start_(only_start),
+        executor_(options_) {
+    if (only_start) executor_.set_embedding_share(1);
+    if (build_pair(a_, b_, landmarks_, options_, pair_, result_)) {
+      result_.status = Status::kNoMapYet;
+      if (!has_positions())
+        embedder_ = std::make_unique<Embedder>(pair_, landmarks_, options_, executor_);
+    } else {
+      result_.start.status = result_.status;
+    }
+  }
+
+  Result& result() { return result_; }
+  bool is_embedding() const { return result_.status == Status::kNoMapYet; }
+
+  /// A step of the embedding, or an iteration; true while there is more to do. The result is what
+  /// it is if the caller goes no further.
+  bool step() {
+    executor_.resume();
+    if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
+      result_.status = Status::kUnfinished;
+    Timer timer;
+    if (is_embedding())
+      embed();
+    else if (optimizer_)
+      iterate();
+    if (optimizer_) hand_over();
+    if (optimizer_) result_.seconds += timer.lap();
+    executor_.pause();
+    return !executor_.is_stopped() && (is_embedding() || result_.status == Status::kUnfinished);
+  }
+
+ private:
+  bool has_positions() const {
+    return !only_start_ && (options_.initial_f.size() > 0 || options_.initial_g.size() > 0);
+  }
+
+  void embed() {
+    if (embedder_ && (embedder_->step() || is_stopped_at_end())) return wait();
+    Embedding& start = result_.start;
+    if (embedder_)
+      start = std::move(embedder_->result());
+    else
+      take_positions(pair_, options_, start);
+    embedder_.reset();
+    return_meshes(a_, b_, pair_, start);
+    if (start.status != Status::kDone)
+      return void(fail(result_, start.status, {start.message}, start.ids));
+    start.landmark_distance = largest_landmark_distance(start, landmarks_);
+    result_.status = Status::kDone;
+    if (!only_start_) begin();
+  }
+
+  bool is_stopped_at_end() const {
+    return executor_.is_stopped() && embedder_->result().status == Status::kDone;
+  }
+
+  /// There is no map yet.
+  void wait() {
+    result_.message = executor_.stop_status() == Status::kCancelled
+                          ? "cancelled before there was a map"
+                      : executor_.stop_status() == Status::kTimeLimit
+                          ? "stopped at the time limit, before there was a map"
+                          : words_of(Status::kNoMapYet).sentence;
+    fail(result_.start, Status::kNoMapYet, {result_.message});
+  }
+
+  void begin() {
+    s_ = join(pair_);
+    Points2 x = stacked(result_.start.f, result_.start.g);
+    scale_ = has_positions() ? plane_scale(s_, x) : 1;
+    x = scaled(scale_, std::move(x));
+    result_.status = Status::kUnfinished;
+    if (!find_followers(s_, x, landmarks_, options_, followers_, result_)) return;
+    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
+    optimizer_->start(x, result_);
+  }
+
+  void iterate() {
+    const std::size_t before = result_.log.size();
+    optimizer_->iterate(result_);
+    if (result_.log.size() > before)
+      executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
+                     &result_.log.back());
+  }
+
+  /// Status, sentence and positions, if the caller goes no further.
+  void hand_over() {
+    if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
+    result_.message = words_of(result_.status).sentence;
+    if (!is_usable(result_.status)) return;
+    const Points2 x = scaled(1 / scale_, optimizer_->positions());
+    result_.f = rows_between(x, 0, s_.n_a);
+    result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
+  }
+
+  const TriangleMesh a_, b_;
+  const std::vector<Landmark> landmarks_;
+  const Options options_;
+  const bool only_start_;
+  Executor executor_;
+  SurfacePair pair_;
+  Result result_;
+  std::unique_ptr<Embedder> embedder_;
+  JointSurface s_;
+  double scale_ = 1;  // of the planes, against those that were given
+  Array<Follower> followers_;
+  std::unique_ptr<Optimizer> optimizer_;
+};
 
 }  // namespace detail
 
@@ -8040,51 +8490,18 @@ Options Options::paper() {
 
 Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
                             const std::vector<Landmark>& landmarks, const Options& options) {
-  Embedding embedding;
-  detail::SurfacePair pair;
-  if (!detail::build_pair(a, b, landmarks, options, pair, embedding)) return embedding;
-  detail::embed(pair, landmarks, options, detail::Executor(options), embedding);
-  detail::return_meshes(a, b, pair, embedding);
-  if (embedding.status == Status::kConverged)
-    embedding.landmark_distance = detail::largest_landmark_distance(embedding, landmarks);
-  return embedding;
+  detail::Run run(a, b, landmarks, options, true);
+  while (run.step()) {
+  }
+  return std::move(run.result().start);
 }
 
 Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
                    const std::vector<Landmark>& landmarks, const Options& options) {
-  Result result;
-  detail::SurfacePair pair;
-  if (!detail::build_pair(a, b, landmarks, options, pair, result)) {
-    result.start.status = result.status;
-    return result;
+  detail::Run run(a, b, landmarks, options, false);
+  while (run.step()) {
   }
-  const detail::Executor executor(options);
-  const bool is_given = options.initial_f.size() > 0 || options.initial_g.size() > 0;
-  if (is_given)
-    detail::take_positions(pair, options, result.start);
-  else
-    detail::embed(pair, landmarks, options, executor, result.start);
-  detail::return_meshes(a, b, pair, result.start);
-  if (result.start.status != Status::kConverged) {
-    detail::fail(result, result.start.status, {result.start.message}, result.start.ids);
-    return result;
-  }
-  result.start.landmark_distance = detail::largest_landmark_distance(result.start, landmarks);
-  detail::Timer timer;
-  const detail::JointSurface s = detail::join(pair);
-  Points2 x = detail::stacked(result.start.f, result.start.g);
-  const double scale = is_given ? detail::plane_scale(s, x) : 1;
-  x = detail::scaled(scale, x);
-  detail::Array<detail::Follower> followers;
-  if (detail::find_followers(s, x, landmarks, options, followers, result)) {
-    detail::Optimizer(s, options, followers, executor).run(x, result);
-    result.message = detail::words_of(result.status).sentence;
-  }
-  x = detail::scaled(1 / scale, x);
-  result.f = detail::rows_between(x, 0, s.n_a);
-  result.g = detail::rows_between(x, s.n_a, s.mesh.n_vertices);
-  result.seconds = timer.lap();
-  return result;
+  return std::move(run.result());
 }
 
 SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,

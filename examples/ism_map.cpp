@@ -12,6 +12,7 @@
 #include "render.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -431,10 +432,10 @@ std::string read_input(Arguments& args, Input& input) {
 
 // ==== [3] PROGRESS ===============================================================================
 
-volatile std::sig_atomic_t interrupted = 0;
+std::atomic<bool> interrupted{false};  // lock-free, so that a signal may set it
 
 void on_interrupt(int) {
-  interrupted = 1;
+  interrupted = true;
   std::signal(SIGINT, SIG_DFL);  // a second Ctrl-C ends the program at once
 }
 
@@ -456,9 +457,10 @@ class ProgressLine {
       if (progress.iteration->iteration == last_iteration_) return;
       last_iteration_ = progress.iteration->iteration;
       print(iteration_line(*progress.iteration, now));
-    } else if (now - last_time_ > (terminal_ ? 0.1 : 2.0)) {
+    } else if (progress.phase == ism::Phase::kEmbedding &&
+               now - last_time_ > (terminal_ ? 0.1 : 2.0)) {
       last_time_ = now;
-      print(progress.what + format("  %.1f s", now));
+      print(progress.what + format("  %.0f%%  %.1f s", 100 * progress.fraction, now));
     }
   }
   void finish() {
@@ -929,8 +931,9 @@ ism::Result compute(const Arguments& args, const Input& input) {
   if (args.variant == Variant::kProjectedNewton) options.history_length = 1;
   options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);
-    return interrupted == 0;
+    return true;
   };
+  options.stop = &interrupted;
   std::signal(SIGINT, on_interrupt);
   ism::Result result = ism::compute_map(input.a, input.b, input.landmarks, options);
   std::signal(SIGINT, SIG_DFL);  // nothing asks for the flag from here on

@@ -263,7 +263,7 @@ TEST_CASE("paths follow edges that were halved") {
   plane.row(n) = 0.5 * (a.plane.row(u) + a.plane.row(v));
   plane.row(n + 1) = 0.5 * (plane.row(u) + plane.row(n));
   const SurfaceMap map(mesh, b.mesh, plane, b.plane);
-  REQUIRE(map.status() == Status::kConverged);
+  REQUIRE(map.status() == Status::kDone);
   const std::vector<Polyline> image = map.forward_path(paths[0]);
   REQUIRE(image.size() == 1);
   check_continuous(b, image[0]);
@@ -313,9 +313,9 @@ TEST_CASE("attributes of either mesh come back from the meta mesh as they were")
                                                               : 3 * mesh.triangles.rows();
         const Eigen::MatrixXd values = random_values(rows, rng);
         const Attributes there = ism::to_meta(meta, side, element, values);
-        REQUIRE(there.status == Status::kConverged);
+        REQUIRE(there.status == Status::kDone);
         const Attributes back = ism::from_meta(meta, side, element, there.values);
-        REQUIRE(back.status == Status::kConverged);
+        REQUIRE(back.status == Status::kDone);
         int covered = 0;
         for (Eigen::Index i = 0; i < rows; ++i) {
           if (!back.covered[static_cast<std::size_t>(i)]) {
@@ -378,7 +378,7 @@ TEST_CASE("attributes follow vertices that were added") {
   const TriangleMesh fine = with_midpoints(mesh, added);
   REQUIRE(fine.triangles.rows() > mesh.triangles.rows());
   const Attributes at_vertices = ism::refine(mesh, fine, added, Element::kVertex, mesh.vertices);
-  REQUIRE(at_vertices.status == Status::kConverged);
+  REQUIRE(at_vertices.status == Status::kDone);
   CHECK((at_vertices.values - fine.vertices).cwiseAbs().maxCoeff() < 1e-15);
   const auto corners = [](const TriangleMesh& m) {  // with a seam at every edge
     Eigen::MatrixXd values(3 * m.triangles.rows(), 3);

@@ -201,8 +201,8 @@ void check_embeds(const TriangleMesh& a, const TriangleMesh& b,
   REQUIRE(ism::validate(b).empty());
   const Embedding e = ism::initial_embedding(a, b, landmarks, on_one_thread());
   CAPTURE(e.message);
-  CHECK(e.status == Status::kConverged);
-  if (e.status != Status::kConverged) return;
+  CHECK(e.status == Status::kDone);
+  if (e.status != Status::kDone) return;
   REQUIRE(e.f.rows() == a.vertices.rows());
   REQUIRE(e.g.rows() == b.vertices.rows());
   CHECK(is_injective(half_edges(a), e.f));
@@ -359,7 +359,8 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     CAPTURE(shape.name);
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
-    const Hierarchy h(s, "A", free, Approach::kShape, even_angles(s.mesh));
+    const Executor executor{on_one_thread()};
+    const Hierarchy h(s, "A", free, Approach::kShape, even_angles(s.mesh), executor);
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -384,8 +385,9 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   const Surface s = build_surface(disk.mesh, true);
   Array<char> is_protected(s.mesh.n_vertices, 0);
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
+  const Executor executor{on_one_thread()};
   const Level level =
-      Hierarchy(s, "A", is_protected, Approach::kShape, even_angles(s.mesh)).current();
+      Hierarchy(s, "A", is_protected, Approach::kShape, even_angles(s.mesh), executor).current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
 
@@ -397,12 +399,13 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
       const Executor executor{on_one_thread()};
-      Hierarchy h(s, "A", free, approach, even_angles(s.mesh));
-      const bool has_base = h.embed_base(executor);
+      Hierarchy h(s, "A", free, approach, even_angles(s.mesh), executor);
+      const bool has_base = h.embed_base();
       if (approach == Approach::kConnectivity) REQUIRE(has_base);
       while (has_base && !h.is_full()) {
         const int target = 2 * h.active();
-        const int stuck = h.refine(target);
+        h.set_goal(target);
+        const int stuck = h.grow();
         if (approach == Approach::kConnectivity) CHECK(stuck == -1);
         if (stuck >= 0) break;
         CHECK(h.active() == std::min(target, s.mesh.n_vertices));
@@ -410,10 +413,13 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
         if (approach == Approach::kConnectivity) level.surface = softened(level.surface, 0, 1);
         Points2 x = h.positions(level);
         CHECK(is_injective(level.surface.mesh, x));
-        const FlatProblem problem = {level.surface, approach == Approach::kConnectivity
-                                                        ? ism::Boundary::kFixed
-                                                        : ism::Boundary::kFree};
-        FlatNewton(problem, executor).minimize(10, 1e-3, x);
+        FlatNewton newton(
+            {level.surface,
+             approach == Approach::kConnectivity ? ism::Boundary::kFixed : ism::Boundary::kFree},
+            x, executor);
+        while (newton.minimize(10, 1e-3)) {
+        }
+        x = newton.positions();
         CHECK(is_injective(level.surface.mesh, x));
         h.set(level, x);
       }
@@ -525,7 +531,7 @@ TEST_CASE("landmarks of an easy pair end near each other") {
                                                  first_landmarks(a.mesh, b, 12),
                                                  first_landmarks(a.mesh, b, 1000)}) {
     const Embedding e = ism::initial_embedding(a.mesh, b, landmarks, on_one_thread());
-    REQUIRE(e.status == Status::kConverged);
+    REQUIRE(e.status == Status::kDone);
     double largest = 0;
     for (const Landmark& l : landmarks)
       largest = std::max(largest, (e.f.row(l.a) - e.g.row(l.b)).norm());
@@ -541,7 +547,7 @@ TEST_CASE("a flat mesh is embedded without distortion") {
     ism::Options options = on_one_thread();
     options.keep_scale = true;
     const Embedding e = ism::initial_embedding(disk.mesh, disk.mesh, {{0, 0}, {30, 30}}, options);
-    REQUIRE(e.status == Status::kConverged);
+    REQUIRE(e.status == Status::kDone);
     const Surface s = build_surface(disk.mesh, true);
     const double isometry = 4 * s.total_area;  // of the symmetric Dirichlet energy
     const auto energy = [&](const Points2& x) { return embedding_energy(s, x, 0, s.mesh.n_faces); };

@@ -511,16 +511,18 @@ TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wante
   const BlockMatrix H = positive_matrix(pattern, rng), Q = positive_matrix(pattern, rng);
   const VectorXd b = random_vector(2 * n * n, rng);
   LdltFactor factor;
-  ldlt_factorize(symbolic, {&H, &Q, 1}, executor(1), factor);
+  const Executor run = executor(1);
+  ldlt_factorize(symbolic, {&H, &Q, 1}, run, factor);
   for (double omega : {0.5, 0.8, 1.25, 2.0, 16.0})
     for (double tolerance : {1e-3, 1e-10}) {
       CAPTURE(omega);
       const ShiftedMatrix A = {&H, &Q, omega};
-      const VectorXd x = dense(solve_with_neighbour(symbolic, factor, A, per_vertex(b), tolerance));
+      const VectorXd x =
+          dense(solve_with_neighbour(symbolic, factor, A, per_vertex(b), tolerance, run));
       CHECK((assembled(A) * x - b).norm() < 10 * tolerance * b.norm());
     }
   const Array<Vec2> zero(n * n);
-  CHECK(dense(solve_with_neighbour(symbolic, factor, {&H, &Q, 2}, zero, 0)).isZero(0));
+  CHECK(dense(solve_with_neighbour(symbolic, factor, {&H, &Q, 2}, zero, 0, run)).isZero(0));
 }
 
 }  // namespace ldlt_tests

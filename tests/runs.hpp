@@ -25,7 +25,7 @@ inline ism::Options given_planes(const shapes::Disk& a, const shapes::Disk& b) {
 
 inline ism::SurfaceMap good_map(const shapes::Disk& a, const shapes::Disk& b) {
   const ism::SurfaceMap map = shapes::map_of(a, b);
-  REQUIRE(map.status() == ism::Status::kConverged);
+  REQUIRE(map.status() == ism::Status::kDone);
   return map;
 }
 

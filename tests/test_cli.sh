@@ -342,7 +342,7 @@ interrupted out/six . || code=$?  # mostly before there is a map
 if [ "$code" != 0 ]; then
   [ "$code" = 1 ] || fail "an early Ctrl-C: exit code $code, $(tail -n 1 stderr.txt)"
   [ ! -e out/six ] || fail "an early Ctrl-C wrote $(echo out/six/*)"
-  grep -q "^ism_map: cancelled during" stderr.txt || fail "an early Ctrl-C said $(cat stderr.txt)"
+  grep -q "^ism_map: cancelled before there was a map" stderr.txt || fail "an early Ctrl-C said $(cat stderr.txt)"
 fi
 
 "$quick_start" a.obj b.obj marks.txt | grep -q "vertex [0-9]* of A goes to" || fail "quick_start"

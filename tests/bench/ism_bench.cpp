@@ -428,7 +428,7 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
   }
 #endif
   const double neighbour = median_seconds(repeats, [&] {
-    x = solve_with_neighbour(symbolic, factor, system.shifted(omega / 2), b, 1e-3);
+    x = solve_with_neighbour(symbolic, factor, system.shifted(omega / 2), b, 1e-3, run);
   });
   report.add("conjugate gradients to 1e-3 for omega / 2", 1, neighbour, 1e3, "ms");
 }
