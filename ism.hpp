@@ -382,6 +382,56 @@ Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
 Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
+/// What a Solver knows, as plain arrays, to be written to a file and read again. Of use together
+/// with the same meshes, landmarks and options, and the same build of the library.
+struct SolverState {
+  std::vector<int> integers;
+  std::vector<double> numbers;
+};
+
+namespace detail {
+class Run;
+}
+
+/// compute_map() in steps, for programs that have other things to do. One thread at a time may use
+/// a Solver. After an exception it can be destroyed or assigned to only.
+///
+///   ism::Solver solver(a, b, landmarks, options);
+///   while (solver.advance(0.008)) draw(solver.result());  // once per frame
+class Solver {
+ public:
+  Solver();  // of two empty meshes
+  Solver(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks = {},
+         const Options& options = {});
+  ~Solver();
+  Solver(Solver&& other) noexcept;
+  Solver& operator=(Solver&& other) noexcept;
+
+  /// Does one step: of the embedding (at most some tenths of a second), or one iteration. True
+  /// while there is more to do. A step that was cancelled or met Options::max_seconds returns
+  /// false; the next call goes on, to the same bits as without the pause.
+  bool step();
+  /// Steps until some seconds have passed, at least one.
+  bool advance(double seconds);
+
+  /// What compute_map() would return if it ended here: a status, and once there is a map, the last
+  /// injective iterate. Valid until the next call of another function.
+  const Result& result() const;
+  Phase phase() const;
+  double fraction() const;  // of all there is to do, an estimate that never falls
+
+  /// What restore() needs: little while there is no map, else some positions of all vertices.
+  SolverState state() const;
+  /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
+  /// the state is not one of the same meshes, or not injective. Computes the derivatives in the
+  /// memory anew, up to Options::history_length times what an iteration does. A state without a map
+  /// begins the embedding anew.
+  bool restore(const SolverState& state);
+
+ private:
+  std::unique_ptr<detail::Run> run_;
+};
+
 /// A point of a surface: a triangle and barycentric coordinates that add up to 1.
 struct SurfacePoint {
   int face = -1;
@@ -1034,18 +1084,19 @@ class Executor {
   }
 
   double fraction() const { return progress_.fraction; }
+  void finish() { progress_.fraction = 1; }
 
   /// What part of a call the embedding is.
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports how far the call is; for the calling thread.
   void tell(Phase phase, double fraction, Words what, const IterationLog* iteration) const {
-    if (!tell_) return;
-    progress_.phase = phase;
     const double before = phase == Phase::kEmbedding ? 0 : embedding_share_;
     const double share = phase == Phase::kEmbedding ? embedding_share_ : 1 - embedding_share_;
     progress_.fraction = (std::max)(
         {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
+    if (!tell_) return;
+    progress_.phase = phase;
     progress_.what = sentence(what);
     progress_.iteration = iteration;
     tell_again();
@@ -1441,13 +1492,19 @@ Points with_midpoints(const Points& vertices, const std::vector<Midpoint>& edges
   return all;
 }
 
-/// Halves edges, one after the other; the surface stays the same.
-inline void split_edges(const std::vector<Midpoint>& edges, Surface& s) {
-  for (const Midpoint& edge : edges) split_edge(s.mesh, find_edge(s.mesh, edge[0], edge[1]));
+/// Halves edges, one after the other; the surface stays the same. False, and the surface is of no
+/// use, if there is no such edge.
+inline bool split_edges(const std::vector<Midpoint>& edges, Surface& s) {
+  for (const Midpoint& edge : edges) {
+    const int h = find_edge(s.mesh, edge[0], edge[1]);
+    if (h < 0) return false;
+    split_edge(s.mesh, h);
+  }
   trace_boundary(s.mesh);
   s.vertices = with_midpoints(s.vertices, edges);
   s.added.insert(s.added.end(), edges.begin(), edges.end());
   compute_rest_frames(s);
+  return true;
 }
 
 // ---- two surfaces, and both as one ----
@@ -5080,6 +5137,41 @@ class Optimizer {
 
   const Points2& positions() const { return x_.x; }
 
+  /// What the next iteration depends on, besides the start.
+  struct Memory {
+    Points2 x;
+    Array<Points2> visited;  // where the models of the memory were made, newest first
+    double omega = 0;
+    bool has_model = false, is_scaffolded = false, has_scaffold = false, was_reset = false;
+  };
+
+  Memory memory() const {
+    return {x_.x,
+            visited_,
+            omega_,
+            has_model_,
+            is_scaffolded_,
+            has_model_ && !scaffold_.triangle.empty(),
+            log_.history_reset};
+  }
+
+  /// Goes on from a memory, after start().
+  void restore(const Memory& memory) {
+    for (int k = memory.visited.size() - 1; k >= 0; --k) {
+      x_.x = memory.visited[k];
+      evaluate(s_, weights_, x_);
+      models_.differentiate_elements(x_);
+      remember(models_.assemble());
+    }
+    x_.x = memory.x;
+    evaluate(s_, weights_, x_);
+    omega_ = memory.omega;
+    has_model_ = memory.has_model;
+    log_.history_reset = memory.was_reset;
+    is_scaffolded_ = memory.is_scaffolded;
+    if (memory.has_scaffold) build_scaffold_here();
+  }
+
   /// How far a run has come, an estimate: E falls the slower the closer to the end it is.
   double fraction(const Result& result) const {
     constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
@@ -5126,14 +5218,22 @@ class Optimizer {
 
   /// Adds the newest derivatives to the memory (§5.3).
   void remember(QuadraticModel model) {
-    if (history_.size() < options_.history_length) history_.push_back({});
-    for (int k = history_.size() - 1; k > 0; --k) history_[k] = std::move(history_[k - 1]);
+    if (history_.size() < options_.history_length) {
+      history_.push_back({});
+      visited_.push_back({});
+    }
+    for (int k = history_.size() - 1; k > 0; --k) {
+      history_[k] = std::move(history_[k - 1]);
+      visited_[k] = std::move(visited_[k - 1]);
+    }
     history_[0] = std::move(model);
+    visited_[0] = x_.x;
     if (is_scaffolded_) build_scaffold_here();
   }
 
   void reset_history(IterationLog& log) {
     history_.resize(1);
+    visited_.resize(1);
     log.history_reset = true;
   }
 
@@ -5341,6 +5441,7 @@ class Optimizer {
   IterationLog log_;               // of the iteration that is on
   bool has_model_ = false;         // the derivatives at x are in the memory
   Array<QuadraticModel> history_;  // newest first
+  Array<Points2> visited_;         // where they were made
   LdltFactor factor_;
   Array<Trial> trials_;
   Trial chosen_;
@@ -6900,6 +7001,10 @@ class PairEmbedder {
     Array<int> order;        // the most promising one first
     int tried = 0, best = -1;
     double least = kInfinity;
+    Options options;                  // of the one that is optimised
+    const Array<Follower> followers;  // none
+    Result result;
+    std::unique_ptr<Optimizer> optimizer;
   };
 
   void add_align_by_trial(int iterations) {
@@ -6910,7 +7015,6 @@ class PairEmbedder {
 
   bool prepare_trials() {
     const Level level_a = a_->current(), level_b = b_->current();
-    trials_ = Trials();
     trials_.coarse = join({level_a.surface, level_b.surface});
     const Points2& f = trials_.f = a_->positions(level_a);
     const Points2& g = trials_.g = b_->positions(level_b);
@@ -6941,15 +7045,26 @@ class PairEmbedder {
     return false;
   }
 
+  /// An iteration of Algorithm 1 from one of the motions.
   bool try_motion(int iterations) {
     constexpr int kOptimized = 4;
     Trials& t = trials_;
     tell({"trying rotation ", t.tried + 1, " of ", int{kOptimized}});
     const int i = t.order[t.tried];
-    Points2 x = trial_start(i);
-    optimize(t.coarse, iterations, x);
-    const double value = badness(t.coarse, x);
-    if (executor_.is_stopped()) return true;
+    if (!t.optimizer) {
+      t.options = options_;
+      t.options.max_iterations = iterations;
+      t.options.boundary = Boundary::kFree;
+      t.options.fixed_a.clear();
+      t.options.fixed_b.clear();
+      t.result = Result();
+      t.optimizer = std::make_unique<Optimizer>(t.coarse, t.options, t.followers, executor_);
+      t.optimizer->start(trial_start(i), t.result);
+    }
+    if (t.optimizer->iterate(t.result) || executor_.is_stopped()) return true;
+    const double value =
+        badness(t.coarse, is_usable(t.result.status) ? t.optimizer->positions() : trial_start(i));
+    t.optimizer.reset();
     if (t.best < 0 || value < t.least || (value == t.least && i < t.best))
       t.best = i, t.least = value;
     if (++t.tried < kOptimized) return true;
@@ -6962,19 +7077,6 @@ class PairEmbedder {
     const Points2 &f = a_->positions(), &g = b_->positions();
     if (badness(join(pair_), stacked(f, g)) < kInfinity) return;
     a_->move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
-  }
-
-  /// Some iterations of Algorithm 1.
-  void optimize(const JointSurface& s, int iterations, Points2& x) const {
-    Options options = options_;
-    options.max_iterations = iterations;
-    options.boundary = Boundary::kFree;
-    options.fixed_a.clear();
-    options.fixed_b.clear();
-    Points2 y = x;
-    Result result;
-    Optimizer(s, options, {}, executor_).run(y, result);
-    if (is_usable(result.status)) x.swap(y);
   }
 
   /// Mean distortion divided by coverage; infinite without an overlap.
@@ -8340,7 +8442,106 @@ inline StatusWords words_of(Status s) {
   return kWords[static_cast<int>(s)];
 }
 
-/// A call of compute_map() in steps.
+// ---- what a Solver saves ----
+
+/// Lists numbers one behind the other.
+struct StateWriter {
+  SolverState& state;
+  void operator()(int& value) { state.integers.push_back(value); }
+  void operator()(double& value) { state.numbers.push_back(value); }
+};
+
+/// Reads them in the same order; zeros where there are none.
+struct StateReader {
+  const SolverState& state;
+  std::size_t integers = 0, numbers = 0;
+  bool is_complete = true;
+
+  void operator()(int& value) { take(state.integers, integers, value); }
+  void operator()(double& value) { take(state.numbers, numbers, value); }
+  bool is_done() const {
+    return is_complete && integers == state.integers.size() && numbers == state.numbers.size();
+  }
+
+ private:
+  template <class T>
+  void take(const std::vector<T>& values, std::size_t& at, T& value) {
+    is_complete = is_complete && at < values.size();
+    value = is_complete ? values[at++] : T();
+  }
+};
+
+template <class Archive>
+void exchange(Archive& io, bool& flag) {
+  int value = flag;
+  io(value);
+  flag = value != 0;
+}
+
+/// The size of a list, which is not read if there cannot be that much.
+inline int exchanged_size(StateWriter& io, int size) { return io(size), size; }
+inline int exchanged_size(StateReader& io, int size) {
+  io(size);
+  const std::size_t left = io.state.integers.size() + io.state.numbers.size();
+  io.is_complete = io.is_complete && size >= 0 && static_cast<std::size_t>(size) <= left;
+  return io.is_complete ? size : 0;
+}
+
+template <class Archive>
+void exchange(Archive& io, Points2& x) {
+  x.resize(exchanged_size(io, rows_of(x)), 2);
+  for (int i = 0; i < x.size(); ++i) io(x.data()[i]);
+}
+
+template <class Archive>
+void exchange(Archive& io, Midpoint& edge) {
+  for (int& end : edge) io(end);
+}
+
+template <class Archive>
+void exchange(Archive& io, IterationLog& log) {
+  for (int* value : {&log.iteration, &log.polygons}) io(*value);
+  for (double* value :
+       {&log.energy, &log.map_energy, &log.energy_f, &log.energy_g, &log.mean_distortion,
+        &log.coverage_a, &log.coverage_b, &log.omega, &log.step, &log.max_step, &log.pin_residual,
+        &log.seconds_derivatives, &log.seconds_assembly, &log.seconds_solve, &log.seconds_search})
+    io(*value);
+  exchange(io, log.history_reset);
+}
+
+template <class Archive, class List>
+void exchange_list(Archive& io, List& list) {
+  const int n = exchanged_size(io, static_cast<int>(list.size()));
+  list.resize(static_cast<decltype(list.size())>(n));
+  for (auto& item : list) exchange(io, item);
+}
+
+/// All there is in a state.
+struct SavedRun {
+  int status = 0;
+  std::vector<Midpoint> added_a, added_b;
+  Points2 f, g;  // the start
+  double embedding_seconds = 0, seconds = 0;
+  std::vector<IterationLog> log;
+  Optimizer::Memory memory;
+};
+
+template <class Archive>
+void exchange(Archive& io, SavedRun& run) {
+  io(run.status);
+  exchange_list(io, run.added_a);
+  exchange_list(io, run.added_b);
+  for (Points2* x : {&run.f, &run.g, &run.memory.x}) exchange(io, *x);
+  for (double* value : {&run.embedding_seconds, &run.seconds, &run.memory.omega}) io(*value);
+  exchange_list(io, run.log);
+  exchange_list(io, run.memory.visited);
+  for (bool* flag : {&run.memory.has_model, &run.memory.is_scaffolded, &run.memory.has_scaffold,
+                     &run.memory.was_reset})
+    exchange(io, *flag);
+}
+
+// ---- compute_map() in steps ----
+
 class Run {
  public:
   /// `only_start`: the initial embedding is all that is wanted.
@@ -8364,6 +8565,39 @@ class Run {
 
   Result& result() { return result_; }
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
+  double fraction() const { return executor_.fraction(); }
+
+  SolverState state() const {
+    SavedRun run;
+    run.status = static_cast<int>(result_.status);
+    if (optimizer_) {
+      run.added_a = pair_.a.added;
+      run.added_b = pair_.b.added;
+      run.f = result_.start.f;
+      run.g = result_.start.g;
+      run.embedding_seconds = result_.start.seconds;
+      run.seconds = result_.seconds;
+      run.log = result_.log;
+      run.memory = optimizer_->memory();
+    }
+    SolverState state;
+    StateWriter writer = {state};
+    exchange(writer, run);
+    return state;
+  }
+
+  /// The same run where the other one was; null if the state does not fit.
+  std::unique_ptr<Run> restored(const SolverState& state) const {
+    SavedRun saved;
+    StateReader reader = {state};
+    exchange(reader, saved);
+    auto run = std::make_unique<Run>(a_, b_, landmarks_, options_, only_start_);
+    const bool has_status =
+        saved.status >= 0 && saved.status <= static_cast<int>(Status::kNoMapYet);
+    if (!reader.is_done() || !has_status || !run->is_embedding()) return nullptr;
+    if (static_cast<Status>(saved.status) == Status::kNoMapYet) return run;
+    return run->restore(saved) ? std::move(run) : nullptr;
+  }
 
   /// A step of the embedding, or an iteration; true while there is more to do. The result is what
   /// it is if the caller goes no further.
@@ -8375,26 +8609,66 @@ class Run {
     if (is_embedding())
       embed();
     else if (optimizer_)
-      iterate();
+      optimizer_->iterate(result_);
+    tell_iteration();
+    const bool is_stopped = executor_.is_stopped();
+    if (is_embedding()) wait();
     if (optimizer_) hand_over();
     if (optimizer_) result_.seconds += timer.lap();
     executor_.pause();
-    return !executor_.is_stopped() && (is_embedding() || result_.status == Status::kUnfinished);
+    const bool has_more = is_embedding() || result_.status == Status::kUnfinished;
+    if (!has_more && !is_stopped) executor_.finish();
+    return has_more && !is_stopped;
   }
 
  private:
+  bool restore(SavedRun& saved) {
+    if (!split_edges(saved.added_a, pair_.a) || !split_edges(saved.added_b, pair_.b)) return false;
+    Embedding& start = result_.start;
+    start.f = std::move(saved.f);
+    start.g = std::move(saved.g);
+    Outcome ignored;
+    if (!check_positions(pair_.a.mesh, start.f, "f", ignored) ||
+        !check_positions(pair_.b.mesh, start.g, "g", ignored))
+      return false;
+    start.seconds = saved.embedding_seconds;
+    embedder_.reset();
+    accept_start();
+    if (!optimizer_ || result_.status != Status::kUnfinished) return false;
+    const auto is_embedding_of_both = [&](const Points2& x) {
+      return x.rows() == s_.mesh.n_vertices && is_injective(s_.mesh, x);
+    };
+    const Optimizer::Memory& memory = saved.memory;
+    bool ok = is_embedding_of_both(memory.x) && memory.visited.size() <= options_.history_length &&
+              std::isfinite(memory.omega) && (!memory.has_model || !memory.visited.empty());
+    for (const Points2& x : memory.visited) ok = ok && is_embedding_of_both(x);
+    if (!ok) return false;
+    optimizer_->restore(memory);
+    result_.log = std::move(saved.log);
+    told_ = result_.log.size();
+    result_.seconds = saved.seconds;
+    result_.status = static_cast<Status>(saved.status);
+    hand_over();
+    return true;
+  }
+
   bool has_positions() const {
     return !only_start_ && (options_.initial_f.size() > 0 || options_.initial_g.size() > 0);
   }
 
   void embed() {
-    if (embedder_ && (embedder_->step() || is_stopped_at_end())) return wait();
+    if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
     Embedding& start = result_.start;
     if (embedder_)
       start = std::move(embedder_->result());
     else
       take_positions(pair_, options_, start);
     embedder_.reset();
+    accept_start();
+  }
+
+  void accept_start() {
+    Embedding& start = result_.start;
     return_meshes(a_, b_, pair_, start);
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
@@ -8428,12 +8702,11 @@ class Run {
     optimizer_->start(x, result_);
   }
 
-  void iterate() {
-    const std::size_t before = result_.log.size();
-    optimizer_->iterate(result_);
-    if (result_.log.size() > before)
-      executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
-                     &result_.log.back());
+  void tell_iteration() {
+    if (told_ == result_.log.size()) return;
+    told_ = result_.log.size();
+    executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
+                   &result_.log.back());
   }
 
   /// Status, sentence and positions, if the caller goes no further.
@@ -8458,6 +8731,7 @@ class Run {
   double scale_ = 1;  // of the planes, against those that were given
   Array<Follower> followers_;
   std::unique_ptr<Optimizer> optimizer_;
+  std::size_t told_ = 0;  // of the log
 };
 
 }  // namespace detail
@@ -8502,6 +8776,37 @@ Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
   while (run.step()) {
   }
   return std::move(run.result());
+}
+
+Solver::Solver() : Solver(TriangleMesh(), TriangleMesh()) {}
+Solver::Solver(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks,
+               const Options& options)
+    : run_(std::make_unique<detail::Run>(a, b, landmarks, options, false)) {}
+Solver::~Solver() = default;
+Solver::Solver(Solver&& other) noexcept = default;
+Solver& Solver::operator=(Solver&& other) noexcept = default;
+
+bool Solver::step() { return run_->step(); }
+
+bool Solver::advance(double seconds) {
+  const detail::Timer timer;
+  bool has_more = run_->step();
+  while (has_more && timer.seconds() < seconds) has_more = run_->step();
+  return has_more;
+}
+
+const Result& Solver::result() const { return run_->result(); }
+Phase Solver::phase() const {
+  return run_->is_embedding() ? Phase::kEmbedding : Phase::kOptimization;
+}
+double Solver::fraction() const { return run_->fraction(); }
+SolverState Solver::state() const { return run_->state(); }
+
+bool Solver::restore(const SolverState& state) {
+  std::unique_ptr<detail::Run> run = run_->restored(state);
+  if (!run) return false;
+  run_ = std::move(run);
+  return true;
 }
 
 SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,

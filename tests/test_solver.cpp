@@ -1,0 +1,250 @@
+// A Solver against compute_map(): the same bits, whatever interrupts it.
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using ism::Phase;
+using ism::Result;
+using ism::Solver;
+using ism::SolverState;
+using ism::Status;
+using shapes::Disk;
+
+/// Runs that pass through all parts of the embedding.
+struct Case {
+  std::string name;
+  Disk a, b;
+  std::vector<ism::Landmark> landmarks;
+  ism::Options options;
+};
+
+std::vector<Case> cases() {
+  shapes::Rng rng(11);
+  Disk a = shapes::perturbed_grid(9, 9, 0.2, rng), b = shapes::perturbed_grid(8, 10, 0.2, rng);
+  shapes::bend(a, 0.6);
+  shapes::bend(b, -0.5);
+  ism::Options options;
+  options.threads = 1;
+  options.max_iterations = 12;
+  const std::vector<ism::Landmark> landmarks = {{22, 25}, {75, 69}};
+  std::vector<Case> all;
+  all.push_back({"no landmarks", a, b, {}, options});
+  all.push_back({"landmarks", a, b, landmarks, options});
+  ism::Options exact = options;
+  exact.exact_landmarks = true;
+  all.push_back({"exact landmarks", a, b, landmarks, exact});
+  exact.boundary = ism::Boundary::kSlide;
+  all.push_back({"exact landmarks, sliding boundaries", a, b, landmarks, exact});
+  ism::Options fixed = options;
+  fixed.boundary = ism::Boundary::kFixed;
+  fixed.pins_a = {44};
+  all.push_back({"fixed boundaries, a pin", a, b, {}, fixed});
+  return all;
+}
+
+Solver solver_of(const Case& c) { return {c.a.mesh, c.b.mesh, c.landmarks, c.options}; }
+
+Result expected_of(const Case& c) {
+  const Result r = ism::compute_map(c.a.mesh, c.b.mesh, c.landmarks, c.options);
+  INFO(r.message);
+  REQUIRE(ism::is_usable(r.status));
+  REQUIRE(r.log.size() > 5);
+  return r;
+}
+
+void check_same(const Result& r, const Result& expected) {
+  CHECK(r.status == expected.status);
+  CHECK(r.message == expected.message);
+  CHECK(r.log.size() == expected.log.size());
+  CHECK(r.f == expected.f);
+  CHECK(r.g == expected.g);
+  CHECK(r.start.f == expected.start.f);
+  CHECK(r.start.a.triangles == expected.start.a.triangles);
+  CHECK(r.final_state().energy == expected.final_state().energy);
+}
+
+}  // namespace
+
+TEST_CASE("a solver does what compute_map() does, in steps") {
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Result expected = expected_of(c);
+    Solver solver = solver_of(c);
+    int steps = 0;
+    double fraction = 0;
+    bool has_map = false;
+    while (solver.step()) {
+      ++steps;
+      CHECK(solver.fraction() >= fraction);
+      fraction = solver.fraction();
+      CHECK(fraction <= 1);
+      has_map = has_map || ism::is_usable(solver.result().status);
+      CHECK(ism::is_usable(solver.result().status) == has_map);
+      CHECK((solver.phase() == Phase::kOptimization) == has_map);
+      CHECK((solver.result().f.rows() > 0) == has_map);
+      CHECK(solver.result().status == (has_map ? Status::kUnfinished : Status::kNoMapYet));
+      CHECK_FALSE(solver.result().message.empty());
+    }
+    CHECK(steps > 20);
+    CHECK(solver.fraction() == 1);
+    check_same(solver.result(), expected);
+    CHECK_FALSE(solver.step());
+    check_same(solver.result(), expected);
+  }
+}
+
+TEST_CASE("a solver that is restored ends in the same bits as one that was not interrupted") {
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Result expected = expected_of(c);
+    std::vector<SolverState> states;
+    Solver solver = solver_of(c);
+    do {
+      if (solver.phase() == Phase::kOptimization || states.empty())
+        states.push_back(solver.state());
+    } while (solver.step());
+    states.push_back(solver.state());
+    for (std::size_t i = 0; i < states.size(); i += 3) {
+      const SolverState& state = states[i];
+      Solver other = solver_of(c);
+      REQUIRE(other.restore(state));
+      CHECK(other.state().integers == state.integers);
+      CHECK(other.state().numbers == state.numbers);
+      while (other.step()) {
+      }
+      check_same(other.result(), expected);
+    }
+  }
+}
+
+TEST_CASE("a solver goes on after it was cancelled anywhere, to the same bits") {
+  for (const Case& c : cases()) {
+    CAPTURE(c.name);
+    const Result expected = expected_of(c);
+    // A job system is asked for often, so tasks are where to cancel.
+    shapes::Rng rng(17);
+    std::atomic<bool> stop{false};
+    int next = 1, cancelled = 0;
+    Case d = c;
+    d.options.stop = &stop;
+    d.options.parallel_for = [&](int n, const std::function<void(int)>& task) {
+      for (int i = 0; i < n; ++i) {
+        if (--next == 0) stop = true;
+        task(i);
+      }
+    };
+    Solver solver = solver_of(d);
+    for (int i = 0; i < 100000; ++i) {
+      const bool has_more = solver.step();
+      if (!stop && !has_more) break;
+      if (!stop) continue;
+      stop = false;
+      next = rng.between(1, 300);
+      ++cancelled;
+      const Status status = solver.result().status;
+      CHECK((status == Status::kCancelled || status == Status::kNoMapYet ||
+             status == expected.status));
+      Solver other = solver_of(c);
+      if (cancelled % 20 != 0) continue;
+      REQUIRE(other.restore(solver.state()));
+      while (other.step()) {
+      }
+      check_same(other.result(), expected);
+    }
+    CHECK(cancelled > 10);
+    check_same(solver.result(), expected);
+  }
+}
+
+TEST_CASE("advance() keeps to its budget but for a step") {
+  const Case c = cases()[1];
+  const Result expected = expected_of(c);
+  Solver solver = solver_of(c);
+  int calls = 1;
+  while (solver.advance(1e-3)) ++calls;
+  CHECK(calls > 5);
+  check_same(solver.result(), expected);
+  solver = solver_of(c);
+  CHECK_FALSE(solver.advance(std::numeric_limits<double>::infinity()));
+  check_same(solver.result(), expected);
+}
+
+TEST_CASE("a state that does not fit is refused, and nothing is changed") {
+  const Case c = cases()[3];
+  const Result expected = expected_of(c);
+  Solver solver = solver_of(c);
+  while (solver.result().log.size() < 6) solver.step();
+  const SolverState good = solver.state();
+  std::vector<SolverState> bad(8, good);
+  bad[0].integers.pop_back();
+  bad[1].numbers.pop_back();
+  bad[2].integers.push_back(0);
+  bad[3] = {};
+  bad[3].integers = {static_cast<int>(Status::kUnfinished)};
+  bad[4].integers[0] = 1000;
+  bad[5].numbers[1] = std::numeric_limits<double>::quiet_NaN();
+  bad[6].numbers[10] += 5;
+  bad[7].integers[1] = -7;
+  for (const SolverState& state : bad) CHECK_FALSE(solver.restore(state));
+  for (std::size_t i = 0; i < good.integers.size(); i += 1 + good.integers.size() / 200)
+    for (int value : {-1, 1 << 30, good.integers[i] + 1}) {
+      SolverState state = good;
+      state.integers[i] = value;
+      Solver other = solver_of(c);
+      if (other.restore(state)) other.step();  // a log entry may be anything
+    }
+  Solver stranger(c.b.mesh, c.a.mesh, {}, c.options);
+  CHECK_FALSE(stranger.restore(good));
+  CHECK_FALSE(Solver().restore(good));
+  while (solver.step()) {
+  }
+  check_same(solver.result(), expected);
+}
+
+TEST_CASE("a solver without valid meshes says so") {
+  Solver solver;
+  CHECK(solver.result().status == Status::kInvalidMesh);
+  CHECK_FALSE(solver.step());
+  CHECK(solver.result().f.size() == 0);
+  Solver other = std::move(solver);
+  CHECK(other.result().status == Status::kInvalidMesh);
+}
+
+TEST_CASE("the time limit ends a call, and its status says whether there is a map") {
+  const Case c = cases()[0];
+  using Clock = std::chrono::steady_clock;
+  int without = 0, with = 0;
+  for (double seconds : {1e-9, 1e-3, 1e-2, 0.1, 0.3}) {
+    Case d = c;
+    d.options.max_iterations = 1 << 30;
+    d.options.tolerance = 0;
+    d.options.window = 1 << 20;
+    d.options.max_seconds = seconds;
+    const Clock::time_point start = Clock::now();
+    const Result r = ism::compute_map(d.a.mesh, d.b.mesh, d.landmarks, d.options);
+    CHECK(std::chrono::duration<double>(Clock::now() - start).count() < seconds + 0.25);
+    if (ism::is_usable(r.status)) {
+      ++with;
+      CHECK(r.f.rows() == d.a.mesh.vertices.rows());
+    } else {
+      ++without;
+      CHECK(r.status == Status::kNoMapYet);
+      CHECK(r.message == "stopped at the time limit, before there was a map");
+      CHECK(r.f.size() == 0);
+    }
+  }
+  CHECK(without >= 1);
+  CHECK(without + with == 5);
+}
