@@ -1,0 +1,143 @@
+// How long a Solver takes to stop, and how long it is silent: it is told to stop at random moments,
+// goes on, and so on, until it is done or time is up. With --embeddings, it begins anew as soon as
+// there is a map.
+//
+//   ism_latency A B [landmarks] [--threads N] [--seconds S] [--embeddings] [--slide] [--exact]
+
+#include "ism.hpp"
+#include "mesh_io.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+[[noreturn]] void fail(const std::string& message) {
+  std::fprintf(stderr, "ism_latency: %s\n", message.c_str());
+  std::exit(2);
+}
+
+ism::TriangleMesh read(const std::string& path) {
+  mesh_io::ReadResult result = mesh_io::read_mesh(path);
+  if (!result.ok) fail(result.error);
+  return result.mesh;
+}
+
+struct Samples {
+  std::vector<double> seconds;
+
+  void print(const char* what, const std::string& phase) {
+    std::sort(seconds.begin(), seconds.end());
+    std::printf("| %s | %s | %zu | %.1f | %.1f |\n", what, phase.c_str(), seconds.size(),
+                1e3 * seconds[seconds.size() / 2], 1e3 * seconds.back());
+  }
+};
+
+/// "embedding A: 400 vertices" without what differs from level to level.
+std::string phase_of(const std::string& what) {
+  return what.substr(0, what.find_first_of(":0123456789"));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::vector<std::string> files;
+  ism::Options options;
+  double limit = 300;
+  bool only_embeddings = false;
+  for (int i = 1; i < argc; ++i) {
+    const std::string flag = argv[i];
+    if (flag == "--threads" && i + 1 < argc)
+      options.threads = std::atoi(argv[++i]);
+    else if (flag == "--seconds" && i + 1 < argc)
+      limit = std::atof(argv[++i]);
+    else if (flag == "--embeddings")
+      only_embeddings = true;
+    else if (flag == "--slide")
+      options.boundary = ism::Boundary::kSlide;
+    else if (flag == "--exact")
+      options.exact_landmarks = true;
+    else
+      files.push_back(flag);
+  }
+  if (files.size() < 2 || files.size() > 3) fail("give two meshes, and landmarks if any");
+  std::vector<ism::Landmark> landmarks;
+  if (files.size() == 3) {
+    const mesh_io::PairsResult pairs = mesh_io::read_pairs(files[2]);
+    if (!pairs.ok) fail(pairs.error);
+    for (const mesh_io::IdPair& p : pairs.pairs)
+      landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
+  }
+
+  std::atomic<bool> stop{false}, is_over{false};
+  std::string phase = "start";
+  std::map<std::string, Samples> latencies, gaps;
+  Clock::time_point told = Clock::now(), pressed = told;
+  options.stop = &stop;
+  options.progress = [&](const ism::Progress& progress) {
+    gaps[phase].seconds.push_back(seconds_since(told));
+    told = Clock::now();
+    phase = phase_of(progress.what);
+    return true;
+  };
+  std::thread presser([&] {
+    std::mt19937 random(1);
+    while (!is_over) {
+      std::this_thread::sleep_for(
+          std::chrono::milliseconds(random() % (only_embeddings ? 300 : 1500)));
+      if (stop) continue;
+      pressed = Clock::now();
+      stop = true;
+    }
+  });
+  const Clock::time_point start = Clock::now();
+  const ism::TriangleMesh a = read(files[0]), b = read(files[1]);
+  ism::Solver solver(a, b, landmarks, options);
+  for (bool has_more = true; has_more && seconds_since(start) < limit;) {
+    told = Clock::now();
+    has_more = solver.step();
+    if (stop) {
+      latencies[phase].seconds.push_back(seconds_since(pressed));
+      stop = false;
+      const ism::Status status = solver.result().status;
+      has_more = status == ism::Status::kNoMapYet || status == ism::Status::kCancelled;
+    }
+    if (only_embeddings && ism::is_usable(solver.result().status))
+      solver = ism::Solver(a, b, landmarks, options);
+  }
+  is_over = true;
+  presser.join();
+
+  std::printf("%s after %zu iterations, %.0f s\n\n", ism::to_string(solver.result().status),
+              solver.result().log.size(), seconds_since(start));
+  std::printf("| what | phase | samples | median ms | worst ms |\n|---|---|---:|---:|---:|\n");
+  for (auto& [name, samples] : latencies) samples.print("from \"stop\" to the return", name);
+  for (auto& [name, samples] : gaps) samples.print("between two reports", name);
+  if (solver.result().f.size() == 0) return 0;
+  const ism::Result& r = solver.result();
+  Clock::time_point begin = Clock::now();
+  const ism::SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+  std::printf("| SurfaceMap | | 1 | | %.1f |\n", 1e3 * seconds_since(begin));
+  begin = Clock::now();
+  const ism::MetaMesh meta = map.meta_mesh();
+  std::printf("| meta mesh, %zu polygons | | 1 | | %.1f |\n", meta.polygons.size(),
+              1e3 * seconds_since(begin));
+  begin = Clock::now();
+  const std::size_t n = map.distortion().size();
+  std::printf("| distortion of %zu polygons | | 1 | | %.1f |\n", n, 1e3 * seconds_since(begin));
+  return 0;
+}
