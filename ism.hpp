@@ -4133,14 +4133,12 @@ class ModelBuilder {
     polygon_in_b_.resize(x.overlay.polygons.size());
     coupling_.resize(s_.faces_a);
     face_.resize(s_.mesh.n_faces);
-    executor_.run_blocks(s_.faces_a, kBlock, [&](int begin, int end) {
-      if (executor_.is_stopped()) return;
+    run_by_work(0, s_.faces_a, [&](int begin, int end) {
       embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
       for (int f = begin; f < end; ++f) coupling_[f].clear();
       differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
     });
-    executor_.run_blocks(s_.mesh.n_faces - s_.faces_a, kBlock, [&](int begin, int end) {
-      begin += s_.faces_a, end += s_.faces_a;
+    run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
       embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
       for (int f = begin; f < end; ++f)
         for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
@@ -4157,7 +4155,19 @@ class ModelBuilder {
   }
 
  private:
-  static constexpr int kBlock = 64;  // faces per task
+  /// task(begin, end) over blocks of faces with about as many elements each: a face of a coarse
+  /// mesh has many polygons in it.
+  void run_by_work(int begin, int end, const Callback<int, int>& task) const {
+    constexpr int kBlock = 256;  // elements per task
+    const auto elements_before = [&](int f) { return by_face_.start[f] + f; };
+    Array<int> first(1, begin);
+    for (int f = begin + 1; f < end; ++f)
+      if (elements_before(f) - elements_before(first.back()) >= kBlock) first.push_back(f);
+    first.push_back(end);
+    executor_.run(first.size() - 1, [&](int i) {
+      if (!executor_.is_stopped()) task(first[i], first[i + 1]);
+    });
+  }
 
   static void add(const FaceTerm& term, FaceTerm& sum) {
     for (int i = 0; i < 3; ++i) {
