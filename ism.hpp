@@ -29,6 +29,7 @@
 //
 // INPUT      Each mesh is a manifold, consistently oriented disk: one component, one boundary
 //            loop, no handles. validate() names what is wrong. Cut a hole into a closed mesh.
+// STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
 //            f and g are positive, angles around interior vertices add up to 2π, boundaries are
 //            simple. Exact predicates decide this on the very coordinates that are returned.
@@ -40,8 +41,10 @@
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own. With -fopenmp, define EIGEN_DONT_PARALLELIZE: else Eigen
 //            splits large products, and rounds them, by its number of threads.
+//            Where the system gives fewer threads, fewer do the work (with exceptions enabled).
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
-//            the ids of offending elements.
+//            the ids of offending elements. Exceptions of allocations and of callbacks, in any
+//            thread, reach the caller, and nothing is leaked; what was begun then has no result.
 //
 // MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [17]
 //            ISM_NO_THREADS       there: builds without <thread>
@@ -312,7 +315,7 @@ struct Options {
   /// Called after each step of the embedding and each iteration, and several times a second while
   /// they last, from the calling thread. Return false to cancel.
   std::function<bool(const Progress&)> progress;
-  /// Set it to true, from any thread, to cancel. It is read some thousand times a second.
+  /// Set it to true, from any thread, to cancel. It is read between small pieces of work.
   const std::atomic<bool>* stop = nullptr;
   double max_seconds = std::numeric_limits<double>::infinity();  // > 0, of a call
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
