@@ -23,7 +23,7 @@
 //   std::vector<ism::Landmark> landmarks = {{17, 4}, {32, 90}};  // optional
 //   ism::Result result = ism::compute_map(a, b, landmarks);
 //   if (ism::is_usable(result.status)) {
-//     ism::SurfaceMap map(a, b, result.f, result.g);
+//     ism::SurfaceMap map(result);
 //     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
 //   }
 //
@@ -247,6 +247,8 @@ class DistortionMeasure {
   /// True for symmetric_dirichlet(), for which the library has a shorter formula.
   bool is_symmetric_dirichlet() const { return is_symmetric_dirichlet_; }
   bool is_complete() const { return static_cast<bool>(density_); }
+  /// E_Φ of an isometry, per area of both surfaces.
+  double isometry() const { return 0.5 * (on_a_ + on_b_) * density(2, 1).value; }
 
  private:
   friend DistortionMeasure symmetric_dirichlet();
@@ -268,11 +270,11 @@ DistortionMeasure asap();
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
-  /// κ ≥ 0: reward for covered area, E gains -κ (area A' + area B'). 0 is the paper's objective,
-  /// whose global minimum is the empty overlap. With 2 an isometry neither gains nor loses by
-  /// shrinking; a little more lets it grow; much more trades low distortion for coverage. Measures
-  /// that are 0 for an isometry need 2 less.
-  double coverage_weight = 2.2;
+  /// Reward for covered area beyond what an isometry costs: E gains -κ (area A' + area B'), where κ
+  /// is this plus measure.isometry(), or 0 if that is negative. With 0 an isometry neither gains
+  /// nor loses by shrinking; a little more lets it grow; much more trades low distortion for
+  /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
+  double coverage_weight = 0.2;
   /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
   /// and E_Φ meets a wall where the overlap would have to grow into them.
   double barrier_weight = 3e-4;
@@ -337,9 +339,9 @@ struct Options {
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
 
-  /// The paper's constants: κ = 0, ω_R = 1e-8, history of 6 with 0.5, ω_L from 1e9, α = 1.25, all
-  /// steps of the line search, at most 550 iterations. The bounds on a step stay: without them the
-  /// empty overlap is reached in the first iterations.
+  /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
+  /// 1e9, α = 1.25, all steps of the line search, at most 550 iterations. The bounds on a step
+  /// stay: without them the empty overlap is reached in the first iterations.
   static Options paper();
 };
 
@@ -359,8 +361,9 @@ struct Embedding : Outcome {
   double seconds = 0;
 };
 
-/// The outcome of compute_map(). Positions are valid, and to be used, if is_usable(status).
+/// The outcome of compute_map(). Positions are valid if is_usable(status), else there are none.
 struct Result : Outcome {
+  Result() { status = Status::kNoMapYet; }
   Points2 f, g;                   // final planar positions of the vertices of start.a, start.b
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
@@ -495,16 +498,20 @@ struct MapData;
 
 /// Φ = g⁻¹ ∘ f as a function, in both directions. Cheap to copy; copies share their data.
 ///
-///   ism::SurfaceMap map(a, b, result.f, result.g);
+///   ism::SurfaceMap map(result);
 ///   ism::MappedPoint image = map.forward_vertex(7);
 ///   if (image.covered) use(map.position_on_b(image.point));
 ///
 /// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
 class SurfaceMap {
  public:
+  SurfaceMap();  // maps nothing; its status is kNoMapYet
   /// Overlays the two embeddings. The coordinates of the meshes are used as given, not scaled.
   /// Cost: linear in the number of meta mesh polygons.
   SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f, const Points2& g);
+  /// The map that compute_map() found, with the meshes it was found on, which may have more
+  /// vertices than those given. Where it found none, the status is that of the result.
+  explicit SurfaceMap(const Result& result);
 
   /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions or kNoOverlap; all
   /// points are then uncovered.
@@ -528,8 +535,8 @@ class SurfaceMap {
   /// straight line of the plane. A point whose face is out of range interrupts the curve.
   std::vector<Polyline> forward_curve(const Polyline& points) const;
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
-  /// Where a point lies in space, in the units of the mesh given. status() must be kDone and
-  /// p.face one of its triangles.
+  /// Where a point lies in space, in the units of the mesh given; NaN if there is no such face, as
+  /// for the point of an image that is not covered.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh() const;
@@ -3868,6 +3875,15 @@ struct Weights {
   const DistortionMeasure* measure;
 };
 
+/// κ of Options::coverage_weight.
+inline double coverage_reward(const Options& options) {
+  return (std::max)(0.0, options.coverage_weight + options.measure.isometry());
+}
+
+inline Weights weights_of(const Options& options) {
+  return {coverage_reward(options), options.barrier_weight, options.spd_epsilon, &options.measure};
+}
+
 // ---- value ----
 
 /// One iterate with everything that is known about it.
@@ -5101,8 +5117,7 @@ class Optimizer {
       : s_(s),
         options_(options),
         followers_(followers),
-        weights_{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
-                 &options.measure},
+        weights_(weights_of(options)),
         executor_(executor),
         models_(s, weights_, executor_),
         omega_(options.omega_start) {
@@ -7386,6 +7401,7 @@ class Embedder {
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
 }
+inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y, p.z); }
 inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
@@ -7690,6 +7706,12 @@ struct MapData : Outcome {  // kDone if the pair is there
     for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
     return sum;
   }
+
+  Eigen::Vector3d position_if_any(const SurfacePoint& p, Side side) const {
+    if (!ok() || p.face < 0 || p.face >= mesh(side).triangles.rows())
+      return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    return to_eigen(position(p, side));
+  }
 };
 
 // ---- meta mesh ----
@@ -7845,8 +7867,6 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
   return result;
 }
 
-inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y, p.z); }
-
 }  // namespace detail
 
 Status SurfaceMap::status() const { return data_->status; }
@@ -7878,10 +7898,10 @@ std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
   return data_->map_curve(points, Side::kB);
 }
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
-  return detail::to_eigen(data_->position(p, Side::kA));
+  return data_->position_if_any(p, Side::kA);
 }
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
-  return detail::to_eigen(data_->position(p, Side::kB));
+  return data_->position_if_any(p, Side::kB);
 }
 MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
@@ -8228,7 +8248,7 @@ inline bool check_options(const Options& o, Outcome& outcome) {
     const char* text;
   } rules[] = {
       {o.measure.is_complete(), "measure must have a density"},
-      {at_least_0(o.coverage_weight), "coverage_weight must be at least 0"},
+      {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
       {at_least_0(o.barrier_weight) && o.barrier_weight > 0, "barrier_weight must be positive"},
       {at_least_0(o.spd_epsilon) && o.spd_epsilon > 0, "spd_epsilon must be positive"},
       {o.history_length >= 1, "history_length must be at least 1"},
@@ -8758,7 +8778,7 @@ const char* to_string(Status s) { return detail::words_of(s).name; }
 
 Options Options::paper() {
   Options options;
-  options.coverage_weight = 0;
+  options.coverage_weight = -2;  // no reward
   options.barrier_weight = 1e-8;
   options.history_length = 6;
   options.history_decay = 0.5;
@@ -8820,6 +8840,18 @@ bool Solver::restore(const SolverState& state) {
   if (!run) return false;
   run_ = std::move(run);
   return true;
+}
+
+SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
+
+SurfaceMap::SurfaceMap(const Result& result) {
+  if (is_usable(result.status)) {
+    *this = SurfaceMap(result.start.a, result.start.b, result.f, result.g);
+  } else {
+    auto data = std::make_shared<detail::MapData>();
+    detail::fail(*data, result.status, {result.message}, result.ids);
+    data_ = data;
+  }
 }
 
 SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,

@@ -103,7 +103,6 @@ void choose_measure(const Pair& p) {
   options.measure = {mixed, 1, 0};
   print("a mixed measure", ism::compute_map(p.a, p.b, p.landmarks, options));
   std::printf("\n");
-  options.coverage_weight = 0.2;  // goes with measures that are 0 for an isometry
   options.measure = ism::arap();
   print("ARAP", ism::compute_map(p.a, p.b, p.landmarks, options));
   std::printf("\n");

@@ -12,8 +12,8 @@
 #include "render.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -50,10 +50,11 @@ surfaces with one boundary and no handles; polygons are cut into triangles.
   --pins FILE        more landmarks, of which these vertices of A stay where the start puts them
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
-  --kappa K          reward for covered area, >= 0; 0 is the paper's objective (default 2.2)
-  --preset paper     the constants of the paper (kappa 0, omega from 1e9, at most 550 iterations)
+  --kappa K          reward for covered area beyond what an isometry costs (default 0.2); that
+                     cost is 2 for sd, 0 for other measures; -2 is no reward, as in the paper
+  --preset paper     the constants of the paper (kappa -2, omega from 1e9, at most 550 iterations)
   --measure M        sd (symmetric Dirichlet, default), arap, sarap or asap; all but sd are 0 for
-                     an isometry, not 2, so their default kappa is 0.2
+                     an isometry, not 2
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 400)
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
@@ -102,7 +103,7 @@ struct Arguments {
   std::string preset = "default", measure = "sd";
   Variant variant = Variant::kFull;
   ism::Options options;
-  bool has_kappa = false, pin_landmarks = false, start_only = false, quiet = false, help = false;
+  bool pin_landmarks = false, start_only = false, quiet = false, help = false;
   bool picture = false, heat = false, transfer_uv = false;
   int morph = 0;  // frames
 };
@@ -241,10 +242,7 @@ std::string read_frames(const std::string& text, int& frames) {
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
-  if (flag == "--kappa") {
-    args.has_kappa = true;
-    return read_number(flag, text, args.options.coverage_weight);
-  }
+  if (flag == "--kappa") return read_number(flag, text, args.options.coverage_weight);
   if (flag == "--measure") return read_measure(text, args);
   if (flag == "--tolerance") return read_number(flag, text, args.options.tolerance);
   if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
@@ -283,9 +281,6 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
   if (meshes < 2) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
   if (args.out.empty()) return "a folder for the results is needed: -o OUT";
   if (args.start_only) args.options.max_iterations = 0;
-  if (args.measure != "sd" && !args.has_kappa &&
-      args.options.coverage_weight == ism::Options().coverage_weight)
-    args.options.coverage_weight = 0.2;
   return {};
 }
 
@@ -955,7 +950,7 @@ int run(Arguments& args) {
   seconds.add(result);
 
   start = Clock::now();
-  const ism::SurfaceMap map(result.start.a, result.start.b, result.f, result.g);
+  const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);

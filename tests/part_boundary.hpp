@@ -228,7 +228,7 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
         CHECK(r.final_state().energy <= r.initial.energy);
         if (other == &disk.mesh)
           CHECK(r.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
-        const SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+        const SurfaceMap map(r);
         REQUIRE(map.status() == Status::kDone);
         const HalfEdgeMesh m = half_edges(r.start.a);
         for (int v = 0; v < m.n_vertices; ++v)
@@ -252,7 +252,7 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   const Disk a = shapes::grid(6, 6), b = shapes::spherical_cap(4, 17, 1.3);
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
   REQUIRE(is_valid(r));
-  const SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+  const SurfaceMap map(r);
   for (int v = 0; v < r.f.rows(); ++v) CHECK(map.forward_vertex(v).covered);
   for (int v = 0; v < r.g.rows(); ++v) CHECK(map.backward_vertex(v).covered);
   const HalfEdgeMesh m = half_edges(r.start.a);

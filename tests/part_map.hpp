@@ -515,6 +515,39 @@ TEST_CASE("an edge that leaves the overlap and comes back has two polylines") {
   CHECK((map.position_on_b(polylines[1].back()) - Vector3d(0.2, 1.5, 0)).norm() < 1e-12);
 }
 
+TEST_CASE("a map of a result is the map of its meshes and positions, or has its status") {
+  const auto [a, b] = runs::square_pair(61);
+  ism::Options options = runs::on_one_thread();
+  options.max_iterations = 2;
+  options.exact_landmarks = true;
+  options.boundary = ism::Boundary::kSlide;
+  const ism::Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CAPTURE(result.message);
+  REQUIRE(ism::is_usable(result.status));
+  const SurfaceMap map(result);
+  REQUIRE(map.status() == Status::kDone);
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).covered);
+  for (const SurfaceMap& none : {SurfaceMap(), SurfaceMap(ism::Result())}) {
+    CHECK(none.status() == Status::kNoMapYet);
+    CHECK_FALSE(none.forward_vertex(0).covered);
+    CHECK(none.meta_mesh().polygons.empty());
+  }
+  const SurfaceMap refused(ism::compute_map(a.mesh, b.mesh, {{-1, 0}}, options));
+  CHECK(refused.status() == Status::kInvalidLandmarks);
+  CHECK(refused.message().find("-1") != std::string::npos);
+}
+
+TEST_CASE("a point without an image lies nowhere") {
+  const auto [a, b] = runs::square_pair(62);
+  const SurfaceMap map = runs::good_map(a, b);
+  for (int face : {-1, 1 << 30}) {
+    CHECK(map.position_on_a({face, Vector3d(1, 0, 0)}).hasNaN());
+    CHECK(map.position_on_b({face, Vector3d(1, 0, 0)}).hasNaN());
+  }
+  CHECK(map.position_on_b(ism::MappedPoint().point).hasNaN());
+  CHECK(SurfaceMap().position_on_a({0, Vector3d(1, 0, 0)}).hasNaN());
+}
+
 }  // namespace map_tests
 
 #endif  // ISM_TESTS_PART_MAP_HPP

@@ -482,7 +482,7 @@ TEST_CASE("exchanging the meshes leaves the map energy and, nearly, the outcome 
     const auto [a, b] = random_pair(seed);
     CHECK(map_energy(b, a) == doctest::Approx(map_energy(a, b)).epsilon(1e-10));
     Options forth = given_planes(a, b), back = given_planes(b, a);
-    forth.coverage_weight = back.coverage_weight = 4;
+    forth.coverage_weight = back.coverage_weight = 2;
     const Result ab = ism::compute_map(a.mesh, b.mesh, {}, forth);
     const Result ba = ism::compute_map(b.mesh, a.mesh, {}, back);
     REQUIRE(ism::is_usable(ab.status));
@@ -553,8 +553,7 @@ TEST_CASE("every iterate is injective, whatever the limit of iterations") {
     check_energy_never_grows(result);
     CHECK(result.final_state().energy < before);
     before = result.final_state().energy;
-    const Weights weights = {options.coverage_weight, options.barrier_weight, 1e-3,
-                             &options.measure};
+    const Weights weights = weights_of(options);
     const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     // The positions belong to the log; where products are fused, code inlined twice rounds twice.
     CHECK(end.energy == doctest::Approx(result.final_state().energy).epsilon(1e-14));
@@ -598,7 +597,7 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
   for (const IterationLog& log : result.log) {
     const double covered = log.coverage_a * area_a + log.coverage_b * area_b;
     const double barrier = options.barrier_weight * (log.energy_f + log.energy_g);
-    const double energy = log.map_energy - options.coverage_weight * covered + barrier;
+    const double energy = log.map_energy - coverage_reward(options) * covered + barrier;
     CHECK(log.energy == doctest::Approx(energy).epsilon(1e-10));
     CHECK(log.mean_distortion == doctest::Approx(log.map_energy / covered).epsilon(1e-10));
     CHECK(log.mean_distortion >= 2);
@@ -614,12 +613,12 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
 TEST_CASE("a usable result has an overlap, however little the objective rewards it") {
   // κ = 0 and distant surfaces drive the overlap towards nothing; it must not become empty.
   for (std::uint64_t seed : {16u, 17u})
-    for (double kappa : {0.0, 1.0, 2.0}) {
+    for (double weight : {-2.0, -1.0, 0.0}) {
       CAPTURE(seed);
-      CAPTURE(kappa);
+      CAPTURE(weight);
       const auto [a, b] = random_pair(seed);
       Options options = given_planes(a, b);
-      options.coverage_weight = kappa;
+      options.coverage_weight = weight;
       const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
       REQUIRE(ism::is_usable(result.status));
       CHECK(result.final_state().polygons > 0);
@@ -635,7 +634,7 @@ TEST_CASE("the covered area never falls below the share the options say") {
   for (double least : {0.5, 0.9}) {
     const auto [a, b] = random_pair(17);
     Options options = given_planes(a, b);
-    options.coverage_weight = 0;
+    options.coverage_weight = -2;
     options.least_coverage = least;
     const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
     REQUIRE(ism::is_usable(result.status));
@@ -678,10 +677,24 @@ TEST_CASE("a run does not stall where both planes are the same") {
   CHECK(result.final_state().mean_distortion < 2.02);
 }
 
+TEST_CASE("the reward for covered area counts from what an isometry costs") {
+  Options options;
+  CHECK(options.measure.isometry() == 2);
+  CHECK(coverage_reward(options) == doctest::Approx(2.2));
+  for (const ism::DistortionMeasure& measure : {ism::arap(), ism::sarap(), ism::asap()}) {
+    options.measure = measure;
+    CHECK(measure.isometry() == doctest::Approx(0).epsilon(1e-9));
+    CHECK(coverage_reward(options) == doctest::Approx(0.2));
+  }
+  options = Options::paper();
+  CHECK(coverage_reward(options) == 0);
+  options.measure = ism::arap();
+  CHECK(coverage_reward(options) == 0);
+}
+
 TEST_CASE("every measure is minimised, injectively") {
   const auto [a, b] = random_pair(29);
   Options options = given_planes(a, b);
-  options.coverage_weight = 0.2;
   for (const ism::DistortionMeasure& measure : {ism::arap(), ism::sarap(), ism::asap()}) {
     options.measure = measure;
     const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
@@ -699,7 +712,6 @@ TEST_CASE("a measure of one's own") {
   const auto [a, b] = random_pair(30);
   Options options = given_planes(a, b);  // on one thread, so that calls can be counted
   for (const ism::DistortionMeasure& known : {ism::arap(), ism::sarap(), ism::asap()}) {
-    options.coverage_weight = 0.2;
     options.measure = known;
     const Result expected = ism::compute_map(a.mesh, b.mesh, {}, options);
     int calls = 0, outside = 0;
@@ -762,8 +774,7 @@ TEST_CASE("a measure that is no number is reported, not accepted") {
   options.fixed_a = {0};  // so that the planes are not moved first
   options.measure = {bottomless, 0, 1};
   const JointSurface s = joined(a.mesh, b.mesh);
-  const Weights weights = {options.coverage_weight, options.barrier_weight, options.spd_epsilon,
-                           &options.measure};
+  const Weights weights = weights_of(options);
   ModelBuilder(s, weights, Executor(options))
       .differentiate_elements(evaluated(s, weights, stacked(a.plane, b.plane)));
   sound = calls;
@@ -987,7 +998,7 @@ TEST_CASE("options out of range are refused by name") {
   };
   using Doubles = std::vector<double>;
   using Ints = std::vector<int>;
-  refuse("coverage_weight", &Options::coverage_weight, Doubles{-1, kNan, kInf});
+  refuse("coverage_weight", &Options::coverage_weight, Doubles{-kInf, kNan, kInf});
   refuse("barrier_weight", &Options::barrier_weight, Doubles{0, -1, kNan, kInf});
   refuse("spd_epsilon", &Options::spd_epsilon, Doubles{0, -1, kNan, kInf});
   refuse("history_length", &Options::history_length, Ints{0, -1});
@@ -1090,7 +1101,7 @@ TEST_CASE("the unit of given positions does not matter") {
 
 TEST_CASE("the paper preset has the paper's constants and can be run") {
   const Options paper = Options::paper();
-  CHECK(paper.coverage_weight == 0);
+  CHECK(paper.coverage_weight == -2);
   CHECK(paper.barrier_weight == 1e-8);
   CHECK(paper.spd_epsilon == 1e-3);
   CHECK(paper.omega_start == 1e9);

@@ -68,11 +68,16 @@ def number(value, digits):
     return "-" if value is None else f"{value:.{digits}f}"  # JSON null: not finite
 
 
+def coverage_reward(options):
+    """κ, see Options::coverage_weight; an isometry costs 2 under sd, 0 under the others."""
+    return max(0, options["coverage_weight"] + (2 if options["measure"] == "sd" else 0))
+
+
 def to_one_percent(report):
     """Iterations until E + κ (area A + area B) is within 1% of its last value; the areas are 1."""
     if report["options"]["keep_scale"]:
         return "-"
-    energies = [it["energy"] + 2 * report["options"]["coverage_weight"]
+    energies = [it["energy"] + 2 * coverage_reward(report["options"])
                 for it in report["iterations"]]
     return str(next(i for i, e in enumerate(energies) if e <= 1.01 * energies[-1]))
 

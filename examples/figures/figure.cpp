@@ -101,9 +101,7 @@ ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& 
   return ism::remesh(map, ism::Side::kA).mesh;
 }
 
-ism::SurfaceMap map_of(const ism::Result& result) {
-  return {result.start.a, result.start.b, result.f, result.g};
-}
+ism::SurfaceMap map_of(const ism::Result& result) { return ism::SurfaceMap(result); }
 
 ism::SurfaceMap inverse_of(const ism::Result& result) {
   return {result.start.b, result.start.a, result.g, result.f};

@@ -211,8 +211,7 @@ struct State {
   }
   JointSurface surface;
   ism::Options options;
-  Weights weights{options.coverage_weight, options.barrier_weight, options.spd_epsilon,
-                  &options.measure};
+  Weights weights = weights_of(options);
   Iterate x;
 };
 

@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
   if (solver.result().f.size() == 0) return 0;
   const ism::Result& r = solver.result();
   Clock::time_point begin = Clock::now();
-  const ism::SurfaceMap map(r.start.a, r.start.b, r.f, r.g);
+  const ism::SurfaceMap map(r);
   std::printf("| SurfaceMap | | 1 | | %.1f |\n", 1e3 * seconds_since(begin));
   begin = Clock::now();
   const ism::MetaMesh meta = map.meta_mesh();
