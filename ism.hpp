@@ -319,7 +319,8 @@ struct Options {
   std::function<bool(const Progress&)> progress;
   /// Set it to true, from any thread, to cancel. It is read between small pieces of work.
   const std::atomic<bool>* stop = nullptr;
-  double max_seconds = std::numeric_limits<double>::infinity();  // > 0, of a call
+  /// > 0: a call, or all steps of a Solver together, take no longer.
+  double max_seconds = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
   /// count as pinned.

@@ -18,9 +18,12 @@ int main(int argc, char** argv) {
   if (!a.ok || !b.ok) return fail(a.ok ? b.error : a.error);
 
   std::vector<ism::Landmark> landmarks;  // pairs {vertex of A, vertex of B}, if known
-  if (argc > 3)
-    for (const mesh_io::IdPair& pair : mesh_io::read_pairs(argv[3]).pairs)
+  if (argc > 3) {
+    const mesh_io::PairsResult file = mesh_io::read_pairs(argv[3]);
+    if (!file.ok) return fail(file.error);
+    for (const mesh_io::IdPair& pair : file.pairs)
       landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+  }
   const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks);
   if (!ism::is_usable(result.status)) return fail(result.message);
 
@@ -28,7 +31,7 @@ int main(int argc, char** argv) {
   std::cout << "distortion: " << last.mean_distortion << " (2 is an isometry)\n"
             << "coverage:   " << last.coverage_a << " of A, " << last.coverage_b << " of B\n";
 
-  const ism::SurfaceMap map(a.mesh, b.mesh, result.f, result.g);
+  const ism::SurfaceMap map(result);
   for (int v = 0; v < a.mesh.vertices.rows(); ++v) {
     const ism::MappedPoint image = map.forward_vertex(v);
     if (!image.covered) continue;  // outside the common part

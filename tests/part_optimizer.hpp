@@ -1007,6 +1007,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse("omega_factor", &Options::omega_factor, Doubles{1, 0, -4, kNan, kInf});
   refuse("omega_least", &Options::omega_least, Doubles{-1, 1e5, kNan, kInf});
   refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
+  refuse("max_seconds", &Options::max_seconds, Doubles{0, -1, kNan});
   refuse("least_coverage", &Options::least_coverage, Doubles{1, -1, kNan});
   refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
   refuse("search_stride", &Options::search_stride, Ints{0, -1, 9});

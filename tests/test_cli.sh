@@ -346,5 +346,8 @@ if [ "$code" != 0 ]; then
 fi
 
 "$quick_start" a.obj b.obj marks.txt | grep -q "vertex [0-9]* of A goes to" || fail "quick_start"
+! "$quick_start" a.obj b.obj no_such_file.txt >stdout.txt 2>stderr.txt ||
+  fail "quick_start took landmarks from a file that is not there"
+grep -q "no_such_file.txt" stderr.txt || fail "quick_start said $(cat stderr.txt)"
 
 echo "all command line tests passed"
