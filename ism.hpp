@@ -430,9 +430,9 @@ class Solver {
   /// What restore() needs: little while there is no map, else some positions of all vertices.
   SolverState state() const;
   /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
-  /// the state is not one of the same meshes, or not injective. Computes the derivatives in the
-  /// memory anew, up to Options::history_length times what an iteration does. A state without a map
-  /// begins the embedding anew.
+  /// the state is not one of the same meshes, or not injective. The next step computes the
+  /// derivatives in the memory anew, up to Options::history_length times what an iteration does. A
+  /// state without a map begins the embedding anew.
   bool restore(const SolverState& state);
 
  private:
@@ -1123,6 +1123,8 @@ class Executor {
     return false;
   }
 
+  double seconds() const { return seconds_before_ + clock_.seconds(); }
+
   void tell_again() const {
     since_told_.lap();
     if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
@@ -1147,7 +1149,6 @@ class Executor {
   const std::atomic<bool>* stop_;
   double max_seconds_, seconds_before_ = 0, embedding_share_ = 0.1;
   Timer clock_;
-  double seconds() const { return seconds_before_ + clock_.seconds(); }
   mutable Timer since_told_;
   mutable Progress progress_;
   mutable std::atomic<Status> stop_status_{Status::kUnfinished};
@@ -5067,7 +5068,7 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 //
 //   line of Algorithm 1                     function
 //   1       Laplacian and mass matrix       squared_laplacian, once per Optimizer
-//   2       for all iterations              Optimizer::run
+//   2       for all iterations              Optimizer::iterate, until it returns false
 //   3, 19   meta mesh polygons              compute_overlay, in evaluate(); line 3 reads what the
 //                                           accepted trial computed as line 19
 //   4 to 7  derivatives and projection      ModelBuilder::differentiate_elements
@@ -5125,14 +5126,7 @@ class Optimizer {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
-  /// Algorithm 1 from an injective start x on, which becomes the last iterate.
-  void run(Points2& x, Result& result) {
-    start(x, result);
-    while (iterate(result)) {  // line 2
-    }
-    x = x_.x;
-  }
-
+  /// Begins at an injective x, and goes on for as long as iterate() returns true (line 2).
   void start(const Points2& x, Result& result) {
     x_.x = x;
     fix_unknowns(x_.x);
@@ -5155,6 +5149,7 @@ class Optimizer {
     if (result.status != Status::kUnfinished) return false;
     if (static_cast<int>(result.log.size()) >= options_.max_iterations)
       return result.status = Status::kIterationLimit, false;
+    if (!remember_visited()) return false;
     if (!has_model_ && !differentiate()) return false;  // lines 3 to 9
     const bool found = choose_step(log_);               // lines 9 to 23
     if (executor_.is_stopped()) return false;
@@ -5186,14 +5181,10 @@ class Optimizer {
 
   /// Goes on from a memory, after start().
   void restore(const Memory& memory) {
-    for (int k = memory.visited.size() - 1; k >= 0; --k) {
-      x_.x = memory.visited[k];
-      evaluate(s_, weights_, x_);
-      models_.differentiate_elements(x_);
-      remember(models_.assemble());
-    }
     x_.x = memory.x;
     evaluate(s_, weights_, x_);
+    visited_ = memory.visited;
+    history_.clear();
     omega_ = memory.omega;
     has_model_ = memory.has_model;
     log_.history_reset = memory.was_reset;
@@ -5231,6 +5222,20 @@ class Optimizer {
     move_to_anchors(s_.mesh, anchors, x);
     is_fixed_.fix(anchors.center);
     is_fixed_(anchors.rim, 1) = 1;
+  }
+
+  /// After restore(), the models of the memory anew; false if the caller stops.
+  bool remember_visited() {
+    while (history_.size() < visited_.size()) {  // the oldest one first
+      Iterate x;
+      x.x = visited_[visited_.size() - 1 - history_.size()];
+      evaluate(s_, weights_, x);
+      models_.differentiate_elements(x);
+      if (executor_.is_stopped()) return false;
+      history_.push_back(models_.assemble());
+      if (history_.size() == visited_.size()) std::reverse(history_.begin(), history_.end());
+    }
+    return true;
   }
 
   /// The derivatives of x; false if the caller stops.

@@ -156,9 +156,14 @@ TEST_CASE("a solver goes on after it was cancelled anywhere, to the same bits") 
       const Status status = solver.result().status;
       CHECK((status == Status::kCancelled || status == Status::kNoMapYet ||
              status == expected.status));
-      Solver other = solver_of(c);
       if (cancelled % 20 != 0) continue;
+      Case e = c;
+      std::atomic<bool> stop_other{true};  // while it is restored, and some steps on
+      e.options.stop = &stop_other;
+      Solver other = solver_of(e);
       REQUIRE(other.restore(solver.state()));
+      for (int k = 0; k < 3; ++k) CHECK_FALSE(other.step());
+      stop_other = false;
       while (other.step()) {
       }
       check_same(other.result(), expected);
