@@ -29,6 +29,7 @@
 //
 // INPUT      Each mesh is a manifold, consistently oriented disk: one component, one boundary
 //            loop, no handles. validate() names what is wrong. Cut a hole into a closed mesh.
+//            Meshes are read where they are: float or double, interleaved or not (MeshView).
 // STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
 //            f and g are positive, angles around interior vertices add up to 2π, boundaries are
@@ -81,6 +82,7 @@
 
 #include <array>
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -91,13 +93,15 @@
 
 namespace ism {
 
-/// #×D, a point or a triangle per row, one row after the other in memory. Memory comes from malloc
-/// whatever instructions a file is compiled for, so that files of one program may differ in that.
+/// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
+/// comes from malloc whatever instructions a file is compiled for, so that files of one program may
+/// differ in that.
 template <class Scalar, int D>
 using Rows = Eigen::Matrix<Scalar, Eigen::Dynamic, D, int{Eigen::RowMajor} | int{Eigen::DontAlign}>;
-using Points2 = Rows<double, 2>;  // planar points
-using Points3 = Rows<double, 3>;  // points in space
-using Triangles = Rows<int, 3>;   // 0-based vertex ids
+using Points2 = Rows<double, 2>;              // planar points
+using Points3 = Rows<double, 3>;              // points in space
+using Triangles = Rows<int, 3>;               // 0-based vertex ids
+using Values = Rows<double, Eigen::Dynamic>;  // attributes, those of an element per row
 
 /// A triangle mesh as plain arrays. Triangles are counter-clockwise seen from outside.
 struct TriangleMesh {
@@ -105,8 +109,103 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of; which
-/// mesh they belong to, and whether they are vertices or triangles, the sentence says.
+/// #×3 numbers in memory of the caller's, which is read during a call and not kept.
+struct BufferView {
+  enum class Scalar { kFloat, kDouble, kInt16, kUint16, kInt32, kUint32 };
+  const void* data = nullptr;
+  std::ptrdiff_t rows = 0;
+  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
+  Scalar scalar = Scalar::kFloat;
+
+ protected:
+  BufferView() = default;
+  template <class T>
+  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride, Scalar s)
+      : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), scalar(s) {}
+  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
+  template <class Matrix>
+  BufferView(const Matrix& m, Scalar s)
+      : BufferView(m.data(), m.cols() == 3 ? m.rows() : 0, m.rowStride() * kSize<Matrix>, s) {
+    static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
+                  "a view needs a matrix in memory, not an expression");
+    column_stride = m.colStride() * kSize<Matrix>;
+  }
+
+ private:
+  template <class Matrix>
+  static constexpr std::ptrdiff_t kSize = sizeof(typename Matrix::Scalar);
+};
+
+/// Positions: x, y and z behind each other, the next vertex `stride` bytes behind the last one.
+struct PositionsView : BufferView {
+  PositionsView() = default;
+  PositionsView(const float* xyz, std::ptrdiff_t vertices,
+                std::ptrdiff_t stride = 3 * sizeof(float))
+      : BufferView(xyz, vertices, stride, Scalar::kFloat) {}
+  PositionsView(const double* xyz, std::ptrdiff_t vertices,
+                std::ptrdiff_t stride = 3 * sizeof(double))
+      : BufferView(xyz, vertices, stride, Scalar::kDouble) {}
+  template <class Matrix>
+  PositionsView(const Eigen::DenseBase<Matrix>& m)  // #V×3, float or double
+      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
+
+ private:
+  static Scalar scalar_of(float) { return Scalar::kFloat; }
+  static Scalar scalar_of(double) { return Scalar::kDouble; }
+};
+
+/// Triangles: three 0-based vertex ids, the next triangle `stride` bytes behind the last one.
+struct TrianglesView : BufferView {
+  TrianglesView() = default;
+  template <class Id>
+  TrianglesView(const Id* ids, std::ptrdiff_t triangles, std::ptrdiff_t stride = 3 * sizeof(Id))
+      : BufferView(ids, triangles, stride, scalar_of(Id())) {}
+  template <class Matrix>
+  TrianglesView(const Eigen::DenseBase<Matrix>& m)  // #F×3, of 16 or 32 bits
+      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
+
+ private:
+  static Scalar scalar_of(std::int16_t) { return Scalar::kInt16; }
+  static Scalar scalar_of(std::uint16_t) { return Scalar::kUint16; }
+  static Scalar scalar_of(std::int32_t) { return Scalar::kInt32; }
+  static Scalar scalar_of(std::uint32_t) { return Scalar::kUint32; }
+};
+
+/// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
+/// pairs of matrices become by themselves; a function that needs a mesh for longer copies it once,
+/// and what it returns shares that copy.
+///
+///   struct Vertex { float position[3], normal[3], uv[2]; };  // and std::uint16_t indices
+///   ism::MeshView a({vertices[0].position, n, sizeof(Vertex)}, {indices.data(), triangles});
+struct MeshView {
+  PositionsView positions;
+  TrianglesView triangles;
+  MeshView() = default;
+  MeshView(const PositionsView& x, const TrianglesView& f) : positions(x), triangles(f) {}
+  MeshView(const TriangleMesh& mesh) : positions(mesh.vertices), triangles(mesh.triangles) {}
+};
+
+/// The copy of a mesh that everything made from it shares.
+using SharedMesh = std::shared_ptr<const TriangleMesh>;
+
+/// One of the two surfaces of a map.
+enum class Side { kA, kB };
+
+/// What an id counts, and what the rows of attributes belong to. Corner k of face f is 3 f + k.
+/// Texture coordinates with seams belong to corners.
+enum class Element { kVertex, kFace, kCorner };
+
+/// A vertex or a triangle of one of the two meshes given.
+struct ElementId {
+  Side side;
+  Element element;
+  int id;
+};
+inline bool operator==(const ElementId& a, const ElementId& b) {
+  return a.side == b.side && a.element == b.element && a.id == b.id;
+}
+
+/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of.
 enum class Status {
   kDone,              // what was asked for is there: an embedding, a map, attributes
   kConverged,         // the stopping rule of Options::tolerance was met
@@ -138,8 +237,8 @@ const char* to_string(Status s);
 /// What every result carries.
 struct Outcome {
   Status status = Status::kDone;
-  std::string message;   // a sentence for the user
-  std::vector<int> ids;  // the ids it speaks of
+  std::string message;         // a sentence for the user
+  std::vector<ElementId> ids;  // what it speaks of
 };
 
 /// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
@@ -161,14 +260,15 @@ struct Problem {
   };
   Kind kind;
   std::string message;   // for example "edge 3-7 has 3 triangles: 0, 5, 9"
-  std::vector<int> ids;  // vertices, or triangles, as the message says
+  Element element;       // vertices or faces are what
+  std::vector<int> ids;  // these are
 };
 
 /// Lists everything that keeps a mesh from being a clean triangulated disk; empty means valid.
 /// Checks: indices, finite coordinates, degenerate and repeated triangles, edge and vertex
 /// manifoldness, orientation, unreferenced vertices, one component, one boundary loop, χ = 1.
 /// Cost O(#F log #F). Reports at most 20 problems of each kind. Thread-safe.
-std::vector<Problem> validate(const TriangleMesh& mesh);
+std::vector<Problem> validate(const MeshView& mesh);
 
 /// A correspondence wanted at the start: vertex a of A should map near vertex b of B.
 struct Landmark {
@@ -351,9 +451,9 @@ using Midpoint = std::array<int, 2>;
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding : Outcome {
-  /// The meshes that were embedded: those given, and where a constraint needs it, with vertices
-  /// added behind the given ones. The surfaces are the same.
-  TriangleMesh a, b;
+  /// The meshes that were embedded: the copies of those given, and where a constraint needs it,
+  /// meshes with vertices added behind the given ones. The surfaces are the same.
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   std::vector<Midpoint> added_a, added_b;  // the added vertices in order; earlier ones may be ends
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
@@ -365,7 +465,7 @@ struct Embedding : Outcome {
 /// The outcome of compute_map(). Positions are valid if is_usable(status), else there are none.
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
-  Points2 f, g;                   // final planar positions of the vertices of start.a, start.b
+  Points2 f, g;                   // final planar positions of the vertices of *start.a and *start.b
   Embedding start;                // what the optimisation started from
   IterationLog initial;           // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> log;  // one entry per iteration
@@ -380,13 +480,13 @@ struct Result : Outcome {
 /// optimisation. Where an outline is in its own way or a surface is folded sharply, the boundary
 /// unfolds from a circle, which may strain the result. Statuses: kDone, kInvalidMesh,
 /// kInvalidLandmarks, kInvalidOptions, kNoMapYet, kNumericalFailure. Thread-safe.
-Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
 
 /// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
-Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
+Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
 /// What a Solver knows, as plain arrays, to be written to a file and read again. Of use together
@@ -408,7 +508,7 @@ class Run;
 class Solver {
  public:
   Solver();  // of two empty meshes
-  Solver(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks = {},
+  Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks = {},
          const Options& options = {});
   ~Solver();
   Solver(Solver&& other) noexcept;
@@ -454,20 +554,20 @@ struct MappedPoint {
 /// A curve on a surface: the segment from point i to i + 1 lies in the triangle of point i.
 using Polyline = std::vector<SurfacePoint>;
 
-/// One of the two surfaces of a map.
-enum class Side { kA, kB };
-
 /// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
 /// two geometries. Vertices are identified by what they are, so neighbouring polygons share them.
 struct MetaMesh {
-  TriangleMesh a, b;                       // what it refines
-  Points3 on_a, on_b;                      // #M×3, the vertices on either surface
-  Points2 plane;                           // #M×2, the vertices in the common plane
-  std::vector<std::vector<int>> polygons;  // counter-clockwise
-  std::vector<int> face_a, face_b;         // per polygon, the triangles it lies in
-  /// #C×3, where the corners of the polygons, one polygon after the other, lie in face_a and in
-  /// face_b: barycentric coordinates.
+  SharedMesh a, b;                  // what it refines
+  Points3 on_a, on_b;               // #M×3, the vertices on either surface
+  Points2 plane;                    // #M×2, the vertices in the common plane
+  std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
+  /// The corners of polygon p are offsets[p] to offsets[p + 1] - 1, counter-clockwise.
+  std::vector<int> offsets = {0};
+  std::vector<int> corners;  // #C, their vertices
+  /// #C×3, where the corners lie in face_a and in face_b: barycentric coordinates.
   Points3 corner_a, corner_b;
+
+  int n_polygons() const { return static_cast<int>(face_a.size()); }
 };
 
 /// How the map distorts one polygon of the meta mesh, where it is affine.
@@ -507,9 +607,9 @@ struct MapData;
 class SurfaceMap {
  public:
   SurfaceMap();  // maps nothing; its status is kNoMapYet
-  /// Overlays the two embeddings. The coordinates of the meshes are used as given, not scaled.
+  /// Overlays two embeddings. The coordinates of the meshes are used as given, not scaled.
   /// Cost: linear in the number of meta mesh polygons.
-  SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f, const Points2& g);
+  SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g);
   /// The map that compute_map() found, with the meshes it was found on, which may have more
   /// vertices than those given. Where it found none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
@@ -518,6 +618,7 @@ class SurfaceMap {
   /// points are then uncovered.
   Status status() const;
   const std::string& message() const;
+  const TriangleMesh& mesh(Side side) const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
   MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
@@ -560,37 +661,69 @@ std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& 
 /// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
 Remesh remesh(const SurfaceMap& map, Side side);
 
-/// What the rows of attributes belong to. Corner k of face f is row 3 f + k. Texture coordinates
-/// with seams belong to corners.
-enum class Element { kVertex, kFace, kCorner };
-
-/// Attributes of a mesh, or of the corners of a meta mesh.
+/// Attributes of elements.
 struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does not fit
-  Eigen::MatrixXd values;      // a row per element, as many columns as were given
+  Values values;               // a row per element, as many columns as were given
   std::vector<char> covered;   // per row; a row that is not covered is 0
 };
 
-/// Attributes of the mesh on one side, at all corners of the meta mesh: rows as those of
-/// MetaMesh::corner_a. Nothing is lost, neither detail nor seams. Linear cost, thread-safe.
-Attributes to_meta(const MetaMesh& meta, Side side, Element element, const Eigen::MatrixXd& values);
+/// How attributes of some elements become those of others: a sparse matrix, by rows. Value i is the
+/// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
+/// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
+struct Transfer : Outcome {  // kInvalidAttributes: see refine()
+  int n_sources = 0;         // elements that the values given belong to
+  std::vector<int> offsets = {0};
+  std::vector<int> sources;
+  std::vector<double> weights;
 
-/// Attributes of the corners of the meta mesh at vertices or corners of the mesh on one side (the
-/// mean, where corners at a vertex differ), or their mean over the covered part of each face. What
-/// to_meta() made of the same side comes back as it was. Linear cost, thread-safe.
-Attributes from_meta(const MetaMesh& meta, Side side, Element element,
-                     const Eigen::MatrixXd& corners);
+  int rows() const { return static_cast<int>(offsets.size()) - 1; }
+  bool covers(int i) const { return offsets.data()[i] < offsets.data()[i + 1]; }
 
-/// Attributes of the mesh on side `from` at elements of the other mesh: both of the above. It
+  Attributes apply(const Values& values) const;
+
+  /// The same of arrays of the caller's, where `columns` numbers of an element lie behind each
+  /// other, and the next element's a stride of bytes behind. What is not covered keeps its value.
+  template <class T>
+  void apply(const T* values, std::ptrdiff_t stride, int columns, T* result,
+             std::ptrdiff_t result_stride) const {
+    for (int i = 0; i < rows(); ++i)
+      for (int c = 0; c < columns && covers(i); ++c) {
+        double sum = 0;
+        for (int k = offsets.data()[i]; k < offsets.data()[i + 1]; ++k)
+          sum += weights.data()[k] * double{at(values, sources.data()[k] * stride)[c]};
+        at(result, i * result_stride)[c] = static_cast<T>(sum);
+      }
+  }
+
+ private:
+  template <class T>
+  static const T* at(const T* first, std::ptrdiff_t bytes) {
+    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + bytes);
+  }
+  template <class T>
+  static T* at(T* first, std::ptrdiff_t bytes) {
+    return reinterpret_cast<T*>(reinterpret_cast<char*>(first) + bytes);
+  }
+};
+
+/// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
+/// MetaMesh::corners. Nothing is lost, neither detail nor seams. Linear cost; all thread-safe.
+Transfer to_meta(const MetaMesh& meta, Side side, Element element);
+
+/// From corners of the meta mesh to vertices or corners of the mesh on one side (the mean, where
+/// corners at a vertex differ), or to its faces, as the mean over the covered part. What to_meta()
+/// made of the same side comes back as it was. Cost O(n log n), as of all below.
+Transfer from_meta(const MetaMesh& meta, Side side, Element element);
+
+/// From elements of the mesh on side `from` to those of the other mesh: both of the above. It
 /// samples: on a coarser mesh, detail is lost; corners of a face across a seam of texture
-/// coordinates lie on either side of it, so keep to_meta()'s for these. Linear cost, thread-safe.
-Attributes transfer(const MetaMesh& meta, Side from, Element element, const Eigen::MatrixXd& values,
-                    Element target);
+/// coordinates lie on either side of it, so keep to_meta()'s for these.
+Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
-/// Attributes of a mesh at the elements of the same mesh with vertices added in the middle of edges
-/// (Embedding::a and added_a, or b and added_b). Cost O(n log n), thread-safe.
-Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
-                  const std::vector<Midpoint>& added, Element element,
-                  const Eigen::MatrixXd& values);
+/// From elements of a mesh to those of the same mesh with vertices added in the middle of edges
+/// (Embedding::a and added_a, or b and added_b).
+Transfer refine(const MeshView& mesh, const MeshView& refined, const std::vector<Midpoint>& added,
+                Element element);
 
 /// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
 Points3 linear_morph(const MetaMesh& meta, double t);
@@ -610,7 +743,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdint>
+#include <cstring>
 #include <exception>
 #include <initializer_list>
 #include <utility>
@@ -877,8 +1010,13 @@ inline std::string join(const std::vector<int>& ids) {
   return result;
 }
 
+inline ElementId vertex_id(Side side, int v) { return {side, Element::kVertex, v}; }
+inline const char* letter(Side side) { return side == Side::kA ? "A" : "B"; }
+inline Side other(Side side) { return side == Side::kA ? Side::kB : Side::kA; }
+
 /// Fills an outcome; returns false for `return fail(...)`.
-inline bool fail(Outcome& outcome, Status status, Words message, const std::vector<int>& ids = {}) {
+inline bool fail(Outcome& outcome, Status status, Words message,
+                 const std::vector<ElementId>& ids = {}) {
   outcome.status = status;
   outcome.message = sentence(message);
   outcome.ids = ids;
@@ -1581,10 +1719,12 @@ inline JointSurface join(const SurfacePair& pair) {
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
-  void add(Problem::Kind kind, Words message, const std::vector<int>& ids) {
+  void add(Problem::Kind kind, Words message, Element element, const std::vector<int>& ids) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
-      problems.push_back({kind, sentence(message), ids});
+      problems.push_back({kind, sentence(message), element, ids});
   }
+  /// What concerns the mesh as a whole.
+  void add(Problem::Kind kind, Words message) { add(kind, message, Element::kVertex, {}); }
   std::vector<Problem> problems;
 
  private:
@@ -1596,7 +1736,7 @@ inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
     const Vec3 p = row3(mesh.vertices, v);
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       list.add(Problem::Kind::kNonFiniteCoordinate,
-               {"vertex ", v, " has a coordinate that is not finite"}, {v});
+               {"vertex ", v, " has a coordinate that is not finite"}, Element::kVertex, {v});
   }
 }
 
@@ -1608,7 +1748,7 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
       if (v < 0 || v >= n)
         list.add(Problem::Kind::kIndexOutOfRange,
                  {"triangle ", f, " refers to vertex ", v, ", but there are ", n, " vertices"},
-                 {f});
+                 Element::kFace, {f});
     }
 }
 
@@ -1642,7 +1782,7 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
     if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
       defect = " uses a vertex twice";
     if (defect != nullptr)
-      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defect}, {f});
+      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defect}, Element::kFace, {f});
   }
 }
 
@@ -1658,7 +1798,7 @@ inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
     if (std::equal(corners[i].begin(), corners[i].begin() + 3, corners[i - 1].begin()))
       list.add(Problem::Kind::kRepeatedTriangle,
                {"triangles ", corners[i - 1][3], " and ", corners[i][3], " have the same vertices"},
-               {corners[i - 1][3], corners[i][3]});
+               Element::kFace, {corners[i - 1][3], corners[i][3]});
 }
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
@@ -1670,12 +1810,13 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
     const std::string edge = sentence({"edge ", uses[begin].lo, "-", uses[begin].hi});
     if (faces.size() > 2)
       list.add(Problem::Kind::kNonManifoldEdge,
-               {edge, " has ", end - begin, " triangles: ", join(faces)}, faces);
+               {edge, " has ", end - begin, " triangles: ", join(faces)}, Element::kFace, faces);
     if (faces.size() != 2) return;
     const int h0 = uses[begin].half_edge, h1 = uses[begin + 1].half_edge;
     if (mesh.triangles(h0 / 3, h0 % 3) == mesh.triangles(h1 / 3, h1 % 3))
       list.add(Problem::Kind::kInconsistentOrientation,
-               {"triangles ", join(faces), " run through ", edge, " in the same direction"}, faces);
+               {"triangles ", join(faces), " run through ", edge, " in the same direction"},
+               Element::kFace, faces);
   });
 }
 
@@ -1687,7 +1828,8 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   for (int v : m.tail) ++incident[v];
   for (int v = 0; v < m.n_vertices; ++v) {
     if (incident[v] == 0) {
-      list.add(Problem::Kind::kUnreferencedVertex, {"vertex ", v, " is used by no triangle"}, {v});
+      list.add(Problem::Kind::kUnreferencedVertex, {"vertex ", v, " is used by no triangle"},
+               Element::kVertex, {v});
       continue;
     }
     if (!edges_are_sound) continue;
@@ -1699,7 +1841,7 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
     if (fan != incident[v])
       list.add(Problem::Kind::kNonManifoldVertex,
                {"vertex ", v, " joins ", incident[v], " triangles that form more than one fan"},
-               {v});
+               Element::kVertex, {v});
   }
 }
 
@@ -1730,28 +1872,77 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
     list.add(Problem::Kind::kSeveralComponents,
-             {"the mesh has ", components, " components, 1 is needed"}, {});
+             {"the mesh has ", components, " components, 1 is needed"});
   std::vector<int> loops;  // one vertex of each
   for (int i = 0; i < m.loops(); ++i) loops.push_back(m.tail[m.boundary[m.loop[i]]]);
   if (loops.empty())
-    list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole so that it is a disk"}, {});
+    list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole so that it is a disk"});
   if (loops.size() > 1)
     list.add(Problem::Kind::kSeveralBoundaries,
              {"the mesh has ", static_cast<int>(loops.size()),
               " boundary loops, 1 is needed; they pass through vertices ", join(loops)},
-             loops);
+             Element::kVertex, loops);
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   if (chi != 1 && components == 1 && loops.size() == 1)
     list.add(Problem::Kind::kWrongEulerCharacteristic,
-             {"the Euler characteristic is ", chi, ", a disk has 1; the mesh has handles"}, {});
+             {"the Euler characteristic is ", chi, ", a disk has 1; the mesh has handles"});
+}
+
+template <class T>
+T number_at(const char* place) {
+  T value;
+  std::memcpy(&value, place, sizeof value);  // a stride may leave it unaligned
+  return value;
+}
+
+template <class T>
+T number_at(BufferView::Scalar scalar, const char* place) {
+  switch (scalar) {
+    case BufferView::Scalar::kFloat:
+      return static_cast<T>(number_at<float>(place));
+    case BufferView::Scalar::kDouble:
+      return static_cast<T>(number_at<double>(place));
+    case BufferView::Scalar::kInt16:
+      return number_at<std::int16_t>(place);
+    case BufferView::Scalar::kUint16:
+      return number_at<std::uint16_t>(place);
+    case BufferView::Scalar::kInt32:
+      return static_cast<T>(number_at<std::int32_t>(place));
+    case BufferView::Scalar::kUint32:
+      return static_cast<T>(number_at<std::uint32_t>(place));
+  }
+  return T();
+}
+
+/// A buffer as a matrix; one without data, or with more rows than ids can count, has no rows.
+template <class T>
+Rows<T, 3> copied(const BufferView& view) {
+  constexpr std::ptrdiff_t kMost = (std::numeric_limits<int>::max)() / 6;  // half-edges of A ⊔ B
+  const bool is_there = view.data != nullptr && view.rows > 0 && view.rows <= kMost;
+  Rows<T, 3> copy(is_there ? view.rows : 0, 3);
+  for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
+    for (int c = 0; c < 3; ++c)
+      copy.data()[3 * i + c] =
+          number_at<T>(view.scalar, static_cast<const char*>(view.data) + i * view.row_stride +
+                                        c * view.column_stride);
+  return copy;
+}
+
+inline TriangleMesh copied(const MeshView& mesh) {
+  return {copied<double>(mesh.positions), copied<int>(mesh.triangles)};
+}
+
+inline SharedMesh shared(const MeshView& mesh) {
+  return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
 /// What keeps a mesh from being a clean triangulated disk; if nothing, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m) {
   ProblemList list;
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Problem::Kind::kEmpty, {"the mesh has no vertices or no triangles"}, {});
+    list.add(Problem::Kind::kEmpty, {"the mesh has no vertices or no triangles, or not three "
+                                     "numbers for each"});
     return list.problems;
   }
   check_vertices(mesh, list);
@@ -6020,10 +6211,10 @@ class Hierarchy {
   static constexpr int kBase = 50;  // vertices of the coarsest mesh
 
   /// `angle`: where boundary vertices go on the circle, by connectivity.
-  Hierarchy(const Surface& s, const char* name, const Array<char>& is_protected, Approach approach,
+  Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, Approach approach,
             const Array<double>& angle, const Executor& executor)
       : s_(s),
-        name_(name),
+        side_(side),
         approach_(approach),
         executor_(executor),
         angle_(angle),
@@ -6034,7 +6225,8 @@ class Hierarchy {
   }
 
   const Surface& surface() const { return s_; }
-  const char* name() const { return name_; }  // "A" or "B"
+  Side side() const { return side_; }
+  const char* name() const { return letter(side_); }
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
   bool has(int v) const { return !mesh_.faces_of[v].empty(); }
   bool is_full() const { return collapses_.empty(); }
@@ -6340,7 +6532,7 @@ class Hierarchy {
   static constexpr int kMostHalvings = 44;  // what is left after them is no room
 
   const Surface& s_;
-  const char* const name_;
+  const Side side_;
   const Approach approach_;
   const Executor& executor_;
   const Array<double> angle_;  // per vertex of the full mesh
@@ -6449,12 +6641,16 @@ inline Array<Landmark> boundary_landmarks(const SurfacePair& pair,
   return sorted;
 }
 
-/// " 3-5 7-9", and the vertices of A.
-inline std::string names_of(const Array<Landmark>& landmarks, std::vector<int>& ids) {
+inline std::vector<ElementId> ids_of(const Landmark& l) {
+  return {vertex_id(Side::kA, l.a), vertex_id(Side::kB, l.b)};
+}
+
+/// " 3-5 7-9", and their vertices.
+inline std::string names_of(const Array<Landmark>& landmarks, std::vector<ElementId>& ids) {
   std::string names;
   for (const Landmark& l : landmarks) {
     names += sentence({" ", l.a, "-", l.b});
-    ids.push_back(l.a);
+    for (const ElementId& id : ids_of(l)) ids.push_back(id);
   }
   return names;
 }
@@ -6468,7 +6664,7 @@ inline bool check_order(const SurfacePair& pair, const std::vector<Landmark>& la
   for (int i = 0; i < sorted.size(); ++i)
     around += fraction(arc[sorted[(i + 1) % sorted.size()].b] - arc[sorted[i].b]);
   if (around < 1.5) return true;
-  std::vector<int> ids;
+  std::vector<ElementId> ids;
   const std::string names = names_of(sorted, ids);
   return fail(outcome, Status::kInvalidLandmarks,
               {"the landmarks on the boundaries are in different order on A and B:", names,
@@ -6781,8 +6977,8 @@ class PairEmbedder {
   void add(Step step) { steps_.push_back(std::move(step)); }
 
   void plan() {
-    add([this] { return decimate(pair_.a, "A", true, outline_a_, a_); });
-    add([this] { return decimate(pair_.b, "B", false, outline_b_, b_); });
+    add([this] { return decimate(pair_.a, Side::kA, outline_a_, a_); });
+    add([this] { return decimate(pair_.b, Side::kB, outline_b_, b_); });
     if (approach_ == Approach::kShape)
       plan_to_meet_early();
     else
@@ -6819,21 +7015,21 @@ class PairEmbedder {
       add([this, weight] { return relax_both(weight); });
   }
 
-  bool fail(Words message, const std::vector<int>& ids = {}) const {
+  bool fail(Words message, const std::vector<ElementId>& ids = {}) const {
     return detail::fail(*result_, Status::kNumericalFailure, message, ids);
   }
 
-  bool decimate(const Surface& s, const char* name, bool is_a, const Outline* outline,
+  bool decimate(const Surface& s, Side side, const Outline* outline,
                 std::unique_ptr<Hierarchy>& h) const {
-    tell({"decimating ", name});
+    tell({"decimating ", letter(side)});
     Array<char> keep(s.mesh.n_vertices, 0);
-    for (const Landmark& l : landmarks_) keep[is_a ? l.a : l.b] = 1;
-    h = std::make_unique<Hierarchy>(s, name, keep, approach_, boundary_angles(s.mesh, outline),
+    for (const Landmark& l : landmarks_) keep[side == Side::kA ? l.a : l.b] = 1;
+    h = std::make_unique<Hierarchy>(s, side, keep, approach_, boundary_angles(s.mesh, outline),
                                     executor_);
     if (executor_.is_stopped()) return true;
     const bool is_embedded = h->embed_base();
     if (executor_.is_stopped()) return true;
-    if (!is_embedded) fail({"Tutte's embedding of the decimated mesh ", name, " failed"});
+    if (!is_embedded) fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
     return false;
   }
 
@@ -6934,7 +7130,8 @@ class PairEmbedder {
   bool grow(Hierarchy& h) const {
     const int stuck = h.grow();
     if (stuck >= 0)
-      fail({"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"}, {stuck});
+      fail({"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"},
+           {vertex_id(h.side(), stuck)});
     return stuck < 0;
   }
 
@@ -7199,7 +7396,7 @@ class LandmarkJoiner {
       refine(refinements_++ == 0 ? apart_ : landmarks_, result);
       return true;
     }
-    std::vector<int> ids;
+    std::vector<ElementId> ids;
     const std::string names = names_of(apart_, ids);
     return fail(result, Status::kInvalidLandmarks, {"these landmarks could not be joined:", names},
                 ids);
@@ -7648,11 +7845,11 @@ class CurveMapper {
 // ---- what a SurfaceMap holds ----
 
 struct MapData : Outcome {  // kDone if the pair is there
-  TriangleMesh a, b;
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   EmbeddedPair pair;
 
   bool ok() const { return status == Status::kDone; }
-  const TriangleMesh& mesh(Side side) const { return side == Side::kA ? a : b; }
+  const TriangleMesh& mesh(Side side) const { return side == Side::kA ? *a : *b; }
   int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
 
@@ -7788,8 +7985,8 @@ class MetaMeshBuilder {
     for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
       mesh.face_a.push_back(p.ta);
       mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
-      mesh.polygons.emplace_back();
-      for (int i = 0; i < p.count; ++i) mesh.polygons.back().push_back(id_[next++]);
+      for (int i = 0; i < p.count; ++i) mesh.corners.push_back(id_[next++]);
+      mesh.offsets.push_back(next);
     }
   }
 
@@ -7877,6 +8074,7 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
 
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
+const TriangleMesh& SurfaceMap::mesh(Side side) const { return data_->mesh(side); }
 MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
@@ -7961,83 +8159,90 @@ struct MetaSide {
 };
 
 inline MetaSide meta_side(const MetaMesh& meta, Side side) {
-  if (side == Side::kA) return {meta.a, meta.face_a, meta.corner_a};
-  return {meta.b, meta.face_b, meta.corner_b};
+  if (side == Side::kA) return {*meta.a, meta.face_a, meta.corner_a};
+  return {*meta.b, meta.face_b, meta.corner_b};
 }
 
-inline Eigen::Index element_count(const TriangleMesh& mesh, Element element) {
-  if (element == Element::kVertex) return mesh.vertices.rows();
-  return (element == Element::kFace ? 1 : 3) * mesh.triangles.rows();
+inline int element_count(const TriangleMesh& mesh, Element element) {
+  if (element == Element::kVertex) return static_cast<int>(mesh.vertices.rows());
+  return (element == Element::kFace ? 1 : 3) * static_cast<int>(mesh.triangles.rows());
 }
 
 /// The row of the attribute at corner k of face f.
-inline Eigen::Index element_row(const TriangleMesh& mesh, Element element, int f, int k) {
+inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) {
   if (element == Element::kVertex) return mesh.triangles(f, k);
-  return element == Element::kFace ? f : 3 * Eigen::Index{f} + k;
+  return element == Element::kFace ? f : 3 * f + k;
 }
 
-inline Attributes invalid_attributes(Words message) {
-  Attributes result;
-  fail(result, Status::kInvalidAttributes, message);
+/// An entry of a Transfer.
+struct Share {
+  int row, source;
+  double weight;
+  bool operator<(const Share& o) const { return row != o.row ? row < o.row : source < o.source; }
+};
+
+/// The sum of some shares, in an order of its own.
+inline Transfer transfer_of(int rows, int n_sources, Array<Share> shares) {
+  std::stable_sort(shares.begin(), shares.end());
+  Transfer result;
+  result.n_sources = n_sources;
+  for (int i = 0, row = 0; row < rows; ++row) {
+    for (; i < shares.size() && shares[i].row == row; ++i)
+      if (i > 0 && !(shares[i - 1] < shares[i])) {
+        result.weights.back() += shares[i].weight;
+      } else {
+        result.sources.push_back(shares[i].source);
+        result.weights.push_back(shares[i].weight);
+      }
+    result.offsets.push_back(static_cast<int>(result.sources.size()));
+  }
   return result;
 }
 
-inline Attributes misfit(Eigen::Index given, Eigen::Index wanted, const char* per) {
-  return invalid_attributes({"the attributes have ", static_cast<int>(given), " rows, but ",
-                             static_cast<int>(wanted), " are needed, one per ", per});
+/// What a place in a face, in barycentric coordinates, has of the attributes of elements.
+inline void add_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
+                      Array<Share>& shares) {
+  if (element == Element::kFace) return shares.push_back({row, f, 1});
+  for (int k = 0; k < 3; ++k)
+    if (place[k] != 0) shares.push_back({row, element_row(mesh, element, f, k), place[k]});
 }
 
-inline const char* element_name(Element element) {
-  if (element == Element::kVertex) return "vertex";
-  return element == Element::kFace ? "face" : "corner of a face";
+/// Makes the weights of every row add up to 1.
+inline void average(int rows, Array<Share>& shares) {
+  Array<double> total(rows, 0);
+  for (const Share& share : shares) total[share.row] += share.weight;
+  for (Share& share : shares) share.weight /= total[share.row];
 }
-
-/// to[i] += weight · from[j], row by row.
-inline void add_row(double weight, const Eigen::MatrixXd& from, Eigen::Index j, Eigen::MatrixXd& to,
-                    Eigen::Index i) {
-  for (Eigen::Index c = 0; c < to.cols(); ++c) to(i, c) += weight * from(j, c);
-}
-
-/// Sums of attributes and of their weights.
-struct WeightedRows {
-  Eigen::MatrixXd sum;
-  Array<double> weight;
-  WeightedRows(Eigen::Index rows, Eigen::Index columns)
-      : sum(Eigen::MatrixXd::Zero(rows, columns)), weight(static_cast<int>(rows), 0) {}
-
-  Attributes means() {
-    Attributes result;
-    for (int i = 0; i < weight.size(); ++i) {
-      result.covered.push_back(weight[i] > 0);
-      for (Eigen::Index c = 0; c < sum.cols() && weight[i] > 0; ++c) sum(i, c) /= weight[i];
-    }
-    result.values.swap(sum);
-    return result;
-  }
-};
 
 /// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
-inline void add_vertices(const MetaSide& side, Element element, int f, Eigen::Index first,
-                         Eigen::Index last, const Eigen::MatrixXd& corners, WeightedRows& rows) {
-  for (Eigen::Index c = first; c < last; ++c)
-    for (int k = 0; k < 3; ++k) {
-      if (side.corner(c, k) != 1) continue;
-      const Eigen::Index row = element_row(side.mesh, element, f, k);
-      add_row(1, corners, c, rows.sum, row);
-      rows.weight[static_cast<int>(row)] += 1;
-    }
+inline void add_vertices(const MetaSide& side, Element element, int f, int first, int last,
+                         Array<Share>& shares) {
+  for (int c = first; c < last; ++c)
+    for (int k = 0; k < 3; ++k)
+      if (side.corner(c, k) == 1) shares.push_back({element_row(side.mesh, element, f, k), c, 1});
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
-inline void add_integral(const MetaSide& side, int f, Eigen::Index first, Eigen::Index last,
-                         const Eigen::MatrixXd& corners, WeightedRows& rows) {
-  const auto point = [&](Eigen::Index c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
-  for (Eigen::Index c = first + 1; c + 1 < last; ++c) {
-    const double area =
-        (std::max)(0.0, cross(point(c) - point(first), point(c + 1) - point(first)));
-    for (Eigen::Index corner : {first, c, c + 1}) add_row(area / 3, corners, corner, rows.sum, f);
-    rows.weight[f] += area;
+inline void add_integral(const MetaSide& side, int f, int first, int last, Array<Share>& shares) {
+  const auto point = [&](int c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
+  for (int c = first + 1; c + 1 < last; ++c) {
+    const double area = cross(point(c) - point(first), point(c + 1) - point(first));
+    if (!(area > 0)) continue;
+    for (int corner : {first, c, c + 1}) shares.push_back({f, corner, area / 3});
   }
+}
+
+/// First one, then the other.
+inline Transfer composed(const Transfer& second, const Transfer& first) {
+  Array<Share> shares;
+  for (int row = 0; row < second.rows(); ++row)
+    for (int i = second.offsets.data()[row]; i < second.offsets.data()[row + 1]; ++i) {
+      const int* begin = first.offsets.data() + second.sources.data()[i];
+      for (int k = begin[0]; k < begin[1]; ++k)
+        shares.push_back(
+            {row, first.sources.data()[k], second.weights.data()[i] * first.weights.data()[k]});
+    }
+  return transfer_of(second.rows(), first.n_sources, std::move(shares));
 }
 
 // ---- meshes with vertices added in the middle of edges ----
@@ -8073,72 +8278,77 @@ inline bool halve_edges(const std::vector<Midpoint>& added, Refinement& r) {
 
 }  // namespace detail
 
-Attributes to_meta(const MetaMesh& meta, Side side, Element element,
-                   const Eigen::MatrixXd& values) {
-  const detail::MetaSide s = detail::meta_side(meta, side);
-  const Eigen::Index rows = detail::element_count(s.mesh, element);
-  if (values.rows() != rows)
-    return detail::misfit(values.rows(), rows, detail::element_name(element));
+Attributes Transfer::apply(const Values& values) const {
   Attributes result;
-  result.values.setZero(s.corner.rows(), values.cols());
-  result.covered.assign(static_cast<std::size_t>(s.corner.rows()), 1);
-  Eigen::Index c = 0;
-  for (std::size_t p = 0; p < meta.polygons.size(); ++p)
-    for (std::size_t n = 0; n < meta.polygons[p].size(); ++n, ++c)
-      for (int k = 0; k < (element == Element::kFace ? 1 : 3); ++k)
-        detail::add_row(element == Element::kFace ? 1 : s.corner(c, k), values,
-                        detail::element_row(s.mesh, element, s.face[p], k), result.values, c);
+  if (status != Status::kDone) {
+    detail::fail(result, status, {message});
+  } else if (values.rows() != n_sources) {
+    detail::fail(result, Status::kInvalidAttributes,
+                 {"the attributes have ", static_cast<int>(values.rows()), " rows, but ", n_sources,
+                  " are needed"});
+  } else {
+    const int columns = static_cast<int>(values.cols());
+    const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
+    result.values.setZero(rows(), columns);
+    apply(values.data(), stride, columns, result.values.data(), stride);
+    for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
+  }
   return result;
 }
 
-Attributes from_meta(const MetaMesh& meta, Side side, Element element,
-                     const Eigen::MatrixXd& corners) {
+Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
-  if (corners.rows() != s.corner.rows())
-    return detail::misfit(corners.rows(), s.corner.rows(), "corner of the meta mesh");
-  detail::WeightedRows rows(detail::element_count(s.mesh, element), corners.cols());
-  Eigen::Index first = 0;
-  for (std::size_t p = 0; p < meta.polygons.size(); ++p) {
-    const Eigen::Index last = first + static_cast<Eigen::Index>(meta.polygons[p].size());
+  detail::Array<detail::Share> shares;
+  for (int p = 0; p < meta.n_polygons(); ++p)
+    for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c)
+      detail::add_place(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, shares);
+  return detail::transfer_of(static_cast<int>(s.corner.rows()),
+                             detail::element_count(s.mesh, element), std::move(shares));
+}
+
+Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
+  const detail::MetaSide s = detail::meta_side(meta, side);
+  const int rows = detail::element_count(s.mesh, element);
+  detail::Array<detail::Share> shares;
+  for (int p = 0; p < meta.n_polygons(); ++p) {
+    const int f = s.face.data()[p], first = meta.offsets.data()[p];
+    const int last = meta.offsets.data()[p + 1];
     if (element == Element::kFace)
-      detail::add_integral(s, s.face[p], first, last, corners, rows);
+      detail::add_integral(s, f, first, last, shares);
     else
-      detail::add_vertices(s, element, s.face[p], first, last, corners, rows);
-    first = last;
+      detail::add_vertices(s, element, f, first, last, shares);
   }
-  return rows.means();
+  detail::average(rows, shares);
+  return detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
 }
 
-Attributes transfer(const MetaMesh& meta, Side from, Element element, const Eigen::MatrixXd& values,
-                    Element target) {
-  const Attributes corners = to_meta(meta, from, element, values);
-  if (corners.status != Status::kDone) return corners;
-  return from_meta(meta, from == Side::kA ? Side::kB : Side::kA, target, corners.values);
+Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target) {
+  return detail::composed(from_meta(meta, detail::other(from), target),
+                          to_meta(meta, from, element));
 }
 
-Attributes refine(const TriangleMesh& mesh, const TriangleMesh& refined,
-                  const std::vector<Midpoint>& added, Element element,
-                  const Eigen::MatrixXd& values) {
-  const Eigen::Index rows = detail::element_count(mesh, element);
-  if (values.rows() != rows)
-    return detail::misfit(values.rows(), rows, detail::element_name(element));
+Transfer refine(const MeshView& mesh, const MeshView& refined, const std::vector<Midpoint>& added,
+                Element element) {
+  const TriangleMesh coarse = detail::copied(mesh), fine = detail::copied(refined);
   detail::Refinement r;
-  if (!detail::find_problems(mesh, r.mesh).empty() || !detail::halve_edges(added, r) ||
-      r.mesh.n_vertices != refined.vertices.rows() || r.mesh.n_faces != refined.triangles.rows() ||
-      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), refined.triangles.data()))
-    return detail::invalid_attributes(
+  Transfer result;
+  if (!detail::find_problems(coarse, r.mesh).empty() || !detail::halve_edges(added, r) ||
+      r.mesh.n_vertices != fine.vertices.rows() || r.mesh.n_faces != fine.triangles.rows() ||
+      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), fine.triangles.data())) {
+    detail::fail(
+        result, Status::kInvalidAttributes,
         {"the refined mesh is not the mesh with vertices added in the middle of these edges"});
-  Attributes result;
-  result.values.setZero(detail::element_count(refined, element), values.cols());
-  result.covered.assign(static_cast<std::size_t>(result.values.rows()), 1);
-  for (int h = 0; h < r.mesh.tail.size(); ++h) {
-    const Eigen::Index row = detail::element_row(refined, element, h / 3, h % 3);
-    for (Eigen::Index c = 0; c < values.cols(); ++c) result.values(row, c) = 0;
-    for (int k = 0; k < 3; ++k)
-      detail::add_row(r.place[h][k], values, detail::element_row(mesh, element, r.parent[h / 3], k),
-                      result.values, row);
+    return result;
   }
-  return result;
+  const int rows = detail::element_count(fine, element);
+  detail::Array<char> is_known(rows, 0);
+  detail::Array<detail::Share> shares;
+  for (int h = 0; h < r.mesh.tail.size(); ++h) {
+    const int row = detail::element_row(fine, element, h / 3, h % 3);
+    if (is_known[row]++) continue;
+    detail::add_place(coarse, element, r.parent[h / 3], r.place[h], row, shares);
+  }
+  return detail::transfer_of(rows, detail::element_count(coarse, element), std::move(shares));
 }
 
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
@@ -8171,19 +8381,18 @@ std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& 
 
 Remesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const Side other = side == Side::kA ? Side::kB : Side::kA;
   const TriangleMesh& mesh = data.mesh(side);
   Remesh result;
   result.mesh.vertices = Points3::Zero(mesh.vertices.rows(), 3);
   const std::vector<MappedPoint> images = data.map_vertices(side);
   detail::Vec3 first;  // image
   for (std::size_t v = images.size(); v-- > 0;)
-    if (images[v].covered) first = data.position(images[v].point, other);
+    if (images[v].covered) first = data.position(images[v].point, detail::other(side));
   for (int v = 0; v < mesh.vertices.rows(); ++v) {
     const MappedPoint& image = images[static_cast<std::size_t>(v)];
     result.covered.push_back(image.covered);
     detail::set_row(result.mesh.vertices, v,
-                    image.covered ? data.position(image.point, other) : first);
+                    image.covered ? data.position(image.point, detail::other(side)) : first);
   }
   detail::Array<int> corners;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
@@ -8213,35 +8422,38 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 namespace detail {
 
 /// The connectivity of a mesh that is valid.
-inline bool check_mesh(const TriangleMesh& mesh, const char* name, HalfEdgeMesh& m,
-                       Outcome& outcome) {
+inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Outcome& outcome) {
   const std::vector<Problem> problems = find_problems(mesh, m);
   if (problems.empty()) return true;
   const int count = static_cast<int>(problems.size());
   const std::string which = count > 1 ? sentence({" (problem 1 of ", count, ")"}) : "";
-  return fail(outcome, Status::kInvalidMesh, {"mesh ", name, ": ", problems[0].message, which},
-              problems[0].ids);
+  std::vector<ElementId> ids;
+  for (int id : problems[0].ids) ids.push_back({side, problems[0].element, id});
+  return fail(outcome, Status::kInvalidMesh,
+              {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
 /// Half of a landmark, of which there may be one per vertex.
-inline bool check_landmark(const Landmark& l, const char* mesh, int v, Array<char>& used,
+inline bool check_landmark(const Landmark& l, Side side, int v, Array<char>& used,
                            Outcome& outcome) {
+  const char* const mesh = letter(side);
   const std::string name = sentence({"landmark ", l.a, " ", l.b, ": "});
   if (v < 0 || v >= used.size())
     return fail(outcome, Status::kInvalidLandmarks,
                 {name, "mesh ", mesh, " has no vertex ", v, ", it has ", used.size(),
                  " vertices, counted from 0"},
-                {v});
-  return !used[v]++ || fail(outcome, Status::kInvalidLandmarks,
-                            {name, "vertex ", v, " of ", mesh, " is in another landmark"}, {v});
+                {vertex_id(side, v)});
+  return !used[v]++ ||
+         fail(outcome, Status::kInvalidLandmarks,
+              {name, "vertex ", v, " of ", mesh, " is in another landmark"}, {vertex_id(side, v)});
 }
 
 inline bool check_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
                             const std::vector<Landmark>& landmarks, Outcome& outcome) {
   Array<char> used_a(a.n_vertices, 0), used_b(b.n_vertices, 0);
   for (const Landmark& l : landmarks)
-    if (!check_landmark(l, "A", l.a, used_a, outcome) ||
-        !check_landmark(l, "B", l.b, used_b, outcome))
+    if (!check_landmark(l, Side::kA, l.a, used_a, outcome) ||
+        !check_landmark(l, Side::kB, l.b, used_b, outcome))
       return false;
   return true;
 }
@@ -8284,14 +8496,17 @@ inline bool check_options(const Options& o, Outcome& outcome) {
 using Bonds = Array<const char*>;
 
 /// Binds a list of pinned or fixed vertices, each of which must exist and be free.
-inline bool claim(const std::vector<int>& vertices, const char* mesh, const char* how, Bonds& bonds,
+inline bool claim(const std::vector<int>& vertices, Side side, const char* how, Bonds& bonds,
                   Outcome& outcome) {
   for (int v : vertices) {
-    const std::string what = sentence({"vertex ", v, " of ", mesh, " is to be ", how, ", but "});
+    const std::string what =
+        sentence({"vertex ", v, " of ", letter(side), " is to be ", how, ", but "});
     if (v < 0 || v >= bonds.size())
-      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", bonds.size() - 1}, {v});
+      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", bonds.size() - 1},
+                  {vertex_id(side, v)});
     if (bonds[v] != nullptr)
-      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"}, {v});
+      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"},
+                  {vertex_id(side, v)});
     bonds[v] = how;
   }
   return true;
@@ -8311,18 +8526,18 @@ inline bool check_constraints(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
       return fail(outcome, Status::kInvalidLandmarks,
                   {"landmark ", l.a, " ", l.b,
                    ": one vertex is on a boundary, which is held, and the other one is not"},
-                  {l.a, l.b});
+                  ids_of(l));
   }
-  if (!claim(options.fixed_a, "A", "fixed", bonds_a, outcome) ||
-      !claim(options.fixed_b, "B", "fixed", bonds_b, outcome))
+  if (!claim(options.fixed_a, Side::kA, "fixed", bonds_a, outcome) ||
+      !claim(options.fixed_b, Side::kB, "fixed", bonds_b, outcome))
     return false;
   const char* const on_boundary = "on a boundary that is held";
   if (is_held) {
     for (int h : a.boundary) bonds_a[a.tail[h]] = on_boundary;
     for (int h : b.boundary) bonds_b[b.tail[h]] = on_boundary;
   }
-  return claim(options.pins_a, "A", "pinned", bonds_a, outcome) &&
-         claim(options.pins_b, "B", "pinned", bonds_b, outcome);
+  return claim(options.pins_a, Side::kA, "pinned", bonds_a, outcome) &&
+         claim(options.pins_b, Side::kB, "pinned", bonds_b, outcome);
 }
 
 /// Checks everything a call was given, and builds the surfaces.
@@ -8330,8 +8545,8 @@ inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
                        const std::vector<Landmark>& landmarks, const Options& options,
                        SurfacePair& pair, Outcome& outcome) {
   HalfEdgeMesh m, n;
-  if (!check_options(options, outcome) || !check_mesh(a, "A", m, outcome) ||
-      !check_mesh(b, "B", n, outcome) || !check_landmarks(m, n, landmarks, outcome) ||
+  if (!check_options(options, outcome) || !check_mesh(a, Side::kA, m, outcome) ||
+      !check_mesh(b, Side::kB, n, outcome) || !check_landmarks(m, n, landmarks, outcome) ||
       !check_constraints(m, n, landmarks, options, outcome))
     return false;
   pair = {build_surface(std::move(m), a.vertices, options.keep_scale),
@@ -8348,12 +8563,14 @@ inline double largest_landmark_distance(const Embedding& e,
 }
 
 /// The mesh that a surface was built from, with the vertices added since.
-inline TriangleMesh with_added_vertices(const TriangleMesh& given, const Surface& s) {
-  return {with_midpoints(given.vertices, s.added), triangles_from(s.mesh.tail)};
+inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s) {
+  if (s.added.empty()) return given;
+  return std::make_shared<const TriangleMesh>(
+      TriangleMesh{with_midpoints(given->vertices, s.added), triangles_from(s.mesh.tail)});
 }
 
 /// Hands over the meshes that were embedded.
-inline void return_meshes(const TriangleMesh& a, const TriangleMesh& b, const SurfacePair& pair,
+inline void return_meshes(const SharedMesh& a, const SharedMesh& b, const SurfacePair& pair,
                           Embedding& embedding) {
   embedding.a = with_added_vertices(a, pair.a);
   embedding.b = with_added_vertices(b, pair.b);
@@ -8398,8 +8615,12 @@ inline Points2 scaled(double factor, Points2 x) {
 
 /// "5 of A", of a vertex of A ⊔ B; and its id there.
 inline int own_id(const JointSurface& s, int v) { return v < s.n_a ? v : v - s.n_a; }
+inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
-  return sentence({own_id(s, v), v < s.n_a ? " of A" : " of B"});
+  return sentence({own_id(s, v), " of ", letter(side_of(s, v))});
+}
+inline ElementId element_id(const JointSurface& s, int v) {
+  return vertex_id(side_of(s, v), own_id(s, v));
 }
 
 /// Where the start puts pinned vertices.
@@ -8410,8 +8631,8 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
     if (!image.covered)
       return fail(outcome, Status::kInvalidPins,
                   {"pin: vertex ", name_of(pair.s, first + v), " is not mapped to ",
-                   first == 0 ? "B" : "A", " by the start"},
-                  {v});
+                   letter(other(side_of(pair.s, first + v))), " by the start"},
+                  {element_id(pair.s, first + v)});
     followers.push_back(
         follower_in(pair.s.mesh, first + v, image.point.face, weights_of(image.point)));
   }
@@ -8428,7 +8649,7 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
         return fail(outcome, Status::kInvalidPins,
                     {"pin: vertex ", name_of(s, follower.row), " lies in a triangle of vertex ",
                      name_of(s, follower.master[k]), ", which is pinned too"},
-                    {own_id(s, follower.row), own_id(s, follower.master[k])});
+                    {element_id(s, follower.row), element_id(s, follower.master[k])});
   return true;
 }
 
@@ -8442,7 +8663,7 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
       return fail(outcome, Status::kInvalidPositions,
                   {"landmark ", l.a, " ", l.b,
                    ": exact_landmarks needs given positions in which its images coincide"},
-                  {l.a, l.b});
+                  ids_of(l));
     followers.push_back(landmark_follower(s, l));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
@@ -8584,16 +8805,18 @@ void exchange(Archive& io, SavedRun& run) {
 class Run {
  public:
   /// `only_start`: the initial embedding is all that is wanted.
-  Run(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks,
-      const Options& options, bool only_start)
-      : a_(a),
-        b_(b),
+  Run(SharedMesh a, SharedMesh b, const std::vector<Landmark>& landmarks, const Options& options,
+      bool only_start)
+      : a_(std::move(a)),
+        b_(std::move(b)),
         landmarks_(landmarks),
         options_(options),
         only_start_(only_start),
         executor_(options_) {
     if (only_start) executor_.set_embedding_share(1);
-    if (build_pair(a_, b_, landmarks_, options_, pair_, result_)) {
+    result_.start.a = a_;
+    result_.start.b = b_;
+    if (build_pair(*a_, *b_, landmarks_, options_, pair_, result_)) {
       result_.status = Status::kNoMapYet;
       if (!has_positions())
         embedder_ = std::make_unique<Embedder>(pair_, landmarks_, options_, executor_);
@@ -8758,7 +8981,7 @@ class Run {
     result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
   }
 
-  const TriangleMesh a_, b_;
+  const SharedMesh a_, b_;
   const std::vector<Landmark> landmarks_;
   const Options options_;
   const bool only_start_;
@@ -8773,11 +8996,35 @@ class Run {
   std::size_t told_ = 0;  // of the log
 };
 
+// ---- what a SurfaceMap is made of ----
+
+inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const Points2& f,
+                                               const Points2& g) {
+  auto data = std::make_shared<MapData>();
+  HalfEdgeMesh m, n;
+  if (!check_mesh(*a, Side::kA, m, *data) || !check_mesh(*b, Side::kB, n, *data)) return data;
+  data->a = std::move(a);
+  data->b = std::move(b);
+  if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
+  const SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
+                            build_surface(std::move(n), data->b->vertices, false)};
+  data->pair = EmbeddedPair(join(pair), stacked(f, g));
+  if (data->pair.overlay.polygons.empty())
+    fail(*data, Status::kNoOverlap, {words_of(Status::kNoOverlap).sentence});
+  return data;
+}
+
+inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
+  auto data = std::make_shared<MapData>();
+  fail(*data, outcome.status, {outcome.message}, outcome.ids);
+  return data;
+}
+
 }  // namespace detail
 
-std::vector<Problem> validate(const TriangleMesh& mesh) {
+std::vector<Problem> validate(const MeshView& mesh) {
   detail::HalfEdgeMesh m;
-  return detail::find_problems(mesh, m);
+  return detail::find_problems(detail::copied(mesh), m);
 }
 
 const char* to_string(Status s) { return detail::words_of(s).name; }
@@ -8801,26 +9048,27 @@ Options Options::paper() {
   return options;
 }
 
-Embedding initial_embedding(const TriangleMesh& a, const TriangleMesh& b,
+Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks, const Options& options) {
-  detail::Run run(a, b, landmarks, options, true);
+  detail::Run run(detail::shared(a), detail::shared(b), landmarks, options, true);
   while (run.step()) {
   }
   return std::move(run.result().start);
 }
 
-Result compute_map(const TriangleMesh& a, const TriangleMesh& b,
-                   const std::vector<Landmark>& landmarks, const Options& options) {
-  detail::Run run(a, b, landmarks, options, false);
+Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
+                   const Options& options) {
+  detail::Run run(detail::shared(a), detail::shared(b), landmarks, options, false);
   while (run.step()) {
   }
   return std::move(run.result());
 }
 
-Solver::Solver() : Solver(TriangleMesh(), TriangleMesh()) {}
-Solver::Solver(const TriangleMesh& a, const TriangleMesh& b, const std::vector<Landmark>& landmarks,
+Solver::Solver() : Solver(MeshView(), MeshView()) {}
+Solver::Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                const Options& options)
-    : run_(std::make_unique<detail::Run>(a, b, landmarks, options, false)) {}
+    : run_(std::make_unique<detail::Run>(detail::shared(a), detail::shared(b), landmarks, options,
+                                         false)) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&& other) noexcept = default;
 Solver& Solver::operator=(Solver&& other) noexcept = default;
@@ -8850,33 +9098,13 @@ bool Solver::restore(const SolverState& state) {
 
 SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
 
-SurfaceMap::SurfaceMap(const Result& result) {
-  if (is_usable(result.status)) {
-    *this = SurfaceMap(result.start.a, result.start.b, result.f, result.g);
-  } else {
-    auto data = std::make_shared<detail::MapData>();
-    detail::fail(*data, result.status, {result.message}, result.ids);
-    data_ = data;
-  }
-}
+SurfaceMap::SurfaceMap(const Result& result)
+    : data_(is_usable(result.status)
+                ? detail::map_data(result.start.a, result.start.b, result.f, result.g)
+                : detail::no_map(result)) {}
 
-SurfaceMap::SurfaceMap(const TriangleMesh& a, const TriangleMesh& b, const Points2& f,
-                       const Points2& g) {
-  auto data = std::make_shared<detail::MapData>();
-  data_ = data;
-  detail::HalfEdgeMesh m, n;
-  if (!detail::check_mesh(a, "A", m, *data)) return;
-  data->a = a;
-  if (!detail::check_mesh(b, "B", n, *data)) return;
-  data->b = b;
-  if (!detail::check_positions(m, f, "f", *data) || !detail::check_positions(n, g, "g", *data))
-    return;
-  const detail::SurfacePair pair = {detail::build_surface(std::move(m), a.vertices, false),
-                                    detail::build_surface(std::move(n), b.vertices, false)};
-  data->pair = detail::EmbeddedPair(detail::join(pair), detail::stacked(f, g));
-  if (data->pair.overlay.polygons.empty())
-    detail::fail(*data, Status::kNoOverlap, {detail::words_of(Status::kNoOverlap).sentence});
-}
+SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g)
+    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g)) {}
 
 }  // namespace ism
 

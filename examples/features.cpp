@@ -54,7 +54,7 @@ void pin_vertices(const Pair& p) {
 }
 
 /// Landmarks that coincide in the plane to the last bit. Where the meshes are too coarse for it,
-/// vertices are added: the positions are those of r.start.a and r.start.b.
+/// vertices are added: the positions are those of *r.start.a and *r.start.b.
 void join_landmarks(const Pair& p) {
   ism::Options options = some_iterations();
   options.exact_landmarks = true;
@@ -122,12 +122,13 @@ void map_polygons(const Pair& p, const ism::SurfaceMap& map) {
 /// mesh, where nothing is lost, back to A.
 void carry_attributes(const Pair& p, const ism::SurfaceMap& map) {
   const ism::MetaMesh meta = map.meta_mesh();
-  const ism::Attributes on_b = ism::transfer(meta, ism::Side::kA, ism::Element::kVertex,
-                                             p.a.vertices, ism::Element::kVertex);
+  const ism::Attributes on_b =
+      ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex)
+          .apply(p.a.vertices);
   const ism::Attributes corners =
-      ism::to_meta(meta, ism::Side::kA, ism::Element::kVertex, p.a.vertices);
+      ism::to_meta(meta, ism::Side::kA, ism::Element::kVertex).apply(p.a.vertices);
   const ism::Attributes back =
-      ism::from_meta(meta, ism::Side::kA, ism::Element::kVertex, corners.values);
+      ism::from_meta(meta, ism::Side::kA, ism::Element::kVertex).apply(corners.values);
   double error = 0;
   for (Eigen::Index v = 0; v < back.values.rows(); ++v)
     if (back.covered[static_cast<std::size_t>(v)])
@@ -165,7 +166,7 @@ int main(int argc, char** argv) {
   const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, some_iterations());
   print("a map", r);
   std::printf("\n");
-  const ism::SurfaceMap map(p.a, p.b, r.f, r.g);
+  const ism::SurfaceMap map(r);
   map_polygons(p, map);
   carry_attributes(p, map);
   morph(map, r);

@@ -638,8 +638,8 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   return Json(",\n  ")
              .add("status", ism::to_string(result.status))
              .add("message", result.message)
-             .raw("a", json_mesh(args.a, result.start.a, result.start.added_a))
-             .raw("b", json_mesh(args.b, result.start.b, result.start.added_b))
+             .raw("a", json_mesh(args.a, *result.start.a, result.start.added_a))
+             .raw("b", json_mesh(args.b, *result.start.b, result.start.added_b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .raw("options", json_options(args))
              .raw("start", start.text())
@@ -657,7 +657,7 @@ std::string edges_text(const Input& input, const ism::Embedding& start,
                        const ism::SurfaceMap& map) {
   std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
-  for (const auto& path : ism::edge_paths(input.edges_a, start.a, start.added_a))
+  for (const auto& path : ism::edge_paths(input.edges_a, *start.a, start.added_a))
     for (const ism::Polyline& polyline : map.forward_path(path)) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
@@ -675,7 +675,7 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
                                             const ism::SurfaceMap& map, const ism::MetaMesh& meta) {
   const ism::TriangleMesh a_on_b = ism::remesh(map, ism::Side::kA).mesh;
   const ism::TriangleMesh b_on_a = ism::remesh(map, ism::Side::kB).mesh;
-  const ism::TriangleMesh &a = result.start.a, &b = result.start.b;
+  const ism::TriangleMesh &a = *result.start.a, &b = *result.start.b;
   return {
       {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", a.vertices,
                                   a.triangles, result.f)},
@@ -686,8 +686,10 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
       {"B_on_A.obj", mesh_io::obj_text("mesh B on A; vertices without an image are in no face",
                                        b_on_a.vertices, b_on_a.triangles)},
       {"A_edges_on_B.obj", edges_text(input, result.start, map)},
-      {"meta_A.obj", mesh_io::obj_text("common refinement, on A", meta.on_a, meta.polygons)},
-      {"meta_B.obj", mesh_io::obj_text("common refinement, on B", meta.on_b, meta.polygons)},
+      {"meta_A.obj",
+       mesh_io::obj_text("common refinement, on A", meta.on_a, mesh_io::polygons_of(meta))},
+      {"meta_B.obj",
+       mesh_io::obj_text("common refinement, on B", meta.on_b, mesh_io::polygons_of(meta))},
   };
 }
 
@@ -698,15 +700,14 @@ std::string heat_ply(const picture::Scene& scene, ism::Side side) {
   const std::vector<ism::PolygonDistortion>& polygons = scene.distortion;
   Eigen::MatrixXd colors(meta.corner_a.rows(), 3);
   Eigen::VectorXd densities(meta.corner_a.rows());
-  Eigen::Index corner = 0;
   for (std::size_t p = 0; p < polygons.size(); ++p)
-    for (std::size_t k = 0; k < meta.polygons[p].size(); ++k, ++corner) {
+    for (int corner = meta.offsets[p]; corner < meta.offsets[p + 1]; ++corner) {
       densities[corner] = polygons[p].density;
       colors.row(corner) =
           picture::heat_of(polygons[p].density).cast<double>().matrix().transpose();
     }
   return mesh_io::ply_text("distortion", side == ism::Side::kA ? meta.on_a : meta.on_b,
-                           meta.polygons, colors, densities);
+                           mesh_io::polygons_of(meta), colors, densities);
 }
 
 /// The texture coordinates of A as it was embedded, per corner; where it has none, its places in
@@ -714,12 +715,14 @@ std::string heat_ply(const picture::Scene& scene, ism::Side side) {
 Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result) {
   const ism::Embedding& start = result.start;
   if (input.uv_a.rows() > 0)
-    return ism::refine(input.a, start.a, start.added_a, ism::Element::kCorner, input.uv_a).values;
+    return ism::refine(input.a, *start.a, start.added_a, ism::Element::kCorner)
+        .apply(input.uv_a)
+        .values;
   const Eigen::RowVector2d lo = result.f.colwise().minCoeff();
   const double size = (result.f.colwise().maxCoeff() - lo).maxCoeff();
-  Eigen::MatrixXd uv(3 * start.a.triangles.rows(), 2);
+  Eigen::MatrixXd uv(3 * start.a->triangles.rows(), 2);
   for (Eigen::Index c = 0; c < uv.rows(); ++c)
-    uv.row(c) = (result.f.row(start.a.triangles(c / 3, c % 3)) - lo) / size;
+    uv.row(c) = (result.f.row(start.a->triangles(c / 3, c % 3)) - lo) / size;
   return uv;
 }
 
@@ -754,14 +757,14 @@ std::string picture_png(const Input& input, const picture::Scene& scene,
 void add_textured(const Input& input, const ism::Result& result, const ism::MetaMesh& meta,
                   std::vector<mesh_io::TextFile>& files) {
   const Eigen::MatrixXd uv = texture_coordinates(input, result);
-  const ism::Attributes on_b = ism::to_meta(meta, ism::Side::kA, ism::Element::kCorner, uv);
-  const ism::TriangleMesh& a = result.start.a;
+  const ism::Attributes on_b = ism::to_meta(meta, ism::Side::kA, ism::Element::kCorner).apply(uv);
+  const ism::TriangleMesh& a = *result.start.a;
   files.push_back(
       {"A_textured.obj", mesh_io::obj_text("mesh A with its texture", a.vertices,
                                            mesh_io::polygons_of(a.triangles), uv, "textured.mtl")});
-  files.push_back(
-      {"B_textured.obj", mesh_io::obj_text("common refinement on B with the texture of A",
-                                           meta.on_b, meta.polygons, on_b.values, "textured.mtl")});
+  files.push_back({"B_textured.obj",
+                   mesh_io::obj_text("common refinement on B with the texture of A", meta.on_b,
+                                     mesh_io::polygons_of(meta), on_b.values, "textured.mtl")});
   files.push_back({"textured.mtl", mesh_io::mtl_text("texture.png")});
   files.push_back({"texture.png", render::png_text(input.texture)});
 }
@@ -770,12 +773,12 @@ void add_textured(const Input& input, const ism::Result& result, const ism::Meta
 std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const Eigen::MatrixXd& uv) {
   const bool from_a = from == ism::Side::kA;
   ism::Attributes carried =
-      ism::transfer(meta, from, ism::Element::kCorner, uv, ism::Element::kCorner);
+      ism::transfer(meta, from, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
   for (std::size_t c = 0; c < carried.covered.size(); ++c)
     if (!carried.covered[c])
       carried.values.row(static_cast<Eigen::Index>(c))
           .setConstant(std::numeric_limits<double>::quiet_NaN());
-  const ism::TriangleMesh& mesh = from_a ? meta.b : meta.a;
+  const ism::TriangleMesh& mesh = from_a ? *meta.b : *meta.a;
   return mesh_io::obj_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
                            mesh.vertices, mesh_io::polygons_of(mesh.triangles), carried.values, "");
 }
@@ -784,11 +787,13 @@ void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh
             std::vector<mesh_io::TextFile>& files) {
   constexpr ism::Element kCorner = ism::Element::kCorner;
   if (input.uv_a.rows() > 0) {
-    const ism::Attributes uv = ism::refine(input.a, start.a, start.added_a, kCorner, input.uv_a);
+    const ism::Attributes uv =
+        ism::refine(input.a, *start.a, start.added_a, kCorner).apply(input.uv_a);
     files.push_back({"B_uv.obj", uv_text(meta, ism::Side::kA, uv.values)});
   }
   if (input.uv_b.rows() > 0) {
-    const ism::Attributes uv = ism::refine(input.b, start.b, start.added_b, kCorner, input.uv_b);
+    const ism::Attributes uv =
+        ism::refine(input.b, *start.b, start.added_b, kCorner).apply(input.uv_b);
     files.push_back({"A_uv.obj", uv_text(meta, ism::Side::kB, uv.values)});
   }
 }
@@ -808,8 +813,8 @@ std::string add_morph(const Arguments& args, const ism::Result& result, const pi
     shape.triangles = scene.fans.triangles;
     render::Canvas canvas(640, 640);
     canvas.draw(view, shape);
-    files.push_back({frame_name(i) + ".obj",
-                     mesh_io::obj_text("between A and B", shape.vertices, scene.meta.polygons)});
+    files.push_back({frame_name(i) + ".obj", mesh_io::obj_text("between A and B", shape.vertices,
+                                                               mesh_io::polygons_of(scene.meta))});
     files.push_back({frame_name(i) + ".png", render::png_text(canvas.image())});
   }
   return {};
@@ -821,8 +826,8 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
   if (args.picture) {
     picture::Texture texture = picture::front_texture(scene);
     if (!args.texture.empty())
-      texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner,
-                                             texture_coordinates(input, result))
+      texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
+                                    .apply(texture_coordinates(input, result))
                                     .values};
     files.push_back({"picture.png", picture_png(input, scene, texture)});
   }

@@ -89,13 +89,13 @@ Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& t
 
 Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
   Scene scene = {map, map.meta_mesh(), {}, map.distortion(keep_scale), axes};
-  scene.fans = render::fan_out(scene.meta.polygons);
+  scene.fans = render::fan_out(scene.meta.offsets, scene.meta.corners);
   return scene;
 }
 
 Scene scene_of(const ism::SurfaceMap& map, bool keep_scale) {
   Scene scene = scene_of(map, Axes{}, keep_scale);
-  scene.axes.a = front_axes(scene.meta.a);
+  scene.axes.a = front_axes(*scene.meta.a);
   scene.axes.b = scene.axes.a * rotation_between(scene.meta.on_b, scene.meta.on_a);
   return scene;
 }
@@ -110,8 +110,8 @@ render::Shape covered_part(const Scene& scene, ism::Side side) {
   const ism::TriangleMesh& mesh = scene.mesh(side);
   const Eigen::MatrixXd normals =
       render::smooth_normals(mesh.vertices, mesh.triangles).rowwise().normalized();
-  shape.corner_normals =
-      scene.fans.at_corners(ism::to_meta(scene.meta, side, ism::Element::kVertex, normals).values);
+  shape.corner_normals = scene.fans.at_corners(
+      ism::to_meta(scene.meta, side, ism::Element::kVertex).apply(normals).values);
   return shape;
 }
 
@@ -157,7 +157,7 @@ void draw_heat_legend(const render::Rect& rect, render::Canvas& canvas) {
 }
 
 Texture front_texture(const Scene& scene) {
-  const ism::Points3& vertices = scene.meta.a.vertices;
+  const ism::Points3& vertices = scene.meta.a->vertices;
   const render::View view = scene.view(ism::Side::kA, {0, 0, 1, 1});
   Eigen::MatrixXd uv(vertices.rows(), 2);
   for (Eigen::Index v = 0; v < uv.rows(); ++v) {
@@ -165,7 +165,7 @@ Texture front_texture(const Scene& scene) {
     uv.row(v) << p.x(), 1 - p.y();
   }
   return {render::checker_texture(24, 768),
-          ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex, uv).values};
+          ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv).values};
 }
 
 void draw_texture(const Scene& scene, ism::Side side, const Texture& texture,

@@ -46,7 +46,7 @@ struct Scene {
   Axes axes;
 
   const ism::TriangleMesh& mesh(ism::Side side) const {
-    return side == ism::Side::kA ? meta.a : meta.b;
+    return side == ism::Side::kA ? *meta.a : *meta.b;
   }
   /// The mesh on one side, filling a panel.
   render::View view(ism::Side side, const render::Rect& panel) const {

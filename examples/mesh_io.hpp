@@ -101,6 +101,7 @@ inline std::string ply_text(const std::string& comment, const ism::Points3& vert
 
 /// The polygons of a triangle mesh.
 inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles);
+inline std::vector<std::vector<int>> polygons_of(const ism::MetaMesh& meta);
 
 /// Reads a whole text as one number or one integer; false if it is anything else.
 inline bool parse_number(std::string_view text, double& value);
@@ -1033,6 +1034,14 @@ inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles
   std::vector<std::vector<int>> polygons;
   for (Eigen::Index f = 0; f < triangles.rows(); ++f)
     polygons.push_back({triangles(f, 0), triangles(f, 1), triangles(f, 2)});
+  return polygons;
+}
+
+inline std::vector<std::vector<int>> polygons_of(const ism::MetaMesh& meta) {
+  std::vector<std::vector<int>> polygons;
+  for (std::size_t p = 0; p + 1 < meta.offsets.size(); ++p)
+    polygons.emplace_back(meta.corners.begin() + meta.offsets[p],
+                          meta.corners.begin() + meta.offsets[p + 1]);
   return polygons;
 }
 

@@ -103,7 +103,7 @@ inline std::vector<Polygon> polygons_of(const ism::SurfaceMap& map, const ism::M
   std::vector<Polygon> polygons;
   for (const ism::PolygonDistortion& d : map.distortion(true)) {
     const std::size_t p = polygons.size();
-    const Lift a = lift_of(meta.a, f, meta.face_a[p]), b = lift_of(meta.b, g, meta.face_b[p]);
+    const Lift a = lift_of(*meta.a, f, meta.face_a[p]), b = lift_of(*meta.b, g, meta.face_b[p]);
     // Φ is affine: a polygon is as large a part of a triangle in the plane as it is in space.
     const double share = (std::max)(d.area_a / a.area, d.area_b / b.area);
     polygons.push_back({0.5 * (d.area_a + d.area_b),
@@ -153,14 +153,15 @@ class Morph {
     mass_.setZero(meta.on_a.rows());
     for (std::size_t p = 0; p < polygons.size(); ++p) {
       const double area = polygons[p].area;
-      const std::vector<int>& corner = meta.polygons[p];
-      for (std::size_t k = 0; k < corner.size(); ++k) {
-        const int i = corner[k], j = corner[(k + 1) % corner.size()];
+      const int first = meta.offsets[p], last = meta.offsets[p + 1];
+      for (int c = first; c < last; ++c) {
+        const int i = meta.corners[static_cast<std::size_t>(c)];
+        const int j = meta.corners[static_cast<std::size_t>(c + 1 < last ? c + 1 : first)];
         const double square = 0.5 * ((meta.on_a.row(i) - meta.on_a.row(j)).squaredNorm() +
                                      (meta.on_b.row(i) - meta.on_b.row(j)).squaredNorm());
         const double weight = square > area ? area / square : 1;
         edges_.push_back({i, j, p, (std::max)(weight, kLeast)});
-        mass_[i] += area / static_cast<double>(corner.size());
+        mass_[i] += area / (last - first);
       }
     }
     mass_ /= mass_.sum();
@@ -218,7 +219,7 @@ class Morph {
       if (is_known[start]) continue;
       is_known[start] = 1;
       turn_[start] = turn(start, Vec3::Zero());
-      anchors_.push_back(meta.polygons[start][0]);
+      anchors_.push_back(meta.corners[static_cast<std::size_t>(meta.offsets[start])]);
       std::vector<std::size_t> queue = {start};
       for (std::size_t i = 0; i < queue.size(); ++i)
         for (const std::size_t p : neighbours[queue[i]]) {

@@ -164,7 +164,7 @@ struct Fans {
     return result;
   }
 };
-Fans fan_out(const std::vector<std::vector<int>>& polygons);
+Fans fan_out(const std::vector<int>& offsets, const std::vector<int>& corners);
 
 }  // namespace render
 
@@ -255,24 +255,21 @@ inline Color sample(const Image& texture, double u, double v) {
          t * ((1 - s) * pixel(i, j + 1) + s * pixel(i + 1, j + 1));
 }
 
-Fans fan_out(const std::vector<std::vector<int>>& polygons) {
-  Eigen::Index n = 0;
-  for (const std::vector<int>& p : polygons) n += static_cast<Eigen::Index>(p.size()) - 2;
+Fans fan_out(const std::vector<int>& offsets, const std::vector<int>& corners) {
+  const Eigen::Index polygons = static_cast<Eigen::Index>(offsets.size()) - 1;
+  const Eigen::Index n = static_cast<Eigen::Index>(corners.size()) - 2 * polygons;
   Fans fans;
   fans.triangles.resize(n, 3);
   fans.corner.resize(n, 3);
   Eigen::Index f = 0;
-  int first = 0, id = 0;
-  for (const std::vector<int>& p : polygons) {
-    const int size = static_cast<int>(p.size());
-    for (int k = 1; k + 1 < size; ++k, ++f) {
-      fans.triangles.row(f) << p[0], p[static_cast<std::size_t>(k)],
-          p[static_cast<std::size_t>(k) + 1];
-      fans.corner.row(f) << first, first + k, first + k + 1;
-      fans.polygon.push_back(id);
+  for (int p = 0; p < polygons; ++p) {
+    const int first = offsets[static_cast<std::size_t>(p)];
+    for (int c = first + 1; c + 1 < offsets[static_cast<std::size_t>(p) + 1]; ++c, ++f) {
+      fans.corner.row(f) << first, c, c + 1;
+      for (int k = 0; k < 3; ++k)
+        fans.triangles(f, k) = corners[static_cast<std::size_t>(fans.corner(f, k))];
+      fans.polygon.push_back(p);
     }
-    first += size;
-    ++id;
   }
   return fans;
 }

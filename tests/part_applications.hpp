@@ -15,6 +15,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -248,7 +250,7 @@ TEST_CASE("a point that is none interrupts a curve") {
 TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Midpoint>& added) {
   ism::detail::Surface halved = ism::detail::build_surface(mesh, true);
   ism::detail::split_edges(added, halved);
-  return ism::detail::with_added_vertices(mesh, halved);
+  return *ism::detail::with_added_vertices(ism::detail::shared(mesh), halved);
 }
 
 TEST_CASE("paths follow edges that were halved") {
@@ -312,9 +314,9 @@ TEST_CASE("attributes of either mesh come back from the meta mesh as they were")
                                   : element == Element::kFace ? mesh.triangles.rows()
                                                               : 3 * mesh.triangles.rows();
         const Eigen::MatrixXd values = random_values(rows, rng);
-        const Attributes there = ism::to_meta(meta, side, element, values);
+        const Attributes there = ism::to_meta(meta, side, element).apply(values);
         REQUIRE(there.status == Status::kDone);
-        const Attributes back = ism::from_meta(meta, side, element, there.values);
+        const Attributes back = ism::from_meta(meta, side, element).apply(there.values);
         REQUIRE(back.status == Status::kDone);
         int covered = 0;
         for (Eigen::Index i = 0; i < rows; ++i) {
@@ -336,7 +338,7 @@ TEST_CASE("positions as attributes arrive where the map says") {
   const SurfaceMap map = good_map(a, b);
   const MetaMesh meta = map.meta_mesh();
   const Attributes at_b =
-      ism::transfer(meta, Side::kA, Element::kVertex, a.mesh.vertices, Element::kVertex);
+      ism::transfer(meta, Side::kA, Element::kVertex, Element::kVertex).apply(a.mesh.vertices);
   const std::vector<MappedPoint> images = map.backward_vertices();
   for (int v = 0; v < b.mesh.vertices.rows(); ++v) {
     const MappedPoint& image = images[static_cast<std::size_t>(v)];
@@ -361,10 +363,11 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
   };
   Rng rng(16);
   const Eigen::MatrixXd values = random_values(a.mesh.triangles.rows(), rng);
-  const Attributes faces = ism::transfer(meta, Side::kA, Element::kFace, values, Element::kFace);
+  const Attributes faces =
+      ism::transfer(meta, Side::kA, Element::kFace, Element::kFace).apply(values);
   CHECK(integral(b, faces.values) == doctest::Approx(integral(a, values)).epsilon(1e-9));
   const Attributes corners =
-      ism::transfer(meta, Side::kB, Element::kVertex, b.mesh.vertices, Element::kCorner);
+      ism::transfer(meta, Side::kB, Element::kVertex, Element::kCorner).apply(b.mesh.vertices);
   for (int f = 0; f < a.mesh.triangles.rows(); ++f)
     for (int k = 0; k < 3; ++k)
       CHECK((corners.values.row(3 * f + k) - a.mesh.vertices.row(a.mesh.triangles(f, k))).norm() <
@@ -377,7 +380,8 @@ TEST_CASE("attributes follow vertices that were added") {
   const std::vector<ism::Midpoint> added = {{30, 31}, {30, n}, {n, n + 1}, {0, 1}};
   const TriangleMesh fine = with_midpoints(mesh, added);
   REQUIRE(fine.triangles.rows() > mesh.triangles.rows());
-  const Attributes at_vertices = ism::refine(mesh, fine, added, Element::kVertex, mesh.vertices);
+  const Attributes at_vertices =
+      ism::refine(mesh, fine, added, Element::kVertex).apply(mesh.vertices);
   REQUIRE(at_vertices.status == Status::kDone);
   CHECK((at_vertices.values - fine.vertices).cwiseAbs().maxCoeff() < 1e-15);
   const auto corners = [](const TriangleMesh& m) {  // with a seam at every edge
@@ -396,8 +400,8 @@ TEST_CASE("attributes follow vertices that were added") {
     normals.row(f) = normal(mesh, f).transpose();
     given.middleRows(3 * f, 3).rowwise() += 10 * normals.row(f);
   }
-  const Attributes at_faces = ism::refine(mesh, fine, added, Element::kFace, normals);
-  const Attributes at_corners = ism::refine(mesh, fine, added, Element::kCorner, given);
+  const Attributes at_faces = ism::refine(mesh, fine, added, Element::kFace).apply(normals);
+  const Attributes at_corners = ism::refine(mesh, fine, added, Element::kCorner).apply(given);
   Eigen::MatrixXd wanted = corners(fine);
   for (Eigen::Index f = 0; f < fine.triangles.rows(); ++f) {
     CHECK((at_faces.values.row(f).transpose() - normal(fine, f)).norm() < 1e-12);
@@ -413,17 +417,62 @@ TEST_CASE("attributes follow vertices that were added") {
   torn.triangles(3, 1) = static_cast<int>(fine.vertices.rows());
   reordered.triangles.row(0).swap(reordered.triangles.row(1));
   for (const Attributes& refused :
-       {ism::refine(mesh, torn, added, Element::kVertex, mesh.vertices),
-        ism::refine(mesh, reordered, added, Element::kVertex, mesh.vertices),
-        ism::refine(fine, mesh, added, Element::kVertex, fine.vertices),
-        ism::refine(mesh, fine, {}, Element::kVertex, mesh.vertices),
-        ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex,
-                    mesh.vertices)})
+       {ism::refine(mesh, torn, added, Element::kVertex).apply(mesh.vertices),
+        ism::refine(mesh, reordered, added, Element::kVertex).apply(mesh.vertices),
+        ism::refine(fine, mesh, added, Element::kVertex).apply(fine.vertices),
+        ism::refine(mesh, fine, {}, Element::kVertex).apply(mesh.vertices),
+        ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex)
+            .apply(mesh.vertices)})
     check_refused(refused,
                   "the refined mesh is not the mesh with vertices added in the middle of these "
                   "edges");
-  check_refused(ism::refine(mesh, fine, added, Element::kFace, mesh.vertices),
-                "the attributes have 81 rows, but 128 are needed, one per face");
+  check_refused(ism::refine(mesh, fine, added, Element::kFace).apply(mesh.vertices),
+                "the attributes have 81 rows, but 128 are needed");
+}
+
+TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weights add up to 1") {
+  const auto [a, b] = overlapping_pair(20);
+  const MetaMesh meta = good_map(a, b).meta_mesh();
+  Rng rng(21);
+  for (Element element : {Element::kVertex, Element::kFace, Element::kCorner})
+    for (Element target : {Element::kVertex, Element::kFace, Element::kCorner}) {
+      const ism::Transfer transfer = ism::transfer(meta, Side::kA, element, target);
+      const Eigen::MatrixXd values = random_values(transfer.n_sources, rng);
+      const Attributes wanted = transfer.apply(values);
+      REQUIRE(wanted.values.rows() == transfer.rows());
+      struct Item {
+        int before;
+        float value[2];
+      };
+      std::vector<Item> in(static_cast<std::size_t>(transfer.n_sources)),
+          out(static_cast<std::size_t>(transfer.rows()), {1, {5, 5}});
+      for (std::size_t i = 0; i < in.size(); ++i)
+        for (int c = 0; c < 2; ++c)
+          in[i].value[c] = static_cast<float>(values(static_cast<Eigen::Index>(i), c));
+      transfer.apply(in[0].value, sizeof(Item), 2, out[0].value, sizeof(Item));
+      int covered = 0;
+      for (int i = 0; i < transfer.rows(); ++i) {
+        const std::size_t row = static_cast<std::size_t>(i);
+        const auto first = transfer.weights.begin() + transfer.offsets[row];
+        const auto last = transfer.weights.begin() + transfer.offsets[row + 1];
+        CHECK(transfer.covers(i) == (wanted.covered[row] != 0));
+        CHECK(out[row].before == 1);
+        if (!transfer.covers(i)) {
+          CHECK(out[row].value[0] == 5);
+          continue;
+        }
+        ++covered;
+        CHECK(std::accumulate(first, last, 0.0) == doctest::Approx(1).epsilon(1e-12));
+        CHECK(*std::min_element(first, last) > -1e-12);
+        const auto ids = transfer.sources.begin() + transfer.offsets[row];
+        CHECK(std::adjacent_find(ids, ids + (last - first), std::greater_equal<int>()) ==
+              ids + (last - first));
+        for (int c = 0; c < 2; ++c)
+          CHECK(out[row].value[c] == doctest::Approx(wanted.values(i, c)).epsilon(1e-6));
+      }
+      CHECK(covered > 10);
+      CHECK(covered < transfer.rows());
+    }
 }
 
 TEST_CASE("attributes that do not fit a mesh are refused") {
@@ -431,9 +480,9 @@ TEST_CASE("attributes that do not fit a mesh are refused") {
   const MetaMesh meta = good_map(a, b).meta_mesh();
   const Eigen::MatrixXd wrong = Eigen::MatrixXd::Zero(7, 1);
   for (const Attributes& refused :
-       {ism::to_meta(meta, Side::kA, Element::kVertex, wrong),
-        ism::from_meta(meta, Side::kB, Element::kFace, wrong),
-        ism::transfer(meta, Side::kB, Element::kCorner, wrong, Element::kVertex)}) {
+       {ism::to_meta(meta, Side::kA, Element::kVertex).apply(wrong),
+        ism::from_meta(meta, Side::kB, Element::kFace).apply(wrong),
+        ism::transfer(meta, Side::kB, Element::kCorner, Element::kVertex).apply(wrong)}) {
     CHECK(refused.status == Status::kInvalidAttributes);
     CHECK(refused.message.find("7 rows") != std::string::npos);
     CHECK(refused.values.size() == 0);
@@ -474,7 +523,7 @@ TEST_CASE("distortions add up to what the optimisation says") {
   REQUIRE(ism::is_usable(r.status));
   const SurfaceMap map(a.mesh, b.mesh, r.f, r.g);
   const std::vector<PolygonDistortion> polygons = map.distortion();
-  CHECK(polygons.size() == map.meta_mesh().polygons.size());
+  CHECK(polygons.size() == map.meta_mesh().face_a.size());
   const ism::DistortionSummary sum = ism::summarize(polygons);
   CHECK(sum.mean == doctest::Approx(r.final_state().mean_distortion).epsilon(1e-9));
   CHECK(sum.area_a == doctest::Approx(r.final_state().coverage_a).epsilon(1e-9));

@@ -37,6 +37,9 @@ using runs::given_planes;
 using runs::on_one_thread;
 using shapes::Disk;
 using shapes::half_edges;
+using shapes::Ids;
+using shapes::of_a;
+using shapes::of_b;
 using shapes::Rng;
 
 bool same(const HalfEdgeMesh& m, const HalfEdgeMesh& n) {
@@ -70,8 +73,8 @@ int at(const Disk& grid, int i, int j) {
 }
 
 bool is_valid(const Result& r) {
-  return ism::is_usable(r.status) && is_injective(half_edges(r.start.a), r.f) &&
-         is_injective(half_edges(r.start.b), r.g);
+  return ism::is_usable(r.status) && is_injective(half_edges(*r.start.a), r.f) &&
+         is_injective(half_edges(*r.start.b), r.g);
 }
 
 /// The largest and smallest coordinate of x that boundary vertices have, over the four sides.
@@ -135,7 +138,7 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
       const int n = s.mesh.n_vertices;
       split_edges(halved, s);
       CHECK(s.mesh.n_vertices == n + static_cast<int>(halved.size()));
-      const TriangleMesh mesh = with_added_vertices(disk.mesh, s);
+      const TriangleMesh mesh = *with_added_vertices(shared(disk.mesh), s);
       const HalfEdgeMesh built = half_edges(mesh);
       CHECK(same(s.mesh, built));
       CHECK(ism::validate(mesh).empty());
@@ -145,7 +148,7 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
       }
     }
     CHECK(s.total_area == doctest::Approx(area).epsilon(1e-13));
-    const TriangleMesh mesh = with_added_vertices(disk.mesh, s);
+    const TriangleMesh mesh = *with_added_vertices(shared(disk.mesh), s);
     CHECK(mesh.vertices.topRows(disk.mesh.vertices.rows()) == disk.mesh.vertices);
     for (std::size_t i = 0; i < s.added.size(); ++i) {
       const int v = static_cast<int>(disk.mesh.vertices.rows()) + static_cast<int>(i);
@@ -221,8 +224,8 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
         const Result r = ism::compute_map(disk.mesh, *other, {}, held(boundary, 4));
         CAPTURE(r.message);
         REQUIRE(is_valid(r));
-        CHECK(boundary_is_a_square(r.start.a, r.f));
-        CHECK(boundary_is_a_square(r.start.b, r.g));
+        CHECK(boundary_is_a_square(*r.start.a, r.f));
+        CHECK(boundary_is_a_square(*r.start.b, r.g));
         CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
         CHECK(r.final_state().coverage_b == doctest::Approx(1).epsilon(1e-12));
         CHECK(r.final_state().energy <= r.initial.energy);
@@ -230,7 +233,7 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
           CHECK(r.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
         const SurfaceMap map(r);
         REQUIRE(map.status() == Status::kDone);
-        const HalfEdgeMesh m = half_edges(r.start.a);
+        const HalfEdgeMesh m = half_edges(*r.start.a);
         for (int v = 0; v < m.n_vertices; ++v)
           if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).covered);
       }
@@ -243,7 +246,7 @@ TEST_CASE("long outlines are laid along a square") {
     CAPTURE(disk.name);
     CAPTURE(r.message);
     REQUIRE(is_valid(r));
-    CHECK(boundary_is_a_square(r.start.a, r.f));
+    CHECK(boundary_is_a_square(*r.start.a, r.f));
     CHECK(r.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
   }
 }
@@ -255,7 +258,7 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   const SurfaceMap map(r);
   for (int v = 0; v < r.f.rows(); ++v) CHECK(map.forward_vertex(v).covered);
   for (int v = 0; v < r.g.rows(); ++v) CHECK(map.backward_vertex(v).covered);
-  const HalfEdgeMesh m = half_edges(r.start.a);
+  const HalfEdgeMesh m = half_edges(*r.start.a);
   for (int h = 0; h < m.tail.size(); ++h) {
     const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);
@@ -379,8 +382,8 @@ TEST_CASE("landmarks on boundaries that need more vertices for their corners") {
               ism::compute_map(triangle.mesh, other.mesh, landmarks, held(boundary, 2));
           CAPTURE(r.message);
           REQUIRE(is_valid(r));
-          CHECK(boundary_is_a_square(r.start.a, r.f));
-          CHECK(boundary_is_a_square(r.start.b, r.g));
+          CHECK(boundary_is_a_square(*r.start.a, r.f));
+          CHECK(boundary_is_a_square(*r.start.b, r.g));
           if (boundary == Boundary::kFixed)
             for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
         }
@@ -449,7 +452,7 @@ TEST_CASE("exact landmarks, inside and on the boundary, with boundaries that sli
   REQUIRE(is_valid(r));
   CHECK(r.start.landmark_distance == 0);
   for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
-  CHECK(boundary_is_a_square(r.start.a, r.f));
+  CHECK(boundary_is_a_square(*r.start.a, r.f));
   CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
   CHECK(r.final_state().energy < r.initial.energy);
 }
@@ -468,10 +471,10 @@ TEST_CASE("landmarks that turn triangles over are joined with more vertices") {
     for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
     CHECK_FALSE(r.start.added_a.empty());
     CHECK(r.start.added_a.size() < 40);
-    CHECK(ism::validate(r.start.a).empty());
-    CHECK(ism::validate(r.start.b).empty());
-    CHECK(r.start.a.vertices.topRows(a.vertices.rows()) == a.vertices);
-    CHECK(build_surface(r.start.a, true).total_area == doctest::Approx(25).epsilon(1e-13));
+    CHECK(ism::validate(*r.start.a).empty());
+    CHECK(ism::validate(*r.start.b).empty());
+    CHECK(r.start.a->vertices.topRows(a.vertices.rows()) == a.vertices);
+    CHECK(build_surface(*r.start.a, true).total_area == doctest::Approx(25).epsilon(1e-13));
   }
 }
 
@@ -520,7 +523,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   CHECK(embedding.status == Status::kInvalidLandmarks);
   CHECK(embedding.message ==
         "these landmarks could not be joined: " + std::to_string(u) + "-" + std::to_string(v));
-  CHECK(embedding.ids == std::vector<int>{u});
+  CHECK(embedding.ids == Ids{of_a(u), of_b(v)});
 }
 
 TEST_CASE("boundary landmarks in contradictory order or with one inner vertex are refused") {
@@ -529,7 +532,7 @@ TEST_CASE("boundary landmarks in contradictory order or with one inner vertex ar
   const int o = at(grid, 0, 0), p = at(grid, 4, 0), q = at(grid, 0, 4), inner = at(grid, 2, 2);
   const std::vector<Landmark> mirrored = {{o, o}, {p, q}, {q, p}};
   const auto check = [&](const std::vector<Landmark>& landmarks, const Options& options,
-                         const std::string& what, const std::vector<int>& ids) {
+                         const std::string& what, const Ids& ids) {
     const Result r = ism::compute_map(a, a, landmarks, options);
     CAPTURE(r.message);
     CHECK(r.status == Status::kInvalidLandmarks);
@@ -538,10 +541,11 @@ TEST_CASE("boundary landmarks in contradictory order or with one inner vertex ar
   };
   Options exact = on_one_thread();
   exact.exact_landmarks = true;
-  check(mirrored, exact, "in different order on A and B: ", {o, p, q});
-  check(mirrored, held(Boundary::kSlide), "different order", {o, p, q});
+  const Ids crossed = {of_a(o), of_b(o), of_a(p), of_b(q), of_a(q), of_b(p)};
+  check(mirrored, exact, "in different order on A and B: ", crossed);
+  check(mirrored, held(Boundary::kSlide), "different order", crossed);
   exact.boundary = Boundary::kFixed;
-  check({{o, inner}}, exact, "one vertex is on a boundary, which is held", {o, inner});
+  check({{o, inner}}, exact, "one vertex is on a boundary, which is held", {of_a(o), of_b(inner)});
   exact.boundary = Boundary::kFree;
   CHECK(ism::is_usable(ism::compute_map(a, a, {{o, inner}}, exact).status));
 }
@@ -588,32 +592,34 @@ TEST_CASE("given boundaries of any shape can be fixed") {
 
 TEST_CASE("contradictory constraints are refused with the vertex") {
   const TriangleMesh a = shapes::grid(4, 4).mesh;
-  const auto check = [&](const Options& options, const std::string& message, int id) {
+  const auto check = [&](const Options& options, const std::string& message,
+                         const ism::ElementId& id) {
     const Result r = ism::compute_map(a, a, {{6, 6}}, options);
     CHECK(r.status == Status::kInvalidPins);
     CHECK(r.message == message);
-    CHECK(r.ids == std::vector<int>{id});
+    CHECK(r.ids == Ids{id});
   };
   Options options;
   options.fixed_a = {25};
-  check(options, "vertex 25 of A is to be fixed, but ids are 0 to 24", 25);
+  check(options, "vertex 25 of A is to be fixed, but ids are 0 to 24", of_a(25));
   options.fixed_a = {};
   options.fixed_b = {3, 3};
-  check(options, "vertex 3 of B is to be fixed, but it is fixed already", 3);
+  check(options, "vertex 3 of B is to be fixed, but it is fixed already", of_b(3));
   options.fixed_b = {12};
   options.pins_b = {12};
-  check(options, "vertex 12 of B is to be pinned, but it is fixed already", 12);
+  check(options, "vertex 12 of B is to be pinned, but it is fixed already", of_b(12));
   options.fixed_b = options.pins_b = {};
   options.fixed_a = {6};
   options.exact_landmarks = true;
-  check(options, "vertex 6 of A is to be fixed, but it is in an exact landmark already", 6);
+  check(options, "vertex 6 of A is to be fixed, but it is in an exact landmark already", of_a(6));
   options.fixed_a = {};
   options.pins_a = {6};
-  check(options, "vertex 6 of A is to be pinned, but it is in an exact landmark already", 6);
+  check(options, "vertex 6 of A is to be pinned, but it is in an exact landmark already", of_a(6));
   options.exact_landmarks = false;
   options.pins_a = {0};
   options.boundary = Boundary::kSlide;
-  check(options, "vertex 0 of A is to be pinned, but it is on a boundary that is held already", 0);
+  check(options, "vertex 0 of A is to be pinned, but it is on a boundary that is held already",
+        of_a(0));
 }
 
 TEST_CASE("held boundaries give the same bits for any number of threads") {

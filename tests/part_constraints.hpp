@@ -34,6 +34,9 @@ using runs::given_planes;
 using runs::on_one_thread;
 using shapes::Disk;
 using shapes::half_edges;
+using shapes::Ids;
+using shapes::of_a;
+using shapes::of_b;
 using shapes::Rng;
 
 /// P as a matrix.
@@ -92,7 +95,7 @@ Options with_pins(const Disk& a, const Disk& b) {
   return options;
 }
 
-void check_refused(const Result& result, const std::string& what, const std::vector<int>& ids) {
+void check_refused(const Result& result, const std::string& what, const Ids& ids) {
   CAPTURE(what);
   CAPTURE(result.message);
   CHECK(result.status == Status::kInvalidPins);
@@ -227,24 +230,24 @@ TEST_CASE("bad pins are refused with the vertices") {
   const auto [a, b] = nested_pair(8);
   const auto refuse = [&, &a = a, &b = b](const std::vector<int>& pins_a,
                                           const std::vector<int>& pins_b, const std::string& what,
-                                          const std::vector<int>& ids) {
+                                          const Ids& ids) {
     Options options = given_planes(a, b);
     options.pins_a = pins_a;
     options.pins_b = pins_b;
     check_refused(ism::compute_map(a.mesh, b.mesh, {}, options), what, ids);
   };
   const int n_a = static_cast<int>(a.plane.rows()), n_b = static_cast<int>(b.plane.rows());
-  refuse({0, n_a}, {}, "vertex " + std::to_string(n_a) + " of A is to be pinned", {n_a});
-  refuse({-1}, {}, "vertex -1 of A is to be pinned", {-1});
-  refuse({}, {n_b}, "vertex " + std::to_string(n_b) + " of B is to be pinned", {n_b});
-  refuse({3, 4, 3}, {}, "vertex 3 of A is to be pinned, but it is pinned already", {3});
-  refuse({}, {0}, "vertex 0 of B is not mapped to A by the start", {0});
+  refuse({0, n_a}, {}, "vertex " + std::to_string(n_a) + " of A is to be pinned", {of_a(n_a)});
+  refuse({-1}, {}, "vertex -1 of A is to be pinned", {of_a(-1)});
+  refuse({}, {n_b}, "vertex " + std::to_string(n_b) + " of B is to be pinned", {of_b(n_b)});
+  refuse({3, 4, 3}, {}, "vertex 3 of A is to be pinned, but it is pinned already", {of_a(3)});
+  refuse({}, {0}, "vertex 0 of B is not mapped to A by the start", {of_b(0)});
   const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
   const ism::MappedPoint image = map.backward_vertex(24);
   REQUIRE(image.covered);
   const int v = a.mesh.triangles(image.point.face, 0);
   refuse({v}, {24}, "vertex " + std::to_string(v) + " of A lies in a triangle of vertex 24 of B",
-         {v, 24});
+         {of_a(v), of_b(24)});
 }
 
 // ---- exact landmarks ----
@@ -281,11 +284,11 @@ TEST_CASE("pins that do not exist are refused before the embedding") {
   options.progress = [&](const ism::Progress&) { return ++reports > 0; };
   options.pins_a = {81};
   check_refused(ism::compute_map(a, a, {}, options),
-                "vertex 81 of A is to be pinned, but ids are 0 to 80", {81});
+                "vertex 81 of A is to be pinned, but ids are 0 to 80", {of_a(81)});
   options.pins_a = {40};
   options.exact_landmarks = true;
   check_refused(ism::compute_map(a, a, {{40, 40}}, options),
-                "40 of A is to be pinned, but it is in an exact landmark already", {40});
+                "40 of A is to be pinned, but it is in an exact landmark already", {of_a(40)});
   CHECK(reports == 0);
 }
 
@@ -296,7 +299,7 @@ TEST_CASE("given positions must agree with exact landmarks") {
   const Result result = ism::compute_map(a.mesh, b.mesh, {{3, 5}}, options);
   CHECK(result.status == Status::kInvalidPositions);
   CHECK(result.message.find("landmark 3 5: ") == 0);
-  CHECK(result.ids == std::vector<int>{3, 5});
+  CHECK(result.ids == Ids{of_a(3), of_b(5)});
 }
 
 }  // namespace constraints_tests

@@ -360,7 +360,7 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
     const Executor executor{on_one_thread()};
-    const Hierarchy h(s, "A", free, Approach::kShape, even_angles(s.mesh), executor);
+    const Hierarchy h(s, ism::Side::kA, free, Approach::kShape, even_angles(s.mesh), executor);
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -387,7 +387,8 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
   const Executor executor{on_one_thread()};
   const Level level =
-      Hierarchy(s, "A", is_protected, Approach::kShape, even_angles(s.mesh), executor).current();
+      Hierarchy(s, ism::Side::kA, is_protected, Approach::kShape, even_angles(s.mesh), executor)
+          .current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
 
@@ -399,7 +400,7 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
       const Executor executor{on_one_thread()};
-      Hierarchy h(s, "A", free, approach, even_angles(s.mesh), executor);
+      Hierarchy h(s, ism::Side::kA, free, approach, even_angles(s.mesh), executor);
       const bool has_base = h.embed_base();
       if (approach == Approach::kConnectivity) REQUIRE(has_base);
       while (has_base && !h.is_full()) {

@@ -84,7 +84,8 @@ Vector3d vector_area(const Points3& x, const std::vector<int>& polygon) {
 
 double area_on(const Points3& x, const MetaMesh& mesh) {
   double sum = 0;
-  for (const std::vector<int>& polygon : mesh.polygons) sum += vector_area(x, polygon).norm();
+  for (const std::vector<int>& polygon : shapes::polygons_of(mesh))
+    sum += vector_area(x, polygon).norm();
   return sum;
 }
 
@@ -109,7 +110,7 @@ ism::detail::Iterate covered(const Disk& a, const Disk& b) {
 
 std::set<std::pair<int, int>> check_directed_edges(const MetaMesh& mesh) {
   std::set<std::pair<int, int>> edges;
-  for (const std::vector<int>& polygon : mesh.polygons) {
+  for (const std::vector<int>& polygon : shapes::polygons_of(mesh)) {
     CHECK(polygon.size() >= 3);
     CHECK(polygon.size() <= 6);
     for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -131,16 +132,15 @@ int euler_characteristic(const MetaMesh& mesh) {
     edges.insert(std::minmax(e.first, e.second));
   }
   CHECK(static_cast<int>(used.size()) == mesh.on_a.rows());
-  return static_cast<int>(used.size()) - static_cast<int>(edges.size()) +
-         static_cast<int>(mesh.polygons.size());
+  return static_cast<int>(used.size()) - static_cast<int>(edges.size()) + mesh.n_polygons();
 }
 
 void check_meta_mesh(const Disk& a, const Disk& b, int expected_characteristic) {
   const MetaMesh mesh = map_of(a, b).meta_mesh();
-  REQUIRE(!mesh.polygons.empty());
+  REQUIRE(mesh.n_polygons() > 0);
   REQUIRE(mesh.on_b.rows() == mesh.on_a.rows());
-  REQUIRE(mesh.face_a.size() == mesh.polygons.size());
-  REQUIRE(mesh.face_b.size() == mesh.polygons.size());
+  REQUIRE(mesh.face_a.size() == mesh.face_a.size());
+  REQUIRE(mesh.face_b.size() == mesh.face_a.size());
   CHECK(euler_characteristic(mesh) == expected_characteristic);
   CHECK(mesh.on_a.allFinite());
   CHECK(mesh.on_b.allFinite());
@@ -171,7 +171,7 @@ void check_unusable(const SurfaceMap& map, Status status, const std::string& wha
   CHECK_FALSE(map.backward_vertex(0).covered);
   for (const MappedPoint& p : map.forward_vertices()) CHECK_FALSE(p.covered);
   for (const MappedPoint& p : map.backward_vertices()) CHECK_FALSE(p.covered);
-  CHECK(map.meta_mesh().polygons.empty());
+  CHECK(map.meta_mesh().corners.empty());
   CHECK(map.meta_mesh().on_a.rows() == 0);
 }
 
@@ -337,8 +337,9 @@ TEST_CASE("an overlap of several parts has as many disks in its meta mesh") {
 TEST_CASE("corners of meta mesh polygons lie in their triangles of both surfaces") {
   const auto [a, b] = overlapping_pair(52);
   const MetaMesh mesh = map_of(a, b).meta_mesh();
-  for (std::size_t i = 0; i < mesh.polygons.size(); ++i)
-    for (int v : mesh.polygons[i]) {
+  const std::vector<std::vector<int>> polygons = shapes::polygons_of(mesh);
+  for (std::size_t i = 0; i < mesh.face_a.size(); ++i)
+    for (int v : polygons[i]) {
       CHECK(outside(a.mesh, mesh.face_a[i], mesh.on_a.row(v)) < 1e-9);
       CHECK(outside(b.mesh, mesh.face_b[i], mesh.on_b.row(v)) < 1e-9);
     }
@@ -530,7 +531,7 @@ TEST_CASE("a map of a result is the map of its meshes and positions, or has its 
   for (const SurfaceMap& none : {SurfaceMap(), SurfaceMap(ism::Result())}) {
     CHECK(none.status() == Status::kNoMapYet);
     CHECK_FALSE(none.forward_vertex(0).covered);
-    CHECK(none.meta_mesh().polygons.empty());
+    CHECK(none.meta_mesh().corners.empty());
   }
   const SurfaceMap refused(ism::compute_map(a.mesh, b.mesh, {{-1, 0}}, options));
   CHECK(refused.status() == Status::kInvalidLandmarks);

@@ -12,10 +12,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -93,6 +95,10 @@ bool only(const std::vector<Problem>& problems, Kind kind, std::vector<std::vect
   std::vector<std::vector<int>> found;
   for (const Problem& p : problems) {
     if (p.kind != kind || p.message.empty()) return false;
+    const bool is_of_vertices =
+        kind == Kind::kNonFiniteCoordinate || kind == Kind::kNonManifoldVertex ||
+        kind == Kind::kUnreferencedVertex || kind == Kind::kSeveralBoundaries;
+    if (!p.ids.empty() && is_of_vertices != (p.element == ism::Element::kVertex)) return false;
     found.push_back(p.ids);
     std::sort(found.back().begin(), found.back().end());
   }
@@ -574,6 +580,90 @@ TEST_CASE("random triangle soups are never taken for disks they are not") {
     CHECK(static_cast<int>(rim.size()) == h.boundary.size());
   }
   CHECK(valid > 20);
+}
+
+// ---- views ----
+
+TEST_CASE("a view of any buffer is the mesh that lies in it") {
+  const TriangleMesh mesh = shapes::grid(3, 2).mesh;
+  const auto check = [&](const ism::MeshView& view) {
+    const TriangleMesh copy = ism::detail::copied(view);
+    CHECK(copy.vertices == mesh.vertices);  // small integers
+    CHECK(copy.triangles == mesh.triangles);
+    CHECK(ism::validate(view).empty());
+  };
+  check(mesh);
+  const Eigen::MatrixXd by_columns = mesh.vertices;
+  const Eigen::MatrixXi ids = mesh.triangles;
+  const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> floats =
+      mesh.vertices.cast<float>();
+  check({by_columns, ids});
+  check({floats, mesh.triangles});
+  Eigen::MatrixXd wide = Eigen::MatrixXd::Random(mesh.vertices.rows() + 2, 5);
+  wide.block(1, 1, mesh.vertices.rows(), 3) = mesh.vertices;
+  check({wide.block(1, 1, mesh.vertices.rows(), 3), ids});
+  const Eigen::MatrixXd transposed = mesh.vertices.transpose();
+  check({transposed.transpose(), ids});
+  check({floats, Eigen::Matrix<std::uint16_t, Eigen::Dynamic, 3>(ids.cast<std::uint16_t>())});
+}
+
+TEST_CASE("interleaved buffers with ids of 16 or 32 bits, at any address") {
+#pragma pack(push, 1)
+  struct Vertex {
+    char tag;
+    float position[3];
+    short color;
+  };
+#pragma pack(pop)
+  static_assert(sizeof(Vertex) == 15, "packed, so that most positions are not aligned");
+  const TriangleMesh mesh = shapes::grid(2, 3).mesh;
+  std::vector<Vertex> vertices;
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
+    vertices.push_back({'v', {0, 0, 0}, 7});
+    for (int k = 0; k < 3; ++k)
+      vertices.back().position[k] = static_cast<float>(mesh.vertices(v, k));
+  }
+  const ism::PositionsView positions(
+      reinterpret_cast<const float*>(reinterpret_cast<const char*>(vertices.data()) + 1),
+      mesh.vertices.rows(), sizeof(Vertex));
+  const auto check = [&](auto id) {
+    const Eigen::Index n = mesh.triangles.rows();
+    std::vector<decltype(id)> ids(static_cast<std::size_t>(4 * n));  // and a material
+    for (Eigen::Index i = 0; i < 3 * n; ++i)
+      ids[static_cast<std::size_t>(i / 3 * 4 + i % 3)] =
+          static_cast<decltype(id)>(mesh.triangles.data()[i]);
+    const TriangleMesh copy =
+        ism::detail::copied(ism::MeshView(positions, {ids.data(), n, 4 * sizeof(id)}));
+    CHECK(copy.vertices == mesh.vertices);
+    CHECK(copy.triangles == mesh.triangles);
+  };
+  check(std::int16_t());
+  check(std::uint16_t());
+  check(std::int32_t());
+  check(std::uint32_t());
+}
+
+TEST_CASE("views without a mesh are refused") {
+  const TriangleMesh mesh = shapes::grid(1, 1).mesh;
+  const double x = 0;
+  const float* const none = nullptr;
+  const std::ptrdiff_t most = std::numeric_limits<int>::max();
+  const Eigen::MatrixXd planar = mesh.vertices.leftCols<2>();
+  const Eigen::MatrixXi quads = Eigen::MatrixXi::Zero(3, 4);
+  for (const ism::MeshView& view :
+       {ism::MeshView(), ism::MeshView(ism::PositionsView(none, 4), mesh.triangles),
+        ism::MeshView(ism::PositionsView(&x, -1), mesh.triangles),
+        ism::MeshView(ism::PositionsView(&x, most), mesh.triangles),
+        ism::MeshView(planar, mesh.triangles), ism::MeshView(mesh.vertices, quads)}) {
+    const std::vector<Problem> problems = ism::validate(view);
+    REQUIRE(problems.size() == 1);
+    CHECK(problems[0].kind == Kind::kEmpty);
+    CHECK(ism::compute_map(view, mesh).status == ism::Status::kInvalidMesh);
+  }
+  const std::uint32_t restart[] = {0, 1, 0xFFFFFFFFu};
+  const std::vector<Problem> problems = ism::validate({mesh.vertices, {restart, 1}});
+  REQUIRE(problems.size() == 1);
+  CHECK(problems[0].message == "triangle 0 refers to vertex -1, but there are 4 vertices");
 }
 
 }  // namespace mesh_tests

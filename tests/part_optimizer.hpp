@@ -44,7 +44,10 @@ using runs::on_one_thread;
 using shapes::Disk;
 using shapes::eigen;
 using shapes::half_edges;
+using shapes::Ids;
 using shapes::joined;
+using shapes::of_a;
+using shapes::of_b;
 using shapes::Rng;
 using shapes::to_mat2;
 using shapes::to_vec2;
@@ -1027,7 +1030,7 @@ TEST_CASE("meshes that are no disks are refused by name") {
   bad.triangles(1, 1) = 99;
   const Result result = ism::compute_map(good, bad);
   check_refused(result, Status::kInvalidMesh, "mesh B");
-  CHECK_FALSE(result.ids.empty());
+  CHECK(result.ids == Ids{{ism::Side::kB, ism::Element::kFace, 1}});
   check_refused(ism::compute_map(TriangleMesh(), good), Status::kInvalidMesh, "mesh A");
   CHECK(ism::initial_embedding(good, tetrahedron()).status == Status::kInvalidMesh);
 }
@@ -1039,7 +1042,7 @@ TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
     const Result result = ism::compute_map(a, b, landmarks);
     check_refused(result, Status::kInvalidLandmarks, mesh);
     CHECK(result.message.find(std::to_string(id)) != std::string::npos);
-    CHECK(result.ids == std::vector<int>{id});
+    CHECK(result.ids == Ids{mesh[0] == 'A' ? of_a(id) : of_b(id)});
     CHECK(ism::initial_embedding(a, b, landmarks).status == Status::kInvalidLandmarks);
   };
   refuse({{0, 0}, {9, 1}}, 9, "A");

@@ -181,7 +181,7 @@ TEST_CASE("a PNG file holds the pixels of the image") {
 }
 
 TEST_CASE("polygons are fanned out into triangles that know where they come from") {
-  const render::Fans fans = render::fan_out({{5, 6, 7, 8}, {1, 2, 3}});
+  const render::Fans fans = render::fan_out({0, 4, 7}, {5, 6, 7, 8, 1, 2, 3});
   ism::Triangles triangles(3, 3);
   triangles << 5, 6, 7, 5, 7, 8, 1, 2, 3;
   CHECK(fans.triangles == triangles);
@@ -211,7 +211,7 @@ TEST_CASE("PPM images are read, and what is none is refused") {
 }
 
 TEST_CASE("what is given per corner of polygons reaches the corners of their triangles") {
-  const render::Fans fans = render::fan_out({{5, 6, 7, 8}, {1, 2, 3}});
+  const render::Fans fans = render::fan_out({0, 4, 7}, {5, 6, 7, 8, 1, 2, 3});
   Eigen::MatrixXd values(7, 1), wanted(9, 1);
   values << 0, 1, 2, 3, 4, 5, 6;
   wanted << 0, 1, 2, 0, 2, 3, 4, 5, 6;

@@ -71,7 +71,7 @@ void check_same(const Result& r, const Result& expected) {
   CHECK(r.f == expected.f);
   CHECK(r.g == expected.g);
   CHECK(r.start.f == expected.start.f);
-  CHECK(r.start.a.triangles == expected.start.a.triangles);
+  CHECK(r.start.a->triangles == expected.start.a->triangles);
   CHECK(r.final_state().energy == expected.final_state().energy);
 }
 

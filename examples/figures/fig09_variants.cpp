@@ -26,8 +26,8 @@ Start common_start(const std::string& folder, const ism::Options& given) {
   start.pair.landmarks = on_boundaries(start.pair);
   start.options.boundary = ism::Boundary::kFixed;
   const ism::Embedding embedding = figure::embed(start.pair, start.options);
-  start.pair.a = embedding.a;
-  start.pair.b = embedding.b;
+  start.pair.a = *embedding.a;
+  start.pair.b = *embedding.b;
   start.options.initial_f = embedding.f;
   start.options.initial_g = embedding.g;
   return start;

@@ -26,7 +26,7 @@ figure::Pair with_grid(const figure::Pair& pair, int n) {
   const ism::Points2 plane =
       (inside * grid.vertices.leftCols<2>() * (hi - lo).asDiagonal()).rowwise() + 0.5 * (lo + hi);
   figure::Pair result = {
-      pair.name, figure::remeshed(grid, square.a, plane, square.f), pair.b, {}, {}};
+      pair.name, figure::remeshed(grid, *square.a, plane, square.f), pair.b, {}, {}};
   for (int j = 0; j <= n; ++j)
     for (int i = 0; i <= n; ++i) {
       const int v = i + j * (n + 1);

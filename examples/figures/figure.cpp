@@ -104,11 +104,11 @@ ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& 
 ism::SurfaceMap map_of(const ism::Result& result) { return ism::SurfaceMap(result); }
 
 ism::SurfaceMap inverse_of(const ism::Result& result) {
-  return {result.start.b, result.start.a, result.g, result.f};
+  return {*result.start.b, *result.start.a, result.g, result.f};
 }
 
 ism::SurfaceMap start_of(const ism::Result& result) {
-  return {result.start.a, result.start.b, result.start.f, result.start.g};
+  return {*result.start.a, *result.start.b, result.start.f, result.start.g};
 }
 
 std::string distortion_words(const ism::SurfaceMap& map) {

@@ -19,8 +19,9 @@ int sec7_boundaries(int argc, char** argv) {
     both << r.f, r.g;
     const Eigen::Vector2d lo = both.colwise().minCoeff(), hi = both.colwise().maxCoeff();
     const render::Rect plane = {left, 60, 390, 390};
-    figure::draw_plane(r.g, figure::edges_of(r.start.b), lo, hi, plane, 0.5, figure::kRed, canvas);
-    figure::draw_plane(r.f, figure::edges_of(r.start.a), lo, hi, plane, 0.5, figure::kBlue, canvas);
+    figure::draw_plane(r.g, figure::edges_of(*r.start.b), lo, hi, plane, 0.5, figure::kRed, canvas);
+    figure::draw_plane(r.f, figure::edges_of(*r.start.a), lo, hi, plane, 0.5, figure::kBlue,
+                       canvas);
     picture::draw_heat(scene, ism::Side::kB, {left, 480, 390, 400}, canvas);
     canvas.text({left + 10, 30}, 13, names[i]);
     canvas.text({left + 10, 50}, 9,

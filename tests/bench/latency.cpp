@@ -134,7 +134,7 @@ int main(int argc, char** argv) {
   std::printf("| SurfaceMap | | 1 | | %.1f |\n", 1e3 * seconds_since(begin));
   begin = Clock::now();
   const ism::MetaMesh meta = map.meta_mesh();
-  std::printf("| meta mesh, %zu polygons | | 1 | | %.1f |\n", meta.polygons.size(),
+  std::printf("| meta mesh, %zu polygons | | 1 | | %.1f |\n", meta.face_a.size(),
               1e3 * seconds_since(begin));
   begin = Clock::now();
   const std::size_t n = map.distortion().size();
