@@ -30,7 +30,8 @@
 // INPUT      Each mesh is a manifold, consistently oriented disk: one component, one boundary
 //            loop, no handles. validate() names what is wrong. Cut a hole into a closed mesh.
 //            Meshes are read where they are: float or double, interleaved or not (MeshView).
-// STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored.
+// STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
+//            on after landmarks and options were changed.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
 //            f and g are positive, angles around interior vertices add up to 2π, boundaries are
 //            simple. Exact predicates decide this on the very coordinates that are returned.
@@ -320,7 +321,8 @@ struct Progress {
   const IterationLog* iteration = nullptr;  // set once after each iteration
 };
 
-/// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
+/// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done. No
+/// call of it comes before the last one has returned; tasks do not call it.
 using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
 
 /// A distortion D as a function of S = σ_max² + σ_min² and d = σ_max σ_min, the singular values of
@@ -534,6 +536,14 @@ class Solver {
   /// derivatives in the memory anew, up to Options::history_length times what an iteration does. A
   /// state without a map begins the embedding anew.
   bool restore(const SolverState& state);
+
+  /// Goes on with other landmarks and options (pins, weights, limits, ...) from the map there is,
+  /// with ω_L and the memory of the iteration; `boundary`, `keep_scale` and given positions stay
+  /// what they were. Landmarks that are apart are pulled together by springs added to E first, and
+  /// those that shall be exact are joined, as in the embedding, with vertices added where that
+  /// needs some (the memory begins anew then). Pins are put where the map has them now. If
+  /// something is refused, nothing is changed, and the outcome says why.
+  Outcome change(const std::vector<Landmark>& landmarks, const Options& options);
 
  private:
   std::unique_ptr<detail::Run> run_;
@@ -1254,11 +1264,21 @@ class Executor {
 
  private:
   bool run_side_by_side(int n, const Task& task) const {
-    if (hook_) return hook_(n, task), true;
+    if (hook_) return run_by_hook(n, task);
 #ifndef ISM_NO_THREADS
     if (crew_ && n > 1) return crew_->run(n, task);
 #endif
     return false;
+  }
+
+  /// False where this is a task of a run by the hook already.
+  bool run_by_hook(int n, const Task& task) const {
+    if (is_hooked_.exchange(true)) return false;
+    const struct Release {
+      std::atomic<bool>& flag;
+      ~Release() { flag = false; }
+    } release = {is_hooked_};
+    return hook_(n, task), true;
   }
 
   double seconds() const { return seconds_before_ + clock_.seconds(); }
@@ -1283,6 +1303,7 @@ class Executor {
   bool is_caller() const { return !hook_; }
 #endif
   ParallelFor hook_;
+  mutable std::atomic<bool> is_hooked_{false};  // a run by it is on
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
   double max_seconds_, seconds_before_ = 0, embedding_share_ = 0.1;
@@ -5101,6 +5122,38 @@ inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
   }
 }
 
+// ---- springs ----
+
+/// A penalty weight · |p - q|² between two vertices.
+struct Spring {
+  int p, q;
+  double weight;
+};
+
+/// `energy` and that of the springs.
+inline double with_springs(double energy, const Array<Spring>& springs, const Points2& x) {
+  for (const Spring& s : springs) energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
+  return energy;
+}
+
+inline void add_spring_gradient(const Array<Spring>& springs, const Points2& x,
+                                Array<Vec2>& gradient) {
+  for (const Spring& s : springs) {
+    const Vec2 force = 2 * s.weight * (row2(x, s.p) - row2(x, s.q));
+    gradient[s.p] += force;
+    gradient[s.q] -= force;
+  }
+}
+
+inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
+  for (const Spring& s : springs) {
+    const Mat2 stiffness = diagonal(2 * s.weight);
+    blocks.push_back({s.p, s.p, stiffness});
+    blocks.push_back({s.q, s.q, stiffness});
+    blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
+  }
+}
+
 // ---- line search ----
 
 /// A direction of descent for one ω_L.
@@ -5125,8 +5178,9 @@ struct Trial {
   bool accepted = false;
   bool collides = false;  // rejected because a boundary meets itself
   double resistance = 0;  // of the scaffold
+  double pull = 0;        // by which the energy of the springs grows
   Iterate x;
-  double value() const { return x.energy + resistance; }
+  double value() const { return x.energy + resistance + pull; }
 };
 
 /// What a trial must satisfy besides injectivity.
@@ -5138,7 +5192,8 @@ struct StepRules {
 /// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
-  return from.energy + kArmijo * t.candidate.step * d.slope - (std::max)(t.resistance, 0.0);
+  return from.energy + kArmijo * t.candidate.step * d.slope - (std::max)(t.resistance, 0.0) -
+         t.pull;
 }
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
@@ -5180,6 +5235,7 @@ struct SearchProblem {
   const StepRules& rules;
   const Array<Follower>& followers;
   const Scaffold& scaffold;  // without triangles where there is none
+  const Array<Spring>& springs;
   const Iterate& from;
   const Array<Direction>& directions;
   int stride;  // Options::search_stride
@@ -5198,7 +5254,9 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
   t.resistance = scaffold_energy(problem.scaffold, t.x.x);
-  const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance);
+  t.pull =
+      with_springs(0, problem.springs, t.x.x) - with_springs(0, problem.springs, problem.from.x);
+  const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance - t.pull);
   evaluate(problem.s, problem.weights, t.x, limit);
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
@@ -5383,14 +5441,34 @@ class Optimizer {
     if (memory.has_scaffold) build_scaffold_here();
   }
 
-  /// How far a run has come, an estimate: E falls the slower the closer to the end it is.
+  /// Takes over ω_L and the memory of another run on the same surfaces, after start(). E does not
+  /// depend on where the planes are, so its models may be moved with them.
+  void keep(const Memory& memory) {
+    omega_ = memory.omega;
+    visited_ = memory.visited;
+    history_.clear();
+    is_scaffolded_ = memory.is_scaffolded;
+    for (Points2& x : visited_)
+      if (!is_held_) move_to_anchors(s_.mesh, anchors_, x);
+  }
+
+  /// Adds springs to what is minimised, in place of those there were.
+  void set_springs(Array<Spring> springs) {
+    springs_ = std::move(springs);
+    sum_others();
+  }
+
+  /// How far a run has come, an estimate: E falls the slower the closer to the end it is, which
+  /// comes after a window of iterations at the earliest.
   double fraction(const Result& result) const {
-    constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
-    const int n = static_cast<int>(result.log.size());
-    const double by_count = n / static_cast<double>((std::max)(1, options_.max_iterations));
-    const double by_fall = std::log(mean_fall(result, (std::min)(n, options_.window)) / kAtFirst) /
-                           std::log(options_.tolerance / kAtFirst);
-    return clamp01((std::max)(by_count, by_fall > 0 ? (std::min)(by_fall, 1.0) : 0.0));
+    constexpr double kAtFirst = 0.1, kMost = 0.99;  // the relative fall of E in an early iteration
+    const double n = static_cast<double>(result.log.size());
+    const int last = (std::min)(static_cast<int>(result.log.size()), options_.window);
+    const double fall = mean_fall(result, last);
+    const double settled =
+        fall > 0 ? std::log(fall / kAtFirst) / std::log(options_.tolerance / kAtFirst) : 1;
+    const double by_fall = clamp01(settled) * (std::min)(1.0, n / options_.window);
+    return (std::min)(kMost, (std::max)(by_fall, n / (std::max)(1, options_.max_iterations)));
   }
 
  private:
@@ -5408,11 +5486,12 @@ class Optimizer {
         for (int c = 0; c < 2; ++c)
           if (follower.weight[k] == 1 && is_fixed_(follower.row, c))
             is_fixed_(follower.master[k], c) = 1;
-    if (is_fixed_.any()) return;
-    const Anchors anchors = choose_anchors(s_, followers_);
-    move_to_anchors(s_.mesh, anchors, x);
-    is_fixed_.fix(anchors.center);
-    is_fixed_(anchors.rim, 1) = 1;
+    is_held_ = is_fixed_.any();
+    if (is_held_) return;
+    anchors_ = choose_anchors(s_, followers_);
+    move_to_anchors(s_.mesh, anchors_, x);
+    is_fixed_.fix(anchors_.center);
+    is_fixed_(anchors_.rim, 1) = 1;
   }
 
   /// After restore(), the models of the memory anew; false if the caller stops.
@@ -5489,8 +5568,8 @@ class Optimizer {
   Array<Direction> find_directions(IterationLog& log) {
     while (true) {
       Timer timer;  // line 9
-      LinearSystem system =
-          blend(history_, options_.history_decay, scaffold_hessian_, laplacian_, executor_);
+      LinearSystem system = blend(history_, options_.history_decay, others_, laplacian_, executor_);
+      add_spring_gradient(springs_, x_.x, system.gradient);
       substitute(followers_, executor_, system);
       eliminate(is_fixed_, system);
       log.seconds_assembly += timer.lap();
@@ -5535,7 +5614,9 @@ class Optimizer {
   /// Slope and steps of a direction (lines 13, 15 and 16).
   void set_direction(const Array<Vec2>& d, Direction& direction) const {
     direction.d = d;
-    direction.slope = dot(history_[0].gradient, d);
+    Array<Vec2> gradient = history_[0].gradient;
+    add_spring_gradient(springs_, x_.x, gradient);
+    direction.slope = dot(gradient, d);
     direction.max_step = (std::min)(max_step(s_.mesh, x_.x, d), max_step(scaffold_, x_.x, d));
     double longest = 0;
     for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
@@ -5545,8 +5626,9 @@ class Optimizer {
 
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    const SearchProblem problem = {s_,        weights_, rules_,     followers_,
-                                   scaffold_, x_,       directions, options_.search_stride};
+    const SearchProblem problem = {s_,         weights_,   rules_,
+                                   followers_, scaffold_,  springs_,
+                                   x_,         directions, options_.search_stride};
     const SearchResult found = line_search(problem, executor_, trials_);
     log.seconds_search += timer.lap();
     return found;
@@ -5585,9 +5667,14 @@ class Optimizer {
   /// The space around both embeddings, with the weight of E_f and E_g.
   void build_scaffold_here() {
     scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
+    sum_others();
+  }
+
+  void sum_others() {
     Array<Block> blocks;
     add_scaffold(scaffold_, blocks);
-    scaffold_hessian_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
+    add_springs(springs_, blocks);
+    others_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
 
   /// Changes one thing where no step is found: the scaffold comes in, the memory is emptied, or ω_L
@@ -5662,6 +5749,8 @@ class Optimizer {
   double radius_ = 1;
   bool is_stationary_ = false;
   FixedCoordinates is_fixed_;
+  bool is_held_ = false;  // else rigid motions are removed by the anchors
+  Anchors anchors_;
   Iterate x_;
   IterationLog log_;               // of the iteration that is on
   bool has_model_ = false;         // the derivatives at x are in the memory
@@ -5672,7 +5761,8 @@ class Optimizer {
   Trial chosen_;
   bool is_scaffolded_ = false;  // once a trial has met a boundary
   Scaffold scaffold_;
-  BlockMatrix scaffold_hessian_;
+  Array<Spring> springs_;
+  BlockMatrix others_;  // the Hessian of scaffold and springs
 };
 
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
@@ -5978,12 +6068,6 @@ class Decimation {
 // Invariants: every accepted step is injective, exactly, and lowers the energy.
 // Fails:      by ending where no step is found.
 
-/// A penalty weight · |p - q|² between two vertices.
-struct Spring {
-  int p, q;
-  double weight;
-};
-
 /// A surface, or A ⊔ B, whose embedding is to be relaxed.
 struct FlatProblem {
   Surface surface;
@@ -6040,10 +6124,7 @@ class FlatNewton {
   }
 
   double value(const Points2& x) const {
-    double energy = embedding_energy(problem_.surface, x, 0, m_.n_faces);
-    for (const Spring& s : problem_.springs)
-      energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
-    return energy;
+    return with_springs(embedding_energy(problem_.surface, x, 0, m_.n_faces), problem_.springs, x);
   }
 
  private:
@@ -6119,22 +6200,13 @@ class FlatNewton {
       embedding_terms(problem_.surface, x_, begin, end, kEpsilon, 1, terms_);
     });
     QuadraticModel model = sum_terms(m_, terms_, executor_, [](int, RowWriter&) {});
-    for (const Spring& s : problem_.springs) {
-      const Vec2 force = 2 * s.weight * (row2(x_, s.p) - row2(x_, s.q));
-      model.gradient[s.p] += force;
-      model.gradient[s.q] -= force;
-    }
+    add_spring_gradient(problem_.springs, x_, model.gradient);
     return {std::move(model.H), {}, std::move(model.gradient)};
   }
 
   void add_springs_and_scaffold(LinearSystem& system) const {
     Array<Block> blocks;
-    for (const Spring& s : problem_.springs) {
-      const Mat2 stiffness = diagonal(2 * s.weight);
-      blocks.push_back({s.p, s.p, stiffness});
-      blocks.push_back({s.q, s.q, stiffness});
-      blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
-    }
+    add_springs(problem_.springs, blocks);
     add_scaffold(scaffold_, blocks);
     if (blocks.empty()) return;
     system.H = sum(system.H, sum_of_blocks(m_.n_vertices, blocks, executor_), executor_);
@@ -7373,6 +7445,23 @@ class PairEmbedder {
 //             mesh around it is, and edges can bend around other landmarks.
 // Fails:      with the landmarks that are still apart after some refinements.
 
+/// Lets those of A jump that can.
+inline void join_landmarks(const JointSurface& s, Points2& x, Array<Landmark>& apart,
+                           Array<Landmark>& joined) {
+  Array<Landmark> left;
+  for (const Landmark& l : apart) {
+    const Vec2 before = row2(x, l.a);
+    set_row(x, l.a, row2(x, s.n_a + l.b));
+    if (is_injective(s.mesh, x)) {
+      joined.push_back(l);
+    } else {
+      set_row(x, l.a, before);
+      left.push_back(l);
+    }
+  }
+  apart = left;
+}
+
 class LandmarkJoiner {
  public:
   LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
@@ -7420,7 +7509,7 @@ class LandmarkJoiner {
   bool pull() {
     if (!newton_) {
       const bool is_last = weight_ > kHardest || apart_.empty();
-      join_landmarks();
+      join_landmarks(s_, x_, apart_, joined_);
       if (is_last) return false;
       executor_.tell(Phase::kEmbedding, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
@@ -7434,21 +7523,6 @@ class LandmarkJoiner {
     newton_.reset();
     weight_ *= 10;
     return true;
-  }
-
-  void join_landmarks() {
-    Array<Landmark> left;
-    for (const Landmark& l : apart_) {
-      const Vec2 before = row2(x_, l.a);
-      set_row(x_, l.a, row2(x_, s_.n_a + l.b));
-      if (is_injective(s_.mesh, x_)) {
-        joined_.push_back(l);
-      } else {
-        set_row(x_, l.a, before);
-        left.push_back(l);
-      }
-    }
-    apart_ = left;
   }
 
   void refine(const Array<Landmark>& landmarks, Embedding& result) {
@@ -8754,6 +8828,11 @@ void exchange(Archive& io, Points2& x) {
 }
 
 template <class Archive>
+void exchange(Archive& io, int& value) {
+  io(value);
+}
+
+template <class Archive>
 void exchange(Archive& io, Midpoint& edge) {
   for (int& end : edge) io(end);
 }
@@ -8781,7 +8860,10 @@ struct SavedRun {
   int status = 0;
   std::vector<Midpoint> added_a, added_b;
   Points2 f, g;  // the start
+  double scale = 1;
   double embedding_seconds = 0, seconds = 0;
+  bool is_changed = false;  // landmarks or options; what follows from that is yet to be done:
+  Array<int> pulled;        // these landmarks are to be brought together
   std::vector<IterationLog> log;
   Optimizer::Memory memory;
 };
@@ -8792,13 +8874,71 @@ void exchange(Archive& io, SavedRun& run) {
   exchange_list(io, run.added_a);
   exchange_list(io, run.added_b);
   for (Points2* x : {&run.f, &run.g, &run.memory.x}) exchange(io, *x);
-  for (double* value : {&run.embedding_seconds, &run.seconds, &run.memory.omega}) io(*value);
+  for (double* value : {&run.scale, &run.embedding_seconds, &run.seconds, &run.memory.omega})
+    io(*value);
+  exchange(io, run.is_changed);
+  exchange_list(io, run.pulled);
   exchange_list(io, run.log);
   exchange_list(io, run.memory.visited);
   for (bool* flag : {&run.memory.has_model, &run.memory.is_scaffolded, &run.memory.has_scaffold,
                      &run.memory.was_reset})
     exchange(io, *flag);
 }
+
+// ---- landmarks that are changed while there is a map ----
+//
+// Purpose:    brings landmarks together that are apart, with little loss of what was optimised.
+// Method:     Algorithm 1 goes on with springs between them, stiffer and stiffer. Those that shall
+//             be exact jump onto each other as soon as all can; else LandmarkJoiner takes over, and
+//             most of what was optimised is lost.
+// Invariants: every iterate is injective.
+
+class LandmarkPuller {
+ public:
+  LandmarkPuller(const JointSurface& s, const Array<Landmark>& apart, const Options& options,
+                 const Executor& executor, Optimizer& optimizer)
+      : s_(s),
+        apart_(apart),
+        stiffest_(options.exact_landmarks ? kHardest : kStiffest),
+        most_(options.exact_landmarks ? 4 : 2),
+        executor_(executor),
+        optimizer_(optimizer) {}
+
+  /// An iteration; false after the last one. Where the caller stops it, the next call repeats it.
+  bool step() {
+    if (iteration_ == 0) stiffen();
+    Result result;
+    result.status = Status::kUnfinished;
+    optimizer_.iterate(result);  // with a log of its own: E may rise, and nothing settles
+    if (result.status == Status::kUnfinished && result.log.empty()) return true;  // stopped
+    executor_.tell(Phase::kOptimization, 0, {"bringing landmarks together: ", apart_.size()},
+                   nullptr);
+    if (result.log.empty() || ++iteration_ == most_) {
+      iteration_ = 0;
+      weight_ *= 10;
+    }
+    return weight_ <= stiffest_;
+  }
+
+ private:
+  static constexpr double kHardest = 1e8;
+
+  void stiffen() {
+    Array<Spring> springs;
+    for (const Landmark& l : apart_)
+      springs.push_back({l.a, s_.n_a + l.b, weight_ / apart_.size()});
+    optimizer_.set_springs(std::move(springs));
+  }
+
+  const JointSurface& s_;
+  const Array<Landmark> apart_;
+  const double stiffest_;
+  const int most_;  // iterations with springs of one stiffness
+  const Executor& executor_;
+  Optimizer& optimizer_;
+  double weight_ = 1;
+  int iteration_ = 0;
+};
 
 // ---- compute_map() in steps ----
 
@@ -8813,9 +8953,9 @@ class Run {
         options_(options),
         only_start_(only_start),
         executor_(options_) {
-    if (only_start) executor_.set_embedding_share(1);
     result_.start.a = a_;
     result_.start.b = b_;
+    if (only_start) executor_.set_embedding_share(1);
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, result_)) {
       result_.status = Status::kNoMapYet;
       if (!has_positions())
@@ -8830,18 +8970,7 @@ class Run {
   double fraction() const { return executor_.fraction(); }
 
   SolverState state() const {
-    SavedRun run;
-    run.status = static_cast<int>(result_.status);
-    if (optimizer_) {
-      run.added_a = pair_.a.added;
-      run.added_b = pair_.b.added;
-      run.f = result_.start.f;
-      run.g = result_.start.g;
-      run.embedding_seconds = result_.start.seconds;
-      run.seconds = result_.seconds;
-      run.log = result_.log;
-      run.memory = optimizer_->memory();
-    }
+    SavedRun run = puller_ ? before_change_ : now();
     SolverState state;
     StateWriter writer = {state};
     exchange(writer, run);
@@ -8861,6 +8990,30 @@ class Run {
     return run->restore(saved) ? std::move(run) : nullptr;
   }
 
+  /// The same surfaces with other landmarks and options, where there is a map, from there on; null,
+  /// and the outcome says why, if they are refused.
+  std::unique_ptr<Run> changed(const std::vector<Landmark>& landmarks, Options options,
+                               Outcome& outcome) const {
+    options.boundary = options_.boundary;
+    options.keep_scale = options_.keep_scale;
+    options.initial_f = options_.initial_f;
+    options.initial_g = options_.initial_g;
+    auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_);
+    if (run->is_embedding() && optimizer_) {
+      SavedRun saved = now();
+      saved.status = static_cast<int>(Status::kUnfinished);
+      saved.f = own_positions(0, s_.n_a);
+      saved.g = own_positions(s_.n_a, s_.mesh.n_vertices);
+      saved.log.clear();
+      saved.is_changed = true;
+      saved.pulled = landmarks_to_pull(landmarks, options.exact_landmarks);
+      run->restore(saved);
+    }
+    if (run->is_embedding() || is_usable(run->result_.status)) return run;
+    fail(outcome, run->result_.status, {run->result_.message}, run->result_.ids);
+    return nullptr;
+  }
+
   /// A step of the embedding, or an iteration; true while there is more to do. The result is what
   /// it is if the caller goes no further.
   bool step() {
@@ -8870,6 +9023,8 @@ class Run {
     Timer timer;
     if (is_embedding())
       embed();
+    else if (puller_)
+      bring_together();
     else if (optimizer_)
       optimizer_->iterate(result_);
     tell_iteration();
@@ -8884,35 +9039,142 @@ class Run {
   }
 
  private:
+  // ---- saving, restoring, changing ----
+
+  SavedRun now() const {
+    SavedRun run;
+    run.status = static_cast<int>(result_.status);
+    if (!optimizer_) return run;
+    const Embedding& start = result_.start;
+    run.added_a = start.added_a;
+    run.added_b = start.added_b;
+    run.f = start.f;
+    run.g = start.g;
+    run.scale = scale_;
+    run.embedding_seconds = start.seconds;
+    run.seconds = result_.seconds;
+    run.log = result_.log;
+    run.memory = optimizer_->memory();
+    return run;
+  }
+
   bool restore(SavedRun& saved) {
     if (!split_edges(saved.added_a, pair_.a) || !split_edges(saved.added_b, pair_.b)) return false;
-    Embedding& start = result_.start;
-    start.f = std::move(saved.f);
-    start.g = std::move(saved.g);
-    Outcome ignored;
-    if (!check_positions(pair_.a.mesh, start.f, "f", ignored) ||
-        !check_positions(pair_.b.mesh, start.g, "g", ignored))
-      return false;
-    start.seconds = saved.embedding_seconds;
-    embedder_.reset();
-    accept_start();
-    if (!optimizer_ || result_.status != Status::kUnfinished) return false;
+    const int n_a = pair_.a.mesh.n_vertices, n = n_a + pair_.b.mesh.n_vertices;
     const auto is_embedding_of_both = [&](const Points2& x) {
-      return x.rows() == s_.mesh.n_vertices && is_injective(s_.mesh, x);
+      return x.rows() == n && is_injective(pair_.a.mesh, rows_between(x, 0, n_a)) &&
+             is_injective(pair_.b.mesh, rows_between(x, n_a, n));
     };
     const Optimizer::Memory& memory = saved.memory;
-    bool ok = is_embedding_of_both(memory.x) && memory.visited.size() <= options_.history_length &&
-              std::isfinite(memory.omega) && (!memory.has_model || !memory.visited.empty());
+    bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
+              is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
+              std::isnormal(saved.scale) && (!memory.has_model || !memory.visited.empty()) &&
+              (saved.is_changed || memory.visited.size() <= options_.history_length);
     for (const Points2& x : memory.visited) ok = ok && is_embedding_of_both(x);
+    for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
     if (!ok) return false;
-    optimizer_->restore(memory);
-    result_.log = std::move(saved.log);
-    told_ = result_.log.size();
+    embedder_.reset();
+    scale_ = saved.scale;
+    Embedding& start = result_.start;
+    start.f = saved.f;
+    start.g = saved.g;
+    start.seconds = saved.embedding_seconds;
     result_.seconds = saved.seconds;
-    result_.status = static_cast<Status>(saved.status);
-    hand_over();
-    return true;
+    if (saved.is_changed) {
+      before_change_ = saved;
+      begin_change();
+    } else {
+      accept_start();
+      if (!optimizer_ || result_.status != Status::kUnfinished) return false;
+      optimizer_->restore(memory);
+      result_.log = std::move(saved.log);
+      told_ = result_.log.size();
+      result_.status = static_cast<Status>(saved.status);
+    }
+    if (optimizer_) hand_over();
+    return optimizer_ != nullptr;
   }
+
+  /// Of all vertices, rows begin to end - 1, in the unit that positions were given in.
+  Points2 own_positions(int begin, int end) const {
+    return rows_between(scaled(1 / scale_, optimizer_->positions()), begin, end);
+  }
+
+  /// Of other landmarks, those that are apart and shall not be; of those that only guide, the ones
+  /// that are new, or are being pulled.
+  Array<int> landmarks_to_pull(const std::vector<Landmark>& landmarks, bool are_exact) const {
+    const auto is_at_rest = [&](const Landmark& l) {
+      for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
+        const Landmark& old = landmarks_.data()[i];
+        const Array<int>& pulled = before_change_.pulled;
+        if (old.a == l.a && old.b == l.b)
+          return !puller_ || std::find(pulled.begin(), pulled.end(), i) == pulled.end();
+      }
+      return false;
+    };
+    const Points2& x = optimizer_->positions();
+    Array<int> apart;
+    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i) {
+      const Landmark& l = landmarks.data()[i];
+      if (are_exact ? row2(x, l.a) != row2(x, s_.n_a + l.b) : !is_at_rest(l)) apart.push_back(i);
+    }
+    return apart;
+  }
+
+  /// From the map of another run on.
+  void begin_change() {
+    Array<Landmark> apart;
+    std::vector<Landmark> together = landmarks_;
+    for (int k = before_change_.pulled.size() - 1; k >= 0; --k) {
+      const int i = before_change_.pulled[k];
+      apart.push_back(landmarks_.data()[i]);
+      together.erase(together.begin() + i);
+    }
+    return_meshes(a_, b_, pair_, result_.start);
+    begin(together);
+    if (!optimizer_ || result_.status != Status::kUnfinished) return;
+    optimizer_->keep(before_change_.memory);
+    if (!apart.empty())
+      puller_ = std::make_unique<LandmarkPuller>(s_, apart, options_, executor_, *optimizer_);
+  }
+
+  /// A step towards landmarks that were changed.
+  void bring_together() {
+    if (joiner_) {
+      if (!joiner_->step(joining_)) end_change();
+      return;
+    }
+    const bool is_last = !puller_->step();
+    Points2 x = optimizer_->positions();
+    Array<Landmark> apart, joined;
+    for (const Landmark& l : landmarks_)
+      if (options_.exact_landmarks) apart.push_back(l);
+    join_landmarks(s_, x, apart, joined);
+    if (!is_last && (!options_.exact_landmarks || !apart.empty())) return;
+    joining_ = Embedding();
+    joining_.f = rows_between(x, 0, s_.n_a);
+    joining_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
+    if (apart.empty()) return end_change();
+    joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks_, options_, executor_);
+  }
+
+  /// Landmarks are where they belong.
+  void end_change() {
+    if (joining_.status != Status::kDone)
+      return void(fail(result_, joining_.status, {joining_.message}, joining_.ids));
+    Optimizer::Memory memory = optimizer_->memory();
+    puller_.reset();
+    joiner_.reset();
+    Embedding& start = result_.start;
+    start.f = scaled(1 / scale_, joining_.f);
+    start.g = scaled(1 / scale_, joining_.g);
+    accept_start();
+    if (!optimizer_) return;
+    if (memory.x.rows() != s_.mesh.n_vertices) memory.visited.clear();  // vertices were added
+    optimizer_->keep(memory);
+  }
+
+  // ---- the embedding, and the beginning of the loop ----
 
   bool has_positions() const {
     return !only_start_ && (options_.initial_f.size() > 0 || options_.initial_g.size() > 0);
@@ -8936,7 +9198,7 @@ class Run {
       return void(fail(result_, start.status, {start.message}, start.ids));
     start.landmark_distance = largest_landmark_distance(start, landmarks_);
     result_.status = Status::kDone;
-    if (!only_start_) begin();
+    if (!only_start_) begin(landmarks_);
   }
 
   bool is_stopped_at_end() const {
@@ -8953,13 +9215,18 @@ class Run {
     fail(result_.start, Status::kNoMapYet, {result_.message});
   }
 
-  void begin() {
+  /// Algorithm 1 from the start on. `together`: the landmarks that may be exact.
+  void begin(const std::vector<Landmark>& together) {
+    optimizer_.reset();
+    followers_.clear();
+    result_.log.clear();
+    told_ = 0;
     s_ = join(pair_);
     Points2 x = stacked(result_.start.f, result_.start.g);
-    scale_ = has_positions() ? plane_scale(s_, x) : 1;
+    if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
     x = scaled(scale_, std::move(x));
     result_.status = Status::kUnfinished;
-    if (!find_followers(s_, x, landmarks_, options_, followers_, result_)) return;
+    if (!find_followers(s_, x, together, options_, followers_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     optimizer_->start(x, result_);
   }
@@ -8974,11 +9241,15 @@ class Run {
   /// Status, sentence and positions, if the caller goes no further.
   void hand_over() {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
-    result_.message = words_of(result_.status).sentence;
-    if (!is_usable(result_.status)) return;
-    const Points2 x = scaled(1 / scale_, optimizer_->positions());
-    result_.f = rows_between(x, 0, s_.n_a);
-    result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
+    if (result_.status != Status::kInvalidLandmarks)
+      result_.message = words_of(result_.status).sentence;
+    if (is_usable(result_.status)) {
+      result_.f = own_positions(0, s_.n_a);
+      result_.g = own_positions(s_.n_a, s_.mesh.n_vertices);
+    } else {
+      result_.f.resize(0, 2);
+      result_.g.resize(0, 2);
+    }
   }
 
   const SharedMesh a_, b_;
@@ -8990,10 +9261,14 @@ class Run {
   Result result_;
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;
-  double scale_ = 1;  // of the planes, against those that were given
+  double scale_ = 0;  // of the planes, against those that were given; 0 as long as there are none
   Array<Follower> followers_;
   std::unique_ptr<Optimizer> optimizer_;
   std::size_t told_ = 0;  // of the log
+  SavedRun before_change_;
+  std::unique_ptr<LandmarkPuller> puller_;  // while landmarks are brought together
+  std::unique_ptr<LandmarkJoiner> joiner_;
+  Embedding joining_;
 };
 
 // ---- what a SurfaceMap is made of ----
@@ -9094,6 +9369,13 @@ bool Solver::restore(const SolverState& state) {
   if (!run) return false;
   run_ = std::move(run);
   return true;
+}
+
+Outcome Solver::change(const std::vector<Landmark>& landmarks, const Options& options) {
+  Outcome outcome;
+  std::unique_ptr<detail::Run> run = run_->changed(landmarks, options, outcome);
+  if (run) run_ = std::move(run);
+  return outcome;
 }
 
 SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}

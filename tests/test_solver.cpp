@@ -218,6 +218,146 @@ TEST_CASE("a state that does not fit is refused, and nothing is changed") {
   check_same(solver.result(), expected);
 }
 
+// ---- other landmarks and options ----
+
+/// Cases with a map, and the landmarks and options they go on with.
+struct Change {
+  Case from, to;
+};
+
+std::vector<Change> changes() {
+  std::vector<Change> all;
+  for (std::size_t i = 1; i < 4; ++i) {  // soft, exact, exact on sliding boundaries
+    Change c = {cases()[i], cases()[i]};
+    c.to.landmarks[1].b += 1;
+    all.push_back(c);
+  }
+  Change late = {cases()[1], cases()[2]};
+  late.to.name = "landmarks become exact, one is new";
+  late.to.landmarks.push_back({48, 40});
+  late.to.options.pins_b = {31};
+  late.to.options.coverage_weight = 0.1;
+  all.push_back(late);
+  return all;
+}
+
+Solver changed(const Change& c) {
+  Solver solver = solver_of(c.from);
+  while (solver.step()) {
+  }
+  const ism::Outcome outcome = solver.change(c.to.landmarks, c.to.options);
+  INFO(outcome.message);
+  REQUIRE(outcome.status == Status::kDone);
+  return solver;
+}
+
+TEST_CASE("a solver goes on with other landmarks and options from the map it has") {
+  for (const Change& c : changes()) {
+    CAPTURE(c.to.name);
+    Solver solver = changed(c);
+    const ism::SurfaceMap before(solver.result());
+    int steps = 0;
+    do {
+      ++steps;
+      REQUIRE(ism::is_usable(solver.result().status));
+      CHECK(solver.phase() == Phase::kOptimization);
+      CHECK(ism::SurfaceMap(solver.result()).status() == Status::kDone);
+    } while (solver.step());
+    CHECK(steps > 10);
+    const Result& r = solver.result();
+    if (c.to.options.pins_b.empty()) {  // else pins are somewhere else from the start
+      const Result anew = expected_of(c.to);
+      CHECK(r.final_state().mean_distortion < 1.02 * anew.final_state().mean_distortion);
+    }
+    if (!c.to.options.exact_landmarks) continue;
+    for (const ism::Landmark& l : c.to.landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+    const ism::SurfaceMap after(r);
+    for (int v : c.to.options.pins_b) {
+      const ism::MappedPoint image = after.backward_vertex(v), was = before.backward_vertex(v);
+      REQUIRE(was.covered);
+      CHECK((after.position_on_a(image.point) - before.position_on_a(was.point)).norm() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("a change that is interrupted, saved and restored ends in the same bits") {
+  for (const Change& c : changes()) {
+    CAPTURE(c.to.name);
+    Solver solver = changed(c);
+    while (solver.step()) {
+    }
+    const Result expected = solver.result();
+    std::atomic<bool> stop{false};
+    int next = 1, stopped = 0;
+    Change d = c;
+    d.to.options.stop = &stop;
+    d.to.options.parallel_for = [&](int n, const std::function<void(int)>& task) {
+      for (int i = 0; i < n; ++i) {
+        if (--next == 0) stop = true;
+        task(i);
+      }
+    };
+    shapes::Rng rng(19);
+    solver = changed(d);
+    for (int i = 0; i < 100000; ++i) {
+      const bool has_more = solver.step();
+      if (!stop && !has_more) break;
+      if (!stop) continue;
+      stop = false;
+      next = rng.between(1, 500);
+      CHECK(ism::is_usable(solver.result().status));
+      if (++stopped % 5 != 0) continue;
+      Solver other = solver_of(c.to);
+      REQUIRE(other.restore(solver.state()));
+      while (other.step()) {
+      }
+      check_same(other.result(), expected);
+    }
+    CHECK(stopped > 5);
+    check_same(solver.result(), expected);
+  }
+}
+
+TEST_CASE("a change of landmarks that are being changed is the last one's") {
+  Change c = changes()[1];
+  Solver solver = changed(c);
+  solver.step();
+  c.to.landmarks[0].b += 1;
+  REQUIRE(solver.change(c.to.landmarks, c.to.options).status == Status::kDone);
+  while (solver.step()) {
+  }
+  CHECK(solver.result().start.landmark_distance == 0);
+  for (const ism::Landmark& l : c.to.landmarks)
+    CHECK(solver.result().f.row(l.a) == solver.result().g.row(l.b));
+}
+
+TEST_CASE("a change that is refused changes nothing; before there is a map it begins anew") {
+  const Case c = cases()[2];
+  const Result expected = expected_of(c);
+  Solver solver = solver_of(c);
+  while (solver.result().log.size() < 5) solver.step();
+  ism::Options bad = c.options;
+  bad.pins_a = {1000};
+  ism::Outcome outcome = solver.change(c.landmarks, bad);
+  CHECK(outcome.status == Status::kInvalidPins);
+  CHECK(outcome.ids == shapes::Ids{shapes::of_a(1000)});
+  outcome = solver.change({{5, 6}, {5, 7}}, c.options);
+  CHECK(outcome.status == Status::kInvalidLandmarks);
+  bad = c.options;
+  bad.window = 0;
+  CHECK(solver.change(c.landmarks, bad).status == Status::kInvalidOptions);
+  while (solver.step()) {
+  }
+  check_same(solver.result(), expected);
+  solver = solver_of(cases()[0]);
+  solver.step();
+  REQUIRE(solver.change(c.landmarks, c.options).status == Status::kDone);
+  while (solver.step()) {
+  }
+  check_same(solver.result(), expected);
+  CHECK(Solver().change({}, {}).status == Status::kInvalidMesh);
+}
+
 TEST_CASE("a solver without valid meshes says so") {
   Solver solver;
   CHECK(solver.result().status == Status::kInvalidMesh);
