@@ -370,6 +370,16 @@ TEST_CASE("an empty mesh is reported") {
   CHECK(only(ism::validate(triangles_only), Kind::kEmpty, {{}}));
 }
 
+TEST_CASE("a mesh with more elements than an int counts what is made of them is refused unread") {
+  TriangleMesh mesh;  // memory that nobody touches is not taken
+  mesh.vertices.resize(3, 3);
+  mesh.triangles.resize((1 << 24) + 1, 3);
+  CHECK(only(ism::validate(mesh), Kind::kEmpty, {{}}));
+  mesh.triangles.resize(1, 3);
+  mesh.vertices.resize((1 << 24) + 1, 3);
+  CHECK(only(ism::validate(mesh), Kind::kEmpty, {{}}));
+}
+
 TEST_CASE("triangles with ids outside the vertices are reported by their ids") {
   TriangleMesh m = on_curve({{0, 1, 2}, {2, 1, 3}, {2, 3, 4}});
   m.triangles(1, 2) = 5;

@@ -1011,6 +1011,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse("omega_least", &Options::omega_least, Doubles{-1, 1e5, kNan, kInf});
   refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
   refuse("max_seconds", &Options::max_seconds, Doubles{0, -1, kNan});
+  refuse("max_memory", &Options::max_memory, Doubles{0, -1, kNan});
   refuse("least_coverage", &Options::least_coverage, Doubles{1, -1, kNan});
   refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
   refuse("search_stride", &Options::search_stride, Ints{0, -1, 9});
@@ -1020,6 +1021,37 @@ TEST_CASE("options out of range are refused by name") {
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
   refuse("window", &Options::window, Ints{0, -3});
   refuse("threads", &Options::threads, Ints{-1});
+}
+
+TEST_CASE("what would take more memory than allowed is refused with both numbers") {
+  const TriangleMesh a = shapes::grid(20, 20).mesh, b = shapes::grid(18, 20).mesh;
+  Options options;
+  options.max_memory = 2e6;
+  const Result result = ism::compute_map(a, b, {}, options);
+  check_refused(result, Status::kMemoryLimit, "max_memory is 2 MB");
+  const double needed = ism::memory_estimate(a, b, options);
+  const std::string mb = std::to_string(static_cast<int>(needed / 1e6) + 1);
+  CHECK(result.message.find("about " + mb + " MB") != std::string::npos);
+  CHECK(ism::initial_embedding(a, b, {}, options).status == Status::kMemoryLimit);
+  ism::Solver solver(a, b, {}, options);
+  CHECK_FALSE(solver.step());
+  CHECK(solver.result().status == Status::kMemoryLimit);
+  options.max_memory = needed;
+  options.max_iterations = 1;
+  CHECK(ism::is_usable(ism::compute_map(a, b, {}, options).status));
+}
+
+TEST_CASE("the estimate of memory grows with meshes and history, and of nothing is nothing") {
+  const auto estimate = [](double faces, int history) {
+    Options options;
+    options.history_length = history;
+    return ism::detail::memory_of_run(faces, faces, faces, options);
+  };
+  CHECK(ism::memory_estimate(TriangleMesh(), TriangleMesh()) == 0);
+  CHECK(estimate(1000, 12) > 3 * estimate(300, 12));
+  CHECK(estimate(1000, 12) > 1.2 * estimate(1000, 1));
+  CHECK(estimate(2e9, 2000000000) > estimate(2e9, 12));
+  CHECK(std::isfinite(estimate(2e9, 2000000000)));
 }
 
 TEST_CASE("meshes that are no disks are refused by name") {

@@ -1,5 +1,5 @@
 // Memory, threads and callbacks that fail: whatever a call meets, its caller hears of it, nothing
-// is leaked and no thread is left.
+// is leaked and no thread is left. And how much memory and stack there must be.
 
 #include "allocations.hpp"
 #include "ism.hpp"
@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <cstddef>
 #include <functional>
 #include <new>
 #include <stdexcept>
@@ -20,7 +22,21 @@
 #ifdef __linux__
 #include <dlfcn.h>
 #include <pthread.h>
+#include <sys/mman.h>
 #include <cerrno>
+#include <cstring>
+#include <fstream>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+#endif
+
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define ISM_TEST_SANITIZED
+#endif
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define ISM_TEST_SANITIZED
 #endif
 
 namespace {
@@ -157,3 +173,153 @@ TEST_CASE("where memory ends, bad_alloc reaches the caller and nothing is leaked
     CHECK(failed > 150);
   }
 }
+
+// Sanitizers take memory and stack of their own.
+#if defined(__GLIBC__) && !defined(ISM_TEST_SANITIZED)
+namespace {
+
+/// A number of bytes that the system knows of this process.
+double process_bytes(const std::string& name) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.rfind(name, 0) == 0) return 1024 * std::stod(line.substr(name.size()));
+  return 0;
+}
+
+/// By how much a run makes the process grow; 0 if the system does not tell.
+double peak_memory(const std::function<void()>& run) {
+  malloc_trim(0);
+  if (!(std::ofstream("/proc/self/clear_refs") << "5" << std::flush)) return 0;
+  const double before = process_bytes("VmRSS:");
+  run();
+  return process_bytes("VmHWM:") - before;
+}
+
+/// A thread's stack that shows how much of it was used.
+class PaintedStack {
+ public:
+  PaintedStack()
+      : bytes_(static_cast<unsigned char*>(
+            mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0))) {
+    paint();
+    run([] {});
+    of_thread_ = touched();
+    paint();
+  }
+  PaintedStack(const PaintedStack&) = delete;
+  PaintedStack& operator=(const PaintedStack&) = delete;
+  ~PaintedStack() { munmap(bytes_, kSize); }
+
+  void run(const std::function<void()>& work) {
+    pthread_attr_t attributes;
+    pthread_attr_init(&attributes);
+    pthread_attr_setstack(&attributes, bytes_, kSize);
+    pthread_t thread;
+    const auto call = [](void* f) -> void* {
+      (*static_cast<const std::function<void()>*>(f))();
+      return nullptr;
+    };
+    REQUIRE(pthread_create(&thread, &attributes, call,
+                           const_cast<void*>(static_cast<const void*>(&work))) == 0);
+    pthread_join(thread, nullptr);
+    pthread_attr_destroy(&attributes);
+  }
+
+  /// By all runs so far, beyond what a thread takes that does nothing.
+  std::size_t used() const { return touched() - of_thread_; }
+
+ private:
+  static constexpr std::size_t kSize = 1 << 20;
+  static constexpr unsigned char kPaint = 0x5a;
+
+  void paint() { std::memset(bytes_, kPaint, kSize); }
+  std::size_t touched() const {  // stacks grow downwards
+    return kSize - static_cast<std::size_t>(
+                       std::find_if(bytes_, bytes_ + kSize,
+                                    [](unsigned char byte) { return byte != kPaint; }) -
+                       bytes_);
+  }
+
+  unsigned char* bytes_;
+  std::size_t of_thread_ = 0;
+};
+
+struct Kind {
+  std::string name;
+  ism::Options options;
+};
+
+/// Runs that differ in the code they pass through.
+std::vector<Kind> kinds_of_runs() {
+  const ism::Options options = options_of(1, 3);
+  std::vector<Kind> all(6, Kind{"free", options});
+  all[1].name = "exact landmarks";
+  all[1].options.exact_landmarks = true;
+  all[2].name = "fixed boundaries";
+  all[2].options.boundary = ism::Boundary::kFixed;
+  all[3].name = "sliding boundaries, exact landmarks";
+  all[3].options.boundary = ism::Boundary::kSlide;
+  all[3].options.exact_landmarks = true;
+  all[4].name = "pins";
+  all[4].options.pins_a = {100};
+  all[5].name = "another measure";
+  all[5].options.measure = ism::sarap();
+  return all;
+}
+
+/// Smooth enough for fronts whose products Eigen packs into blocks.
+std::pair<shapes::Disk, shapes::Disk> large_pair(int n) {
+  shapes::Rng rng(5);
+  std::pair<shapes::Disk, shapes::Disk> disks = {shapes::perturbed_grid(n, n, 0.2, rng),
+                                                 shapes::perturbed_grid(n - 3, n - 2, 0.2, rng)};
+  disks.first.mesh.vertices *= 8.0 / n;  // bent by as much, whatever n
+  disks.second.mesh.vertices *= 8.0 / n;
+  for (shapes::Disk* disk : {&disks.first, &disks.second})
+    for (int v = 0; v < disk->mesh.vertices.rows(); ++v)
+      disk->mesh.vertices(v, 2) = 0.5 * std::sin(disk->mesh.vertices(v, 0));
+  return disks;
+}
+
+}  // namespace
+
+TEST_CASE("a task takes at most 64 KB of stack, and so does the calling thread") {
+  const auto [a, b] = large_pair(30);
+  const int n = static_cast<int>(a.mesh.vertices.rows()),
+            m = static_cast<int>(b.mesh.vertices.rows());
+  const std::vector<ism::Landmark> landmarks = {{n / 3, m / 3}, {2 * n / 3 + 5, 2 * m / 3 + 5}};
+  for (const Kind& kind : kinds_of_runs()) {
+    CAPTURE(kind.name);
+    PaintedStack task_stack, call_stack;
+    ism::Options options = kind.options;
+    options.parallel_for = [&](int count, const std::function<void(int)>& task) {
+      task_stack.run([&] {
+        for (int i = 0; i < count; ++i) task(i);
+      });
+    };
+    ism::Result result;
+    call_stack.run([&] { result = ism::compute_map(a.mesh, b.mesh, landmarks, options); });
+    INFO(result.message);
+    CHECK(ism::is_usable(result.status));
+    CHECK(task_stack.used() > 1000);
+    CHECK(task_stack.used() <= 64 * 1024);
+    CHECK(call_stack.used() <= 64 * 1024);
+  }
+}
+
+TEST_CASE("the estimate of memory is within 30% of the peak of the process") {
+  for (int n : {24, 40})
+    for (int threads : {1, 2}) {
+      CAPTURE(n);
+      CAPTURE(threads);
+      const auto [a, b] = large_pair(n);
+      const ism::Options options = options_of(threads, 16);
+      const double estimate = ism::memory_estimate(a.mesh, b.mesh, options);
+      const std::vector<ism::Landmark> landmarks = {{0, 0}, {n, n - 3}};
+      const double peak =
+          peak_memory([&] { ism::compute_map(a.mesh, b.mesh, landmarks, options); });
+      if (peak == 0) return;
+      CHECK(estimate / peak > 0.7);
+      CHECK(estimate / peak < 1.3);
+    }
+}
+#endif
