@@ -274,10 +274,24 @@ struct Problem {
 /// log #F). Reports at most 20 problems of each kind. Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
-/// A correspondence wanted at the start: vertex a of A should map near vertex b of B.
+/// A point of a surface: a triangle and barycentric coordinates that add up to 1.
+struct SurfacePoint {
+  int face = -1;
+  Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
+};
+
+/// One end of a landmark: a vertex or a point in a triangle; either converts to it.
+struct LandmarkPoint {
+  int vertex = -1;     // -1: it is the point
+  SurfacePoint point;  // barycentric coordinates below 1e-9 count as 0
+  LandmarkPoint(int v = -1) : vertex(v) {}
+  LandmarkPoint(const SurfacePoint& p) : point(p) {}
+};
+
+/// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
+/// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B.
 struct Landmark {
-  int a;
-  int b;
+  LandmarkPoint a, b;
 };
 
 /// What the boundaries may do. Held ones are suggested in §7.
@@ -286,8 +300,8 @@ enum class Boundary {
   kFree,
   /// They are laid along the sides of one square and stay there, so A and B cover each other. Four
   /// pairs of vertices become its corners. What corresponds is given by landmarks on the boundaries
-  /// and by arc length between them; without such landmarks, by arc length from where the
-  /// boundaries lie closest to each other in a free embedding.
+  /// (points on their edges become vertices) and by arc length between them; without such
+  /// landmarks, by arc length from where the boundaries lie closest in a free embedding.
   kFixed,
   /// The same at the start, but all vertices except for the corners may slide along their side.
   kSlide
@@ -435,7 +449,8 @@ struct Options {
   /// Vertices of A (of B) whose planar positions stay what they are at the start.
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
-  /// to the end. Those on the boundaries must then have the same order on A and B.
+  /// to the end. Those on the boundaries must then have the same order on A and B. Points become
+  /// vertices, which are added there; with given positions they are refused.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
@@ -453,15 +468,23 @@ struct Options {
   static Options paper();
 };
 
-/// The ends of the edge in whose middle a vertex was added to a mesh.
-using Midpoint = std::array<int, 2>;
+/// Where a vertex was added to a mesh: on an edge, of which the third corner is -1, or in a
+/// triangle, as the mean of its corners with positive weights that add up to 1.
+struct AddedVertex {
+  Eigen::Vector3i corners = {-1, -1, -1};
+  Eigen::Vector3d weights = {0, 0, 0};
+  AddedVertex() = default;
+  AddedVertex(int u, int v) : corners(u, v, -1), weights(0.5, 0.5, 0) {}  // in the middle
+};
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding : Outcome {
   /// The meshes that were embedded: the copies of those given, and where a constraint needs it,
   /// meshes with vertices added behind the given ones. The surfaces are the same.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  std::vector<Midpoint> added_a, added_b;  // the added vertices in order; earlier ones may be ends
+  /// The added vertices in order: first those of landmarks that were points, in their order; then
+  /// others. Earlier ones may be corners of later ones.
+  std::vector<AddedVertex> added_a, added_b;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
@@ -559,12 +582,6 @@ class Solver {
 
  private:
   std::unique_ptr<detail::Run> run_;
-};
-
-/// A point of a surface: a triangle and barycentric coordinates that add up to 1.
-struct SurfacePoint {
-  int face = -1;
-  Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
 };
 
 /// An image under the map: no image when the point lies outside the overlap.
@@ -673,12 +690,12 @@ class SurfaceMap {
   std::shared_ptr<const detail::MapData> data_;
 };
 
-/// The vertices along edges of a mesh to whose edges vertices were added (Embedding::added_a): the
+/// The vertices along edges of a mesh to which vertices were added (Embedding::added_a): the
 /// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost
 /// O(n log n).
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
                                          const TriangleMesh& mesh,
-                                         const std::vector<Midpoint>& added);
+                                         const std::vector<AddedVertex>& added);
 
 /// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
 Remesh remesh(const SurfaceMap& map, Side side);
@@ -742,10 +759,10 @@ Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 /// coordinates lie on either side of it, so keep to_meta()'s for these.
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
-/// From elements of a mesh to those of the same mesh with vertices added in the middle of edges
-/// (Embedding::a and added_a, or b and added_b).
-Transfer refine(const MeshView& mesh, const MeshView& refined, const std::vector<Midpoint>& added,
-                Element element);
+/// From elements of a mesh to those of the same mesh with vertices added (Embedding::a and added_a,
+/// or b and added_b).
+Transfer refine(const MeshView& mesh, const MeshView& refined,
+                const std::vector<AddedVertex>& added, Element element);
 
 /// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
 Points3 linear_morph(const MetaMesh& meta, double t);
@@ -1553,8 +1570,8 @@ inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
   return found;
 }
 
-/// Cuts the triangle of h in two along the line from the middle of its edge u → v to the corner
-/// opposite; h then ends in the middle. Returns the half-edge from there to v.
+/// Cuts the triangle of h in two along the line from a vertex on its edge u → v to the corner
+/// opposite; h then ends at that vertex. Returns the half-edge from there to v.
 inline int split_face(HalfEdgeMesh& m, int h, int middle) {
   const int a = next(h), rest = 3 * m.n_faces++;
   const int v = m.tail[a], w = m.tip(a), outer = m.twin[a];
@@ -1567,7 +1584,7 @@ inline int split_face(HalfEdgeMesh& m, int h, int middle) {
   return rest;
 }
 
-/// Halves the edge of h; the new vertex is the last one. The list of the boundary is then stale.
+/// Cuts the edge of h in two; the new vertex is the last one.
 inline void split_edge(HalfEdgeMesh& m, int h) {
   const int t = m.twin[h], middle = m.n_vertices++;
   const int to_tip = split_face(m, h, middle);
@@ -1578,12 +1595,41 @@ inline void split_edge(HalfEdgeMesh& m, int h) {
   m.twin[t] = to_tip, m.twin[to_tip] = t;
 }
 
+/// Joins a new vertex, the last one, to the corners of the triangle of h.
+inline void split_triangle(HalfEdgeMesh& m, int h) {
+  const int u = m.tail[h], v = m.tip(h), outer = m.twin[h], middle = m.n_vertices++;
+  const int rest = split_face(m, h, middle), third = 3 * m.n_faces++;
+  for (int tail : {u, v, middle}) m.tail.push_back(tail);
+  for (int twin : {outer, rest, h}) m.twin.push_back(twin);
+  m.twin[rest] = third + 1, m.twin[h] = third + 2;
+  if (outer >= 0) m.twin[outer] = third;
+  if (outer < 0) m.out[u] = third;
+  m.out.push_back(rest);
+}
+
+inline bool is_on_edge(const AddedVertex& p) { return p.corners[2] < 0; }
+
+/// A half-edge of the edge or triangle in which a vertex is to be added; -1 if there is none.
+inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
+  const Eigen::Vector3d& t = p.weights;
+  const bool is_mean = t[0] > 0 && t[1] > 0 && (is_on_edge(p) ? t[2] == 0 : t[2] > 0) &&
+                       std::abs(t.sum() - 1) < 1e-9;
+  const int h = is_mean ? find_edge(m, p.corners[0], p.corners[1]) : -1;
+  if (h < 0 || is_on_edge(p) || m.tail[prev(h)] == p.corners[2]) return h;
+  return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
+}
+
+/// Adds a vertex where find_place() found it. The list of the boundary is then stale.
+inline void add_vertex(HalfEdgeMesh& m, int h, const AddedVertex& p) {
+  is_on_edge(p) ? split_edge(m, h) : split_triangle(m, h);
+}
+
 /// A half-edge mesh with the intrinsic geometry the energies need.
 struct Surface {
   HalfEdgeMesh mesh;
-  Points3 vertices;             // scaled to total area 1 unless asked otherwise
-  double scale = 1;             // by which the given ones were multiplied
-  std::vector<Midpoint> added;  // the last of them, which were not given
+  Points3 vertices;                // scaled to total area 1 unless asked otherwise
+  double scale = 1;                // by which the given ones were multiplied
+  std::vector<AddedVertex> added;  // the last of them, which were not given
   double total_area = 0;
   Array<double> area;        // #F
   Array<Mat2> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
@@ -1662,30 +1708,33 @@ inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
                        mesh.vertices, keep_scale);
 }
 
-/// Vertices with the middles of edges behind them; earlier middles may be ends.
+/// Vertices with those added behind them.
 template <class Points>
-Points with_midpoints(const Points& vertices, const std::vector<Midpoint>& edges) {
+Points with_added(const Points& vertices, const std::vector<AddedVertex>& added) {
   int v = static_cast<int>(vertices.rows());
-  Points all(v + static_cast<int>(edges.size()), vertices.cols());
+  Points all(v + static_cast<int>(added.size()), vertices.cols());
   std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
-  for (const Midpoint& edge : edges) {
-    for (int c = 0; c < all.cols(); ++c) all(v, c) = 0.5 * (all(edge[0], c) + all(edge[1], c));
+  for (const AddedVertex& p : added) {
+    for (int c = 0; c < all.cols(); ++c) {
+      all(v, c) = p.weights[0] * all(p.corners[0], c) + p.weights[1] * all(p.corners[1], c);
+      if (!is_on_edge(p)) all(v, c) += p.weights[2] * all(p.corners[2], c);
+    }
     ++v;
   }
   return all;
 }
 
-/// Halves edges, one after the other; the surface stays the same. False, and the surface is of no
-/// use, if there is no such edge.
-inline bool split_edges(const std::vector<Midpoint>& edges, Surface& s) {
-  for (const Midpoint& edge : edges) {
-    const int h = find_edge(s.mesh, edge[0], edge[1]);
+/// Adds vertices, one after the other; the surface stays the same. False, and the surface is of no
+/// use, if there is no such edge or triangle.
+inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
+  for (const AddedVertex& p : added) {
+    const int h = find_place(s.mesh, p);
     if (h < 0) return false;
-    split_edge(s.mesh, h);
+    add_vertex(s.mesh, h, p);
   }
   trace_boundary(s.mesh);
-  s.vertices = with_midpoints(s.vertices, edges);
-  s.added.insert(s.added.end(), edges.begin(), edges.end());
+  s.vertices = with_added(s.vertices, added);
+  s.added.insert(s.added.end(), added.begin(), added.end());
   compute_rest_frames(s);
   return true;
 }
@@ -1744,6 +1793,118 @@ inline JointSurface join(const SurfacePair& pair) {
   s.area.append(b.area.data(), b.area.size());
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
   return s;
+}
+
+// ---- landmarks on the surfaces ----
+
+/// Where an end of a landmark lies: at a vertex, the other corners being -1, or like an added one.
+using Place = AddedVertex;
+
+/// The vertex at which a place is, or -1.
+inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
+
+inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
+  if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
+  return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
+}
+
+inline Vec2 mean(const Place& p, const Points2& x) {
+  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
+  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
+  return sum;
+}
+
+/// Leaves out corners that are -1 or have hardly any weight; false if that leaves none.
+inline bool tidy(Place& p) {
+  int n = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (p.corners[k] < 0 || !(p.weights[k] > 1e-9)) continue;
+    p.corners[n] = p.corners[k];
+    p.weights[n++] = p.weights[k];
+  }
+  for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
+  p.weights /= p.weights.sum();
+  return n > 0;
+}
+
+/// The same place once a vertex has been added: it takes the part of the corner that it leaves
+/// least of, so that the others are those of the piece in which the place lies.
+inline void follow(const AddedVertex& added, int id, Place& p) {
+  int at[3], last = -1;
+  double least = kInfinity;
+  const int n = is_on_edge(added) ? 2 : 3;
+  for (int k = 0; k < n; ++k) {
+    for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
+    if (at[k] == 3) return;  // in another triangle
+    const double most = p.weights[at[k]] / added.weights[k];
+    if (most < least) least = most, last = at[k];
+  }
+  for (int k = 0; k < n; ++k) p.weights[at[k]] -= least * added.weights[k];
+  p.corners[last] = id;
+  p.weights[last] = least;
+  tidy(p);
+}
+
+/// The same place on a mesh of n vertices to which some have been added.
+inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
+  for (const AddedVertex& vertex : added) follow(vertex, n++, p);
+  return p;
+}
+
+/// The vertex of such a mesh that is at a place, which is added where there is none.
+inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
+  const Place here = located(p, n, added);
+  if (vertex_at(here) >= 0) return vertex_at(here);
+  added.push_back(here);
+  return n + static_cast<int>(added.size()) - 1;
+}
+
+struct PlacedLandmark {
+  Place a, b;
+  Landmark given;
+};
+
+/// Landmarks on the surfaces, once the last of their vertices have been added.
+inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
+                                     const std::vector<AddedVertex>& a,
+                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
+  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
+    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
+  };
+  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
+  return landmarks;
+}
+
+/// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
+inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
+                                     const SurfacePair& pair) {
+  return located(landmarks, pair.a.added, pair.b.added, pair);
+}
+
+/// A landmark with both ends at vertices.
+struct VertexPair {
+  int a = -1, b = -1;
+  Landmark given = {};
+};
+
+inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
+  Array<VertexPair> pairs;
+  for (const PlacedLandmark& l : landmarks)
+    if (vertex_at(l.a) >= 0 && vertex_at(l.b) >= 0)
+      pairs.push_back({vertex_at(l.a), vertex_at(l.b), l.given});
+  return pairs;
+}
+
+/// How the caller gave an end of a landmark.
+inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
+inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
+inline std::string name_of(const LandmarkPoint& p) {
+  return is_point(p) ? sentence({"(triangle ", p.point.face, ")"}) : sentence({p.vertex});
+}
+
+/// "landmark 3 (triangle 5): "
+inline std::string name_of(const Landmark& l) {
+  return sentence({"landmark ", name_of(l.a), " ", name_of(l.b), ": "});
 }
 
 // ---- validation ----
@@ -4651,7 +4812,7 @@ inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3
 }
 
 /// The vertex of A in a landmark on that of B, written as a point of a triangle around it.
-inline Follower landmark_follower(const JointSurface& s, const Landmark& l) {
+inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
   const int h = s.mesh.out[s.n_a + l.b];
   return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
@@ -5180,6 +5341,17 @@ inline void add_spring_gradient(const Array<Spring>& springs, const Points2& x,
     gradient[s.p] += force;
     gradient[s.q] -= force;
   }
+}
+
+/// weight · |p - q|² for two places, as springs between their corners: where Σ c_k = 0,
+/// |Σ c_k x_k|² = -Σ_{k<l} c_k c_l |x_k - x_l|².
+inline void add_springs(const Place& p, const Place& q, double weight, Array<Spring>& springs) {
+  const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
+  const auto c = [&](int k) { return k < 3 ? p.weights[k] : -q.weights[k - 3]; };
+  for (int k = 0; k < 6; ++k)
+    for (int l = k + 1; l < 6; ++l)
+      if (corner(k) >= 0 && corner(l) >= 0)
+        springs.push_back({corner(k), corner(l), -c(k) * c(l) * weight});
 }
 
 inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
@@ -6735,39 +6907,43 @@ inline Array<double> boundary_arcs(const Surface& s, int first) {
 inline int first_on_boundary(const HalfEdgeMesh& m) { return m.tail[m.boundary[0]]; }
 
 /// The landmarks with both vertices on the boundaries, sorted along that of A.
-inline Array<Landmark> boundary_landmarks(const SurfacePair& pair,
-                                          const std::vector<Landmark>& landmarks) {
+inline Array<VertexPair> boundary_landmarks(const SurfacePair& pair,
+                                            const Array<PlacedLandmark>& landmarks) {
   const Array<double> arc = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
-  Array<Landmark> found;
+  Array<VertexPair> found;
   Array<double> along;
-  for (const Landmark& l : landmarks) {
+  for (const VertexPair& l : vertex_pairs(landmarks)) {
     if (!pair.a.mesh.on_boundary(l.a) || !pair.b.mesh.on_boundary(l.b)) continue;
     found.push_back(l);
     along.push_back(arc[l.a]);
   }
-  Array<Landmark> sorted;
+  Array<VertexPair> sorted;
   for (int i : sorted_by(along)) sorted.push_back(found[i]);
   return sorted;
 }
 
+/// What the caller gave.
+inline ElementId element_id(Side side, const LandmarkPoint& p) {
+  return {side, is_point(p) ? Element::kFace : Element::kVertex, id_of(p)};
+}
 inline std::vector<ElementId> ids_of(const Landmark& l) {
-  return {vertex_id(Side::kA, l.a), vertex_id(Side::kB, l.b)};
+  return {element_id(Side::kA, l.a), element_id(Side::kB, l.b)};
 }
 
-/// " 3-5 7-9", and their vertices.
-inline std::string names_of(const Array<Landmark>& landmarks, std::vector<ElementId>& ids) {
+/// " 3-5 7-9", and their vertices or triangles.
+inline std::string names_of(const Array<VertexPair>& landmarks, std::vector<ElementId>& ids) {
   std::string names;
-  for (const Landmark& l : landmarks) {
-    names += sentence({" ", l.a, "-", l.b});
-    for (const ElementId& id : ids_of(l)) ids.push_back(id);
+  for (const VertexPair& l : landmarks) {
+    names += sentence({" ", name_of(l.given.a), "-", name_of(l.given.b)});
+    for (const ElementId& id : ids_of(l.given)) ids.push_back(id);
   }
   return names;
 }
 
 /// True if the landmarks on the boundaries follow each other in the same order on A and on B.
-inline bool check_order(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                         Outcome& outcome) {
-  const Array<Landmark> sorted = boundary_landmarks(pair, landmarks);
+  const Array<VertexPair> sorted = boundary_landmarks(pair, landmarks);
   const Array<double> arc = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
   double around = 0;
   for (int i = 0; i < sorted.size(); ++i)
@@ -6803,7 +6979,7 @@ inline double matching_arc(const Array<Match>& matches, double a) {
 /// corners, and adds vertices where the meshes need them for it.
 class OutlineBuilder {
  public:
-  OutlineBuilder(SurfacePair& pair, const std::vector<Landmark>& landmarks)
+  OutlineBuilder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks)
       : pair_(pair),
         landmarks_(boundary_landmarks(pair, landmarks)),
         first_a_(first_on_boundary(pair.a.mesh)),
@@ -6847,7 +7023,7 @@ class OutlineBuilder {
     outlines.a.half_side = outlines.b.half_side =
         0.5 * std::sqrt(0.5 * (pair_.a.total_area + pair_.b.total_area));
     for (int k = 0; k < 4; ++k) {
-      Landmark corner = {};
+      VertexPair corner;
       while (!find_corner(k, corner)) measure();
       outlines.a.corner[k] = corner.a;
       outlines.b.corner[k] = corner.b;
@@ -6864,7 +7040,7 @@ class OutlineBuilder {
     arc_b_ = boundary_arcs(pair_.b, first_b_);
     if (!has_landmarks()) return;
     matches_.clear();
-    for (const Landmark& l : landmarks_) matches_.push_back({arc_a_[l.a], arc_b_[l.b]});
+    for (const VertexPair& l : landmarks_) matches_.push_back({arc_a_[l.a], arc_b_[l.b]});
   }
 
   static constexpr int kSamples = 256;
@@ -6912,8 +7088,8 @@ class OutlineBuilder {
     return candidates;
   }
 
-  /// The edge of a boundary on which a place lies.
-  static Midpoint edge_at(const HalfEdgeMesh& m, double center, const Array<double>& arc) {
+  /// The middle of the edge of a boundary on which a place lies.
+  static AddedVertex edge_at(const HalfEdgeMesh& m, double center, const Array<double>& arc) {
     int best = m.boundary[0];
     for (int h : m.boundary)
       if (fraction(center - arc[m.tail[h]]) < fraction(center - arc[m.tail[best]])) best = h;
@@ -6922,22 +7098,22 @@ class OutlineBuilder {
 
   /// Finds the pair of vertices for corner k: a landmark if there is one in its quarter, else two
   /// that match best. False if a mesh had no vertex there and got one.
-  bool find_corner(int k, Landmark& corner) {
+  bool find_corner(int k, VertexPair& corner) {
     const double center = matches_[0].b + k / 4.0;
     const Array<double> arcs_a = arcs_in_b(true), arcs_b = arcs_in_b(false);
     const Array<Candidate> a = around(pair_.a.mesh, center, arcs_a);
     const Array<Candidate> b = around(pair_.b.mesh, center, arcs_b);
-    if (a.empty()) split_edges({edge_at(pair_.a.mesh, center, arcs_a)}, pair_.a);
-    if (b.empty()) split_edges({edge_at(pair_.b.mesh, center, arcs_b)}, pair_.b);
+    if (a.empty()) add_vertices({edge_at(pair_.a.mesh, center, arcs_a)}, pair_.a);
+    if (b.empty()) add_vertices({edge_at(pair_.b.mesh, center, arcs_b)}, pair_.b);
     if (a.empty() || b.empty()) return false;
     if (!nearest_landmark(a, corner)) best_pair(a, b, corner);
     return true;
   }
 
-  bool nearest_landmark(const Array<Candidate>& a, Landmark& corner) const {
+  bool nearest_landmark(const Array<Candidate>& a, VertexPair& corner) const {
     double least = kInfinity;
     for (const Candidate& c : a)
-      for (const Landmark& l : landmarks_) {
+      for (const VertexPair& l : landmarks_) {
         if (l.a != c.vertex || std::abs(c.offset) >= least) continue;
         least = std::abs(c.offset);
         corner = l;
@@ -6945,7 +7121,7 @@ class OutlineBuilder {
     return least < kInfinity;
   }
 
-  static void best_pair(const Array<Candidate>& a, const Array<Candidate>& b, Landmark& corner) {
+  static void best_pair(const Array<Candidate>& a, const Array<Candidate>& b, VertexPair& corner) {
     constexpr double kCentred = 0.01;  // weight of the distance from the ideal place
     double least = kInfinity;
     for (const Candidate& c : a)
@@ -6980,7 +7156,7 @@ class OutlineBuilder {
   }
 
   bool is_landmark(int a) const {
-    for (const Landmark& l : landmarks_)
+    for (const VertexPair& l : landmarks_)
       if (l.a == a) return true;
     return false;
   }
@@ -6993,19 +7169,19 @@ class OutlineBuilder {
 
   /// Halves all inner edges between boundary vertices of one side, which would lie in the outline.
   static void split_chords(Array<double>& u, Surface& s) {
-    std::vector<Midpoint> chords;
+    std::vector<AddedVertex> chords;
     for (int h = 0; h < s.mesh.tail.size(); ++h) {
       if (s.mesh.twin[h] < h) continue;
       const int v = s.mesh.tail[h], w = s.mesh.tip(h);
       if (u[v] >= 0 && u[w] >= 0 && share_side(u[v], u[w])) chords.push_back({v, w});
     }
-    split_edges(chords, s);
+    add_vertices(chords, s);
     while (u.size() < s.mesh.n_vertices) u.push_back(-1);
   }
 
   SurfacePair& pair_;
-  Array<Landmark> landmarks_;  // with both vertices on the boundaries
-  Array<Match> matches_;       // sorted along A
+  Array<VertexPair> landmarks_;  // with both vertices on the boundaries
+  Array<Match> matches_;         // sorted along A
   Array<double> arc_a_, arc_b_;
   const int first_a_, first_b_;  // where arcs begin
 };
@@ -7049,10 +7225,21 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   return deepest;
 }
 
+/// What decimation has left of a place: the mean of those of its corners that are there, whose rows
+/// begin at `first`. False if there are none.
+inline bool move_to_level(const Level& level, int first, Place& p) {
+  for (int k = 0; k < 3; ++k)
+    if (p.corners[k] >= 0 && level.place[p.corners[k]] >= 0)
+      p.corners[k] = first + level.place[p.corners[k]];
+    else
+      p.corners[k] = -1;
+  return tidy(p);
+}
+
 class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free.
-  PairEmbedder(const SurfacePair& pair, const std::vector<Landmark>& landmarks,
+  PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                const Options& options, const Executor& executor, Approach approach,
                const OutlinePair* outlines)
       : pair_(pair),
@@ -7132,7 +7319,11 @@ class PairEmbedder {
                 std::unique_ptr<Hierarchy>& h) const {
     tell({"decimating ", letter(side)});
     Array<char> keep(s.mesh.n_vertices, 0);
-    for (const Landmark& l : landmarks_) keep[side == Side::kA ? l.a : l.b] = 1;
+    for (const PlacedLandmark& l : landmarks_)
+      for (int k = 0; k < 3; ++k) {
+        const int v = (side == Side::kA ? l.a : l.b).corners[k];
+        if (v >= 0) keep[v] = 1;
+      }
     h = std::make_unique<Hierarchy>(s, side, keep, approach_, boundary_angles(s.mesh, outline),
                                     executor_);
     if (executor_.is_stopped()) return true;
@@ -7310,21 +7501,25 @@ class PairEmbedder {
     return false;
   }
 
-  /// The landmarks whose vertices are both present; decimation may take some if there are many.
-  Array<Landmark> present_landmarks() const {
-    Array<Landmark> present;
-    for (const Landmark& l : landmarks_)
-      if (a_->has(l.a) && b_->has(l.b)) present.push_back(l);
+  /// The landmarks on two levels, the rows of B behind those of A; decimation may take some if
+  /// there are many.
+  Array<PlacedLandmark> landmarks_on(const Level& level_a, const Level& level_b) const {
+    Array<PlacedLandmark> present;
+    for (PlacedLandmark l : landmarks_)
+      if (move_to_level(level_a, 0, l.a) && move_to_level(level_b, level_a.vertex.size(), l.b))
+        present.push_back(l);
     return present;
   }
 
   bool align_by_landmarks() const {
-    const Array<Landmark> landmarks = present_landmarks();
+    const Level level_a = a_->current(), level_b = b_->current();
+    const Points2 x = stacked(a_->positions(level_a), b_->positions(level_b));
+    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
     if (landmarks.empty()) return false;
     Points2 from(landmarks.size(), 2), to(landmarks.size(), 2);
     for (int i = 0; i < landmarks.size(); ++i) {
-      set_row(from, i, row2(a_->positions(), landmarks[i].a));
-      set_row(to, i, row2(b_->positions(), landmarks[i].b));
+      set_row(from, i, mean(landmarks[i].a, x));
+      set_row(to, i, mean(landmarks[i].b, x));
     }
     a_->move(rigid_fit(from, to));
     return false;
@@ -7341,8 +7536,8 @@ class PairEmbedder {
     Array<int> order;        // the most promising one first
     int tried = 0, best = -1;
     double least = kInfinity;
-    Options options;                  // of the one that is optimised
-    const Array<Follower> followers;  // none
+    Options options;                       // of the one that is optimised
+    const Array<Follower> followers = {};  // none
     Result result;
     std::unique_ptr<Optimizer> optimizer;
   };
@@ -7358,11 +7553,13 @@ class PairEmbedder {
     trials_.coarse = join({level_a.surface, level_b.surface});
     const Points2& f = trials_.f = a_->positions(level_a);
     const Points2& g = trials_.g = b_->positions(level_b);
-    if (landmarks_.empty()) {
+    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
+    if (landmarks.empty()) {
       add_rotations(centroid(f), centroid(g));
       add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g));
     } else {
-      add_rotations(row2(a_->positions(), landmarks_[0].a), row2(b_->positions(), landmarks_[0].b));
+      const Points2 x = stacked(f, g);
+      add_rotations(mean(landmarks[0].a, x), mean(landmarks[0].b, x));
     }
     return false;
   }
@@ -7436,12 +7633,10 @@ class PairEmbedder {
     if (!newton_) {
       level_a_ = a_->current(), level_b_ = b_->current();
       JointSurface s = join({level_a_.surface, level_b_.surface});
-      const int n_a = s.n_a;
       FlatProblem problem = {std::move(s), boundary()};
-      const Array<Landmark> landmarks = present_landmarks();
-      for (const Landmark& l : landmarks)
-        problem.springs.push_back(
-            {level_a_.place[l.a], n_a + level_b_.place[l.b], weight / landmarks.size()});
+      const Array<PlacedLandmark> landmarks = landmarks_on(level_a_, level_b_);
+      for (const PlacedLandmark& l : landmarks)
+        add_springs(l.a, l.b, weight / landmarks.size(), problem.springs);
       newton_ = std::make_unique<FlatNewton>(
           std::move(problem), stacked(a_->positions(level_a_), b_->positions(level_b_)), executor_);
     }
@@ -7455,7 +7650,7 @@ class PairEmbedder {
   }
 
   const SurfacePair& pair_;
-  const std::vector<Landmark>& landmarks_;
+  const Array<PlacedLandmark> landmarks_;
   const Options& options_;
   const Executor& executor_;
   const Approach approach_;
@@ -7482,11 +7677,37 @@ class PairEmbedder {
 //             mesh around it is, and edges can bend around other landmarks.
 // Fails:      with the landmarks that are still apart after some refinements.
 
+/// Adds the vertices at exact landmarks, and at those on boundaries that are held. False if that
+/// leaves a triangle too thin, or their order is wrong.
+inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const Options& options,
+                                  SurfacePair& pair, std::vector<AddedVertex>& a,
+                                  std::vector<AddedVertex>& b, Outcome& outcome) {
+  for (const PlacedLandmark& l : landmarks) {
+    const bool is_on_both = on_boundary(pair.a.mesh, l.a) && on_boundary(pair.b.mesh, l.b);
+    if (!options.exact_landmarks && !is_on_both) continue;
+    add_place(l.a, pair.a.mesh.n_vertices, a);
+    add_place(l.b, pair.b.mesh.n_vertices, b);
+  }
+  add_vertices(a, pair.a);
+  add_vertices(b, pair.b);
+  for (Side side : {Side::kA, Side::kB}) {
+    const Surface& s = side == Side::kA ? pair.a : pair.b;
+    ProblemList thin;
+    if (!s.added.empty()) check_triangles({s.vertices, triangles_from(s.mesh.tail)}, thin);
+    if (!thin.problems.empty())
+      return fail(outcome, Status::kInvalidLandmarks,
+                  {"landmarks on ", letter(side),
+                   " are too close to edges: once they are vertices, ", thin.problems[0].message},
+                  {{side, Element::kFace, thin.problems[0].ids[0]}});
+  }
+  return check_order(pair, located(landmarks, a, b, pair), outcome);
+}
+
 /// Lets those of A jump that can.
-inline void join_landmarks(const JointSurface& s, Points2& x, Array<Landmark>& apart,
-                           Array<Landmark>& joined) {
-  Array<Landmark> left;
-  for (const Landmark& l : apart) {
+inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>& apart,
+                           Array<VertexPair>& joined) {
+  Array<VertexPair> left;
+  for (const VertexPair& l : apart) {
     const Vec2 before = row2(x, l.a);
     set_row(x, l.a, row2(x, s.n_a + l.b));
     if (is_injective(s.mesh, x)) {
@@ -7501,11 +7722,9 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<Landmark>& a
 
 class LandmarkJoiner {
  public:
-  LandmarkJoiner(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+  LandmarkJoiner(SurfacePair& pair, const Array<VertexPair>& landmarks, const Options& options,
                  const Executor& executor)
-      : pair_(pair), options_(options), executor_(executor) {
-    for (const Landmark& l : landmarks) landmarks_.push_back(l);
-  }
+      : pair_(pair), options_(options), executor_(executor), landmarks_(landmarks) {}
 
   /// The next step; false after the last one.
   bool step(Embedding& result) {
@@ -7550,9 +7769,9 @@ class LandmarkJoiner {
       if (is_last) return false;
       executor_.tell(Phase::kEmbedding, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
-      for (const Landmark& l : apart_)
+      for (const VertexPair& l : apart_)
         problem.springs.push_back({l.a, s_.n_a + l.b, weight_ / landmarks_.size()});
-      for (const Landmark& l : joined_) problem.followers.push_back(landmark_follower(s_, l));
+      for (const VertexPair& l : joined_) problem.followers.push_back(landmark_follower(s_, l));
       newton_ = std::make_unique<FlatNewton>(std::move(problem), x_, executor_);
     }
     if (newton_->minimize(kMostSteps, kTolerance)) return true;
@@ -7562,16 +7781,16 @@ class LandmarkJoiner {
     return true;
   }
 
-  void refine(const Array<Landmark>& landmarks, Embedding& result) {
+  void refine(const Array<VertexPair>& landmarks, Embedding& result) {
     Array<int> at_a, at_b;
-    for (const Landmark& l : landmarks) at_a.push_back(l.a), at_b.push_back(l.b);
+    for (const VertexPair& l : landmarks) at_a.push_back(l.a), at_b.push_back(l.b);
     halve_edges_at(at_a, pair_.a, result.f);
     halve_edges_at(at_b, pair_.b, result.g);
   }
 
   /// Halves the inner edges of the triangles around some vertices, in the plane, too.
   static void halve_edges_at(const Array<int>& vertices, Surface& s, Points2& x) {
-    std::vector<Midpoint> edges;
+    std::vector<std::array<int, 2>> edges;
     for (int v : vertices)
       s.mesh.for_each_outgoing(v, [&](int spoke) {
         for (int h : {spoke, next(spoke), prev(spoke)})
@@ -7581,14 +7800,17 @@ class LandmarkJoiner {
       });
     std::sort(edges.begin(), edges.end());
     edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-    split_edges(edges, s);
-    x = with_midpoints(x, edges);
+    std::vector<AddedVertex> added;
+    for (const std::array<int, 2>& edge : edges) added.emplace_back(edge[0], edge[1]);
+    add_vertices(added, s);
+    x = with_added(x, added);
   }
 
   SurfacePair& pair_;
   const Options& options_;
   const Executor& executor_;
-  Array<Landmark> landmarks_, apart_, joined_;
+  const Array<VertexPair> landmarks_;
+  Array<VertexPair> apart_, joined_;
   JointSurface s_;
   Points2 f_, g_, x_;  // before the round, and now
   double weight_ = 0;  // of the pull; 0 before a round
@@ -7612,7 +7834,8 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 /// exact landmarks are joined. May add vertices to the meshes of the pair.
 class Embedder {
  public:
-  Embedder(SurfacePair& pair, const std::vector<Landmark>& landmarks, const Options& options,
+  /// `landmarks`: where they lie on the surfaces of the pair as it was given.
+  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const Options& options,
            const Executor& executor)
       : pair_(pair), landmarks_(landmarks), options_(options), executor_(executor) {}
 
@@ -7649,9 +7872,8 @@ class Embedder {
     constexpr double kStrained = 100;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
-        if ((is_held() || options_.exact_landmarks) && !check_order(pair_, landmarks_, result_))
-          return Stage::kEnd;
-        if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks_);
+        if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
+        if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
@@ -7668,9 +7890,16 @@ class Embedder {
     }
   }
 
+  Array<PlacedLandmark> landmarks() const { return located(landmarks_, pair_); }
+
+  bool prepare_landmarks() {
+    std::vector<AddedVertex> a, b;
+    return add_landmark_vertices(landmarks_, options_, pair_, a, b, result_);
+  }
+
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
     embedder_ =
-        std::make_unique<PairEmbedder>(pair_, landmarks_, options_, executor_, approach, outlines);
+        std::make_unique<PairEmbedder>(pair_, landmarks(), options_, executor_, approach, outlines);
     return stage;
   }
 
@@ -7688,12 +7917,13 @@ class Embedder {
   Stage after_embedding() {
     embedder_.reset();
     if (!options_.exact_landmarks) return Stage::kEnd;
-    joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks_, options_, executor_);
+    joiner_ =
+        std::make_unique<LandmarkJoiner>(pair_, vertex_pairs(landmarks()), options_, executor_);
     return Stage::kJoining;
   }
 
   SurfacePair& pair_;
-  const std::vector<Landmark>& landmarks_;
+  const Array<PlacedLandmark> landmarks_;
   const Options& options_;
   const Executor& executor_;
   Stage stage_ = Stage::kBegin;
@@ -8356,7 +8586,7 @@ inline Transfer composed(const Transfer& second, const Transfer& first) {
   return transfer_of(second.rows(), first.n_sources, std::move(shares));
 }
 
-// ---- meshes with vertices added in the middle of edges ----
+// ---- meshes with vertices added ----
 
 /// A refined mesh: for every triangle the one it lies in, and where its corners are there.
 struct Refinement {
@@ -8365,23 +8595,35 @@ struct Refinement {
   Array<Vec3> place;  // per corner, barycentric coordinates
 };
 
-/// Halves the same edges once more; false if one of them is not there.
-inline bool halve_edges(const std::vector<Midpoint>& added, Refinement& r) {
+/// Adds the same vertices once more; false if the edge or triangle of one is not there.
+inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
   for (int f = 0; f < r.mesh.n_faces; ++f) {
     r.parent.push_back(f);
     for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
   }
-  for (const Midpoint& edge : added) {
-    const int h = find_edge(r.mesh, edge[0], edge[1]);
+  for (const AddedVertex& p : added) {
+    const int h = find_place(r.mesh, p);
     if (h < 0) return false;
-    const int twin = r.mesh.twin[h];
-    split_edge(r.mesh, h);
-    for (int side : {h, twin}) {  // as split_face() cuts their triangles
+    const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
+    const auto middle_in = [&](int side) {
+      Vec3 sum;
+      for (int corner : {side, next(side), prev(side)})
+        for (int k = 0; k < 3; ++k)
+          if (r.mesh.tail[corner] == p.corners[k]) sum += p.weights[k] * r.place[corner];
+      return sum;
+    };
+    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
+    add_vertex(r.mesh, h, p);
+    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
+      const int side = i == 0 ? h : twin;
       if (side < 0) continue;
-      const Vec3 middle = 0.5 * (r.place[side] + r.place[next(side)]);
+      const Vec3 tail = r.place[side], tip = r.place[next(side)], left = r.place[prev(side)];
       r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& p : {middle, r.place[next(side)], r.place[prev(side)]}) r.place.push_back(p);
-      r.place[next(side)] = middle;
+      for (const Vec3& corner : {middle[i], tip, left}) r.place.push_back(corner);
+      r.place[next(side)] = middle[i];
+      if (is_on_edge(p)) continue;
+      r.parent.push_back(r.parent[side / 3]);
+      for (const Vec3& corner : {tail, tip, middle[i]}) r.place.push_back(corner);
     }
   }
   return true;
@@ -8438,17 +8680,16 @@ Transfer transfer(const MetaMesh& meta, Side from, Element element, Element targ
                           to_meta(meta, from, element));
 }
 
-Transfer refine(const MeshView& mesh, const MeshView& refined, const std::vector<Midpoint>& added,
-                Element element) {
+Transfer refine(const MeshView& mesh, const MeshView& refined,
+                const std::vector<AddedVertex>& added, Element element) {
   const TriangleMesh coarse = detail::copied(mesh), fine = detail::copied(refined);
   detail::Refinement r;
   Transfer result;
-  if (!detail::find_problems(coarse, r.mesh).empty() || !detail::halve_edges(added, r) ||
+  if (!detail::find_problems(coarse, r.mesh).empty() || !detail::add_again(added, r) ||
       r.mesh.n_vertices != fine.vertices.rows() || r.mesh.n_faces != fine.triangles.rows() ||
       !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), fine.triangles.data())) {
-    detail::fail(
-        result, Status::kInvalidAttributes,
-        {"the refined mesh is not the mesh with vertices added in the middle of these edges"});
+    detail::fail(result, Status::kInvalidAttributes,
+                 {"the refined mesh is not the mesh with these vertices added"});
     return result;
   }
   const int rows = detail::element_count(fine, element);
@@ -8464,12 +8705,13 @@ Transfer refine(const MeshView& mesh, const MeshView& refined, const std::vector
 
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
                                          const TriangleMesh& mesh,
-                                         const std::vector<Midpoint>& added) {
+                                         const std::vector<AddedVertex>& added) {
   detail::Array<std::array<int, 3>> halved;  // smaller end, larger end, middle
   int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
-  for (const Midpoint& edge : added) {
-    const int lo = (std::min)(edge[0], edge[1]), hi = (std::max)(edge[0], edge[1]);
-    if (middle > hi) halved.push_back({lo, hi, middle});
+  for (const AddedVertex& p : added) {
+    const int lo = (std::min)(p.corners[0], p.corners[1]);
+    const int hi = (std::max)(p.corners[0], p.corners[1]);
+    if (middle > hi && detail::is_on_edge(p)) halved.push_back({lo, hi, middle});
     ++middle;
   }
   std::sort(halved.begin(), halved.end());
@@ -8544,28 +8786,50 @@ inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Out
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// Half of a landmark, of which there may be one per vertex.
-inline bool check_landmark(const Landmark& l, Side side, int v, Array<char>& used,
-                           Outcome& outcome) {
-  const char* const mesh = letter(side);
-  const std::string name = sentence({"landmark ", l.a, " ", l.b, ": "});
-  if (v < 0 || v >= used.size())
-    return fail(outcome, Status::kInvalidLandmarks,
-                {name, "mesh ", mesh, " has no vertex ", v, ", it has ", used.size(),
-                 " vertices, counted from 0"},
-                {vertex_id(side, v)});
-  return !used[v]++ ||
-         fail(outcome, Status::kInvalidLandmarks,
-              {name, "vertex ", v, " of ", mesh, " is in another landmark"}, {vertex_id(side, v)});
-}
+/// Landmarks are placed on a mesh one after the other; two of them must not share a place.
+struct LandmarkPlacer {
+  const HalfEdgeMesh& m;
+  Side side;
+  std::vector<AddedVertex> added = {};  // if all of them were to become vertices
+  Array<char> used = Array<char>(m.n_vertices, 0);
 
-inline bool check_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
-                            const std::vector<Landmark>& landmarks, Outcome& outcome) {
-  Array<char> used_a(a.n_vertices, 0), used_b(b.n_vertices, 0);
-  for (const Landmark& l : landmarks)
-    if (!check_landmark(l, Side::kA, l.a, used_a, outcome) ||
-        !check_landmark(l, Side::kB, l.b, used_b, outcome))
+  bool place(const Landmark& l, const LandmarkPoint& p, Place& place, Outcome& outcome) {
+    constexpr double kRounding = 1e-6;
+    const char* const mesh = letter(side);
+    const int id = id_of(p), n = is_point(p) ? m.n_faces : m.n_vertices;
+    const auto refuse = [&](Words why) {
+      const std::string reason = sentence(why);
+      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), reason}, {element_id(side, p)});
+    };
+    if (id < 0 || id >= n)
+      return refuse({"mesh ", mesh, " has no ", is_point(p) ? "triangle " : "vertex ", id,
+                     ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
+    place.corners = Eigen::Vector3i(id, -1, -1);
+    place.weights = Eigen::Vector3d(1, 0, 0);
+    if (is_point(p)) {
+      for (int k = 0; k < 3; ++k) place.corners[k] = m.corner(id, k);
+      place.weights = p.point.barycentric;
+    }
+    if (!(std::abs(place.weights.sum() - 1) <= kRounding) || place.weights.minCoeff() < -kRounding)
+      return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
+    tidy(place);
+    const int v = add_place(place, m.n_vertices, added);
+    used.resize(m.n_vertices + static_cast<int>(added.size()));
+    return !used[v]++ || refuse({is_point(p) ? "the point in triangle " : "vertex ", id, " of ",
+                                 mesh, " is in another landmark"});
+  }
+};
+
+inline bool place_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
+                            const std::vector<Landmark>& landmarks, Array<PlacedLandmark>& placed,
+                            Outcome& outcome) {
+  LandmarkPlacer on_a = {a, Side::kA}, on_b = {b, Side::kB};
+  for (const Landmark& l : landmarks) {
+    placed.push_back({{}, {}, l});
+    if (!on_a.place(l, l.a, placed.back().a, outcome) ||
+        !on_b.place(l, l.b, placed.back().b, outcome))
       return false;
+  }
   return true;
 }
 
@@ -8627,18 +8891,18 @@ inline bool claim(const std::vector<int>& vertices, Side side, const char* how, 
 /// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary. There, an
 /// exact landmark lies on both boundaries or on none.
 inline bool check_constraints(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
-                              const std::vector<Landmark>& landmarks, const Options& options,
+                              const Array<PlacedLandmark>& landmarks, const Options& options,
                               Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
   Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
-  for (const Landmark& l : landmarks) {
+  for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
-    bonds_a[l.a] = "in an exact landmark";
-    if (is_held && a.on_boundary(l.a) != b.on_boundary(l.b))
-      return fail(outcome, Status::kInvalidLandmarks,
-                  {"landmark ", l.a, " ", l.b,
-                   ": one vertex is on a boundary, which is held, and the other one is not"},
-                  ids_of(l));
+    if (vertex_at(l.a) >= 0) bonds_a[vertex_at(l.a)] = "in an exact landmark";
+    if (is_held && on_boundary(a, l.a) != on_boundary(b, l.b))
+      return fail(
+          outcome, Status::kInvalidLandmarks,
+          {name_of(l.given), "one end is on a boundary, which is held, and the other one is not"},
+          ids_of(l.given));
   }
   if (!claim(options.fixed_a, Side::kA, "fixed", bonds_a, outcome) ||
       !claim(options.fixed_b, Side::kB, "fixed", bonds_b, outcome))
@@ -8688,12 +8952,12 @@ inline bool check_memory(const TriangleMesh& a, const TriangleMesh& b, const Opt
 /// Checks everything a call was given, and builds the surfaces.
 inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
                        const std::vector<Landmark>& landmarks, const Options& options,
-                       SurfacePair& pair, Outcome& outcome) {
+                       SurfacePair& pair, Array<PlacedLandmark>& placed, Outcome& outcome) {
   HalfEdgeMesh m, n;
   if (!check_options(options, outcome) || !check_memory(a, b, options, outcome) ||
       !check_mesh(a, Side::kA, m, outcome) || !check_mesh(b, Side::kB, n, outcome) ||
-      !check_landmarks(m, n, landmarks, outcome) ||
-      !check_constraints(m, n, landmarks, options, outcome))
+      !place_landmarks(m, n, landmarks, placed, outcome) ||
+      !check_constraints(m, n, placed, options, outcome))
     return false;
   pair = {build_surface(std::move(m), a.vertices, options.keep_scale),
           build_surface(std::move(n), b.vertices, options.keep_scale)};
@@ -8701,10 +8965,10 @@ inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
 }
 
 inline double largest_landmark_distance(const Embedding& e,
-                                        const std::vector<Landmark>& landmarks) {
+                                        const Array<PlacedLandmark>& landmarks) {
   double largest = 0;
-  for (const Landmark& l : landmarks)
-    largest = (std::max)(largest, norm(row2(e.f, l.a) - row2(e.g, l.b)));
+  for (const PlacedLandmark& l : landmarks)
+    largest = (std::max)(largest, norm(mean(l.a, e.f) - mean(l.b, e.g)));
   return largest / domain_radius(stacked(e.f, e.g));
 }
 
@@ -8712,7 +8976,7 @@ inline double largest_landmark_distance(const Embedding& e,
 inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s) {
   if (s.added.empty()) return given;
   return std::make_shared<const TriangleMesh>(
-      TriangleMesh{with_midpoints(given->vertices, s.added), triangles_from(s.mesh.tail)});
+      TriangleMesh{with_added(given->vertices, s.added), triangles_from(s.mesh.tail)});
 }
 
 /// Hands over the meshes that were embedded.
@@ -8801,16 +9065,21 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
 
 /// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
-                           const std::vector<Landmark>& landmarks, const Options& options,
+                           const Array<PlacedLandmark>& landmarks, const Options& options,
                            Array<Follower>& followers, Outcome& outcome) {
-  for (const Landmark& l : landmarks) {
+  for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
-    if (row2(x, l.a) != row2(x, s.n_a + l.b))
-      return fail(outcome, Status::kInvalidPositions,
-                  {"landmark ", l.a, " ", l.b,
-                   ": exact_landmarks needs given positions in which its images coincide"},
-                  ids_of(l));
-    followers.push_back(landmark_follower(s, l));
+    const VertexPair at = {vertex_at(l.a), vertex_at(l.b), l.given};
+    if (at.a < 0 || at.b < 0)
+      return fail(outcome, Status::kInvalidLandmarks,
+                  {name_of(l.given), "exact_landmarks with given positions needs vertices"},
+                  ids_of(l.given));
+    if (row2(x, at.a) != row2(x, s.n_a + at.b))
+      return fail(
+          outcome, Status::kInvalidPositions,
+          {name_of(l.given), "exact_landmarks needs given positions in which its images coincide"},
+          ids_of(l.given));
+    followers.push_back(landmark_follower(s, at));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   const EmbeddedPair pair(s, x);
@@ -8906,8 +9175,9 @@ void exchange(Archive& io, int& value) {
 }
 
 template <class Archive>
-void exchange(Archive& io, Midpoint& edge) {
-  for (int& end : edge) io(end);
+void exchange(Archive& io, AddedVertex& p) {
+  for (int k = 0; k < 3; ++k) io(p.corners[k]);
+  for (int k = 0; k < 3; ++k) io(p.weights[k]);
 }
 
 template <class Archive>
@@ -8931,7 +9201,7 @@ void exchange_list(Archive& io, List& list) {
 /// All there is in a state.
 struct SavedRun {
   int status = 0;
-  std::vector<Midpoint> added_a, added_b;
+  std::vector<AddedVertex> added_a, added_b;
   Points2 f, g;  // the start
   double scale = 1;
   double embedding_seconds = 0, seconds = 0;
@@ -8968,7 +9238,7 @@ void exchange(Archive& io, SavedRun& run) {
 
 class LandmarkPuller {
  public:
-  LandmarkPuller(const JointSurface& s, const Array<Landmark>& apart, const Options& options,
+  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart, const Options& options,
                  const Executor& executor, Optimizer& optimizer)
       : s_(s),
         apart_(apart),
@@ -8998,13 +9268,16 @@ class LandmarkPuller {
 
   void stiffen() {
     Array<Spring> springs;
-    for (const Landmark& l : apart_)
-      springs.push_back({l.a, s_.n_a + l.b, weight_ / apart_.size()});
+    for (PlacedLandmark l : apart_) {
+      for (int k = 0; k < 3; ++k)
+        if (l.b.corners[k] >= 0) l.b.corners[k] += s_.n_a;
+      add_springs(l.a, l.b, weight_ / apart_.size(), springs);
+    }
     optimizer_.set_springs(std::move(springs));
   }
 
   const JointSurface& s_;
-  const Array<Landmark> apart_;
+  const Array<PlacedLandmark> apart_;
   const double stiffest_;
   const int most_;  // iterations with springs of one stiffness
   const Executor& executor_;
@@ -9029,10 +9302,10 @@ class Run {
     result_.start.a = a_;
     result_.start.b = b_;
     if (only_start) executor_.set_embedding_share(1);
-    if (build_pair(*a_, *b_, landmarks_, options_, pair_, result_)) {
+    if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       result_.status = Status::kNoMapYet;
       if (!has_positions())
-        embedder_ = std::make_unique<Embedder>(pair_, landmarks_, options_, executor_);
+        embedder_ = std::make_unique<Embedder>(pair_, placed_, options_, executor_);
     } else {
       result_.start.status = result_.status;
     }
@@ -9132,7 +9405,8 @@ class Run {
   }
 
   bool restore(SavedRun& saved) {
-    if (!split_edges(saved.added_a, pair_.a) || !split_edges(saved.added_b, pair_.b)) return false;
+    if (!add_vertices(saved.added_a, pair_.a) || !add_vertices(saved.added_b, pair_.b))
+      return false;
     const int n_a = pair_.a.mesh.n_vertices, n = n_a + pair_.b.mesh.n_vertices;
     const auto is_embedding_of_both = [&](const Points2& x) {
       return x.rows() == n && is_injective(pair_.a.mesh, rows_between(x, 0, n_a)) &&
@@ -9173,40 +9447,56 @@ class Run {
     return rows_between(scaled(1 / scale_, optimizer_->positions()), begin, end);
   }
 
-  /// Of other landmarks, those that are apart and shall not be; of those that only guide, the ones
-  /// that are new, or are being pulled.
+  /// Of other landmarks, all if they shall be exact; of those that only guide, the ones that are
+  /// new, or are being pulled.
   Array<int> landmarks_to_pull(const std::vector<Landmark>& landmarks, bool are_exact) const {
+    const auto is_same = [](const LandmarkPoint& p, const LandmarkPoint& q) {
+      return p.vertex == q.vertex && p.point.face == q.point.face &&
+             p.point.barycentric == q.point.barycentric;
+    };
     const auto is_at_rest = [&](const Landmark& l) {
       for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
         const Landmark& old = landmarks_.data()[i];
-        const Array<int>& pulled = before_change_.pulled;
-        if (old.a == l.a && old.b == l.b)
-          return !puller_ || std::find(pulled.begin(), pulled.end(), i) == pulled.end();
+        if (is_same(old.a, l.a) && is_same(old.b, l.b)) return !puller_ || !is_pulled(i);
       }
       return false;
     };
-    const Points2& x = optimizer_->positions();
-    Array<int> apart;
-    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i) {
-      const Landmark& l = landmarks.data()[i];
-      if (are_exact ? row2(x, l.a) != row2(x, s_.n_a + l.b) : !is_at_rest(l)) apart.push_back(i);
-    }
-    return apart;
+    Array<int> pulled;
+    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i)
+      if (are_exact || !is_at_rest(landmarks.data()[i])) pulled.push_back(i);
+    return pulled;
   }
 
-  /// From the map of another run on.
+  bool is_pulled(int landmark) const {
+    const Array<int>& pulled = before_change_.pulled;
+    return std::find(pulled.begin(), pulled.end(), landmark) != pulled.end();
+  }
+
+  /// From the map of another run on. Exact landmarks in triangles become vertices first.
   void begin_change() {
-    Array<Landmark> apart;
-    std::vector<Landmark> together = landmarks_;
-    for (int k = before_change_.pulled.size() - 1; k >= 0; --k) {
-      const int i = before_change_.pulled[k];
-      apart.push_back(landmarks_.data()[i]);
-      together.erase(together.begin() + i);
+    Embedding& start = result_.start;
+    Optimizer::Memory memory = before_change_.memory;
+    std::vector<AddedVertex> a, b;
+    if (options_.exact_landmarks &&
+        !add_landmark_vertices(located(placed_, pair_), options_, pair_, a, b, result_))
+      return;
+    start.f = with_added(start.f, a);
+    start.g = with_added(start.g, b);
+    if (!a.empty() || !b.empty()) memory.visited.clear();
+    if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
+      return void(fail(result_, Status::kInvalidLandmarks,
+                       {"landmarks are too close to edges, for the map there is"}));
+    return_meshes(a_, b_, pair_, start);
+    Array<PlacedLandmark> apart, together;
+    const Array<PlacedLandmark> landmarks = located(placed_, pair_);
+    for (int i = 0; i < landmarks.size(); ++i) {
+      const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
+      const bool is_one = u >= 0 && v >= 0 && row2(start.f, u) == row2(start.g, v);
+      (is_pulled(i) && !is_one ? apart : together).push_back(landmarks[i]);
     }
-    return_meshes(a_, b_, pair_, result_.start);
     begin(together);
     if (!optimizer_ || result_.status != Status::kUnfinished) return;
-    optimizer_->keep(before_change_.memory);
+    optimizer_->keep(memory);
     if (!apart.empty())
       puller_ = std::make_unique<LandmarkPuller>(s_, apart, options_, executor_, *optimizer_);
   }
@@ -9219,16 +9509,16 @@ class Run {
     }
     const bool is_last = !puller_->step();
     Points2 x = optimizer_->positions();
-    Array<Landmark> apart, joined;
-    for (const Landmark& l : landmarks_)
-      if (options_.exact_landmarks) apart.push_back(l);
+    const Array<VertexPair> landmarks = vertex_pairs(located(placed_, pair_));
+    Array<VertexPair> apart, joined;
+    if (options_.exact_landmarks) apart = landmarks;
     join_landmarks(s_, x, apart, joined);
     if (!is_last && (!options_.exact_landmarks || !apart.empty())) return;
     joining_ = Embedding();
     joining_.f = rows_between(x, 0, s_.n_a);
     joining_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
     if (apart.empty()) return end_change();
-    joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks_, options_, executor_);
+    joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks, options_, executor_);
   }
 
   /// Landmarks are where they belong.
@@ -9269,9 +9559,9 @@ class Run {
     return_meshes(a_, b_, pair_, start);
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
-    start.landmark_distance = largest_landmark_distance(start, landmarks_);
+    start.landmark_distance = largest_landmark_distance(start, located(placed_, pair_));
     result_.status = Status::kDone;
-    if (!only_start_) begin(landmarks_);
+    if (!only_start_) begin(located(placed_, pair_));
   }
 
   bool is_stopped_at_end() const {
@@ -9289,7 +9579,7 @@ class Run {
   }
 
   /// Algorithm 1 from the start on. `together`: the landmarks that may be exact.
-  void begin(const std::vector<Landmark>& together) {
+  void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
     followers_.clear();
     result_.log.clear();
@@ -9331,6 +9621,7 @@ class Run {
   const bool only_start_;
   Executor executor_;
   SurfacePair pair_;
+  Array<PlacedLandmark> placed_;  // the landmarks on the meshes as given
   Result result_;
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;

@@ -45,7 +45,7 @@ void print(const char* name, const ism::Result& r) {
 void pin_vertices(const Pair& p) {
   ism::Options options = some_iterations();
   for (std::size_t i = 0; i < 3 && i < p.landmarks.size(); ++i)
-    options.pins_a.push_back(p.landmarks[i].a);
+    options.pins_a.push_back(p.landmarks[i].a.vertex);
   const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, options);
   print("pins", r);
   double residual = 0;
@@ -61,6 +61,18 @@ void join_landmarks(const Pair& p) {
   const ism::Result r = ism::compute_map(p.a, p.b, p.landmarks, options);
   print("exact landmarks", r);
   std::printf(", %zu and %zu vertices added\n", r.start.added_a.size(), r.start.added_b.size());
+}
+
+/// Landmarks as points in triangles: where a map takes some vertices.
+void use_points(const Pair& p, const ism::SurfaceMap& map) {
+  std::vector<ism::Landmark> landmarks;
+  for (int v = 0; v < p.a.vertices.rows(); v += 1 + static_cast<int>(p.a.vertices.rows()) / 10) {
+    const ism::MappedPoint image = map.forward_vertex(v);
+    if (image.covered) landmarks.push_back({v, image.point});
+  }
+  const ism::Result r = ism::compute_map(p.a, p.b, landmarks, some_iterations());
+  print("points", r);
+  std::printf(", %.1e apart at the start\n", r.start.landmark_distance);
 }
 
 /// The whole of A on the whole of B (§7): boundaries along one square, on which they may slide.
@@ -80,8 +92,8 @@ void fix_vertices(const Pair& p) {
   const ism::Embedding start = ism::initial_embedding(p.a, p.b, p.landmarks);
   options.initial_f = start.f;
   options.initial_g = start.g;
-  options.fixed_a = {p.landmarks[0].a};
-  options.fixed_b = {p.landmarks[0].b};
+  options.fixed_a = {p.landmarks[0].a.vertex};
+  options.fixed_b = {p.landmarks[0].b.vertex};
   print("fixed vertices", ism::compute_map(p.a, p.b, p.landmarks, options));
   std::printf("\n");
 }
@@ -167,6 +179,7 @@ int main(int argc, char** argv) {
   print("a map", r);
   std::printf("\n");
   const ism::SurfaceMap map(r);
+  use_points(p, map);
   map_polygons(p, map);
   carry_attributes(p, map);
   morph(map, r);

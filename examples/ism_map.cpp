@@ -314,8 +314,10 @@ std::string add_landmark(const mesh_io::IdPair& pair, Input& input) {
       return std::string(k == 0 ? "A" : "B") + " has no vertex " + std::to_string(ids[k]) +
              ", its ids are 0 to " + std::to_string(sizes[k] - 1);
   for (const ism::Landmark& other : input.landmarks) {
-    if (other.a == pair.a) return "vertex " + std::to_string(pair.a) + " of A is in two landmarks";
-    if (other.b == pair.b) return "vertex " + std::to_string(pair.b) + " of B is in two landmarks";
+    if (other.a.vertex == pair.a)
+      return "vertex " + std::to_string(pair.a) + " of A is in two landmarks";
+    if (other.b.vertex == pair.b)
+      return "vertex " + std::to_string(pair.b) + " of B is in two landmarks";
   }
   input.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
   return {};
@@ -416,7 +418,7 @@ std::string read_input(Arguments& args, Input& input) {
   if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
   for (std::size_t i = pinned_from; i < input.landmarks.size(); ++i)
     if (!args.options.exact_landmarks)  // exact landmarks are pinned already
-      args.options.pins_a.push_back(input.landmarks[i].a);
+      args.options.pins_a.push_back(input.landmarks[i].a.vertex);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())
@@ -495,10 +497,10 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(l.a);
+    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
     result.uncovered += !image.covered;
     if (!image.covered) continue;
-    const Eigen::Vector3d target = b.row(l.b);
+    const Eigen::Vector3d target = b.row(l.b.vertex);
     const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
     if (distance < result.largest) continue;
     result.largest = distance;
@@ -587,10 +589,10 @@ std::string json_iteration(const ism::IterationLog& it) {
 }
 
 std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
-                      const std::vector<ism::Midpoint>& added) {
+                      const std::vector<ism::AddedVertex>& added) {
   std::string midpoints;
-  for (const ism::Midpoint& edge : added)
-    midpoints += (midpoints.empty() ? "" : ", ") + format("[%d, %d]", edge[0], edge[1]);
+  for (const ism::AddedVertex& p : added)
+    midpoints += (midpoints.empty() ? "" : ", ") + format("[%d, %d]", p.corners[0], p.corners[1]);
   return Json()
       .add("file", path)
       .add("vertices", static_cast<int>(mesh.vertices.rows()))
@@ -857,7 +859,7 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
               error.largest, error.uncovered);
   if (error.largest > kFar)
     std::printf("             %d goes far from %d: is it right, and is outside outside on both?\n",
-                error.worst.a, error.worst.b);
+                error.worst.a.vertex, error.worst.b.vertex);
 }
 
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,

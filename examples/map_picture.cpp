@@ -186,7 +186,7 @@ void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& pane
   const ism::Points3& vertices = scene.mesh(side).vertices;
   const render::View view = scene.view(side, panel);
   for (const ism::Landmark& l : landmarks)
-    canvas.draw_ball(view, vertices.row(side == ism::Side::kA ? l.a : l.b).transpose(), 5,
+    canvas.draw_ball(view, vertices.row((side == ism::Side::kA ? l.a : l.b).vertex).transpose(), 5,
                      {0.10f, 0.45f, 0.85f}, 12);
 }
 

@@ -247,16 +247,16 @@ TEST_CASE("a point that is none interrupts a curve") {
 }
 
 /// The mesh with vertices added in the middle of edges.
-TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Midpoint>& added) {
+TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::AddedVertex>& added) {
   ism::detail::Surface halved = ism::detail::build_surface(mesh, true);
-  ism::detail::split_edges(added, halved);
+  ism::detail::add_vertices(added, halved);
   return *ism::detail::with_added_vertices(ism::detail::shared(mesh), halved);
 }
 
 TEST_CASE("paths follow edges that were halved") {
   const auto [a, b] = square_pair(9);
   const int u = 30, v = 31, n = static_cast<int>(a.mesh.vertices.rows());
-  const std::vector<ism::Midpoint> added = {{u, v}, {u, n}};
+  const std::vector<ism::AddedVertex> added = {{u, v}, {u, n}};
   const TriangleMesh mesh = with_midpoints(a.mesh, added);
   const auto paths = ism::edge_paths({{u, v}, {v, u}, {v, v + 1}}, mesh, added);
   CHECK(paths == std::vector<std::vector<int>>{{u, n + 1, n, v}, {v, n, n + 1, u}, {v, v + 1}});
@@ -377,7 +377,7 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
 TEST_CASE("attributes follow vertices that were added") {
   const TriangleMesh mesh = square_pair(18).first.mesh;
   const int n = static_cast<int>(mesh.vertices.rows());
-  const std::vector<ism::Midpoint> added = {{30, 31}, {30, n}, {n, n + 1}, {0, 1}};
+  const std::vector<ism::AddedVertex> added = {{30, 31}, {30, n}, {n, n + 1}, {0, 1}};
   const TriangleMesh fine = with_midpoints(mesh, added);
   REQUIRE(fine.triangles.rows() > mesh.triangles.rows());
   const Attributes at_vertices =
@@ -423,9 +423,7 @@ TEST_CASE("attributes follow vertices that were added") {
         ism::refine(mesh, fine, {}, Element::kVertex).apply(mesh.vertices),
         ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex)
             .apply(mesh.vertices)})
-    check_refused(refused,
-                  "the refined mesh is not the mesh with vertices added in the middle of these "
-                  "edges");
+    check_refused(refused, "the refined mesh is not the mesh with these vertices added");
   check_refused(ism::refine(mesh, fine, added, Element::kFace).apply(mesh.vertices),
                 "the attributes have 81 rows, but 128 are needed");
 }

@@ -24,9 +24,9 @@ namespace {
 using namespace ism::detail;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+using ism::AddedVertex;
 using ism::Boundary;
 using ism::Landmark;
-using ism::Midpoint;
 using ism::Options;
 using ism::Points2;
 using ism::Result;
@@ -51,8 +51,8 @@ bool same(const HalfEdgeMesh& m, const HalfEdgeMesh& n) {
 }
 
 /// Every edge once, by its ends.
-std::vector<Midpoint> edges(const HalfEdgeMesh& m) {
-  std::vector<Midpoint> all;
+std::vector<AddedVertex> edges(const HalfEdgeMesh& m) {
+  std::vector<AddedVertex> all;
   for (int h = 0; h < m.tail.size(); ++h)
     if (m.twin[h] < h) all.push_back({m.tail[h], m.tip(h)});
   return all;
@@ -132,11 +132,11 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
     Surface s = build_surface(disk.mesh, true);
     const double area = s.total_area;
     for (int round = 0; round < 3; ++round) {
-      std::vector<Midpoint> halved;
-      for (const Midpoint& edge : edges(s.mesh))
+      std::vector<AddedVertex> halved;
+      for (const AddedVertex& edge : edges(s.mesh))
         if (rng.below(2) == 0) halved.push_back(edge);
       const int n = s.mesh.n_vertices;
-      split_edges(halved, s);
+      add_vertices(halved, s);
       CHECK(s.mesh.n_vertices == n + static_cast<int>(halved.size()));
       const TriangleMesh mesh = *with_added_vertices(shared(disk.mesh), s);
       const HalfEdgeMesh built = half_edges(mesh);
@@ -152,10 +152,11 @@ TEST_CASE("a mesh with edges halved is the mesh built from its triangles") {
     CHECK(mesh.vertices.topRows(disk.mesh.vertices.rows()) == disk.mesh.vertices);
     for (std::size_t i = 0; i < s.added.size(); ++i) {
       const int v = static_cast<int>(disk.mesh.vertices.rows()) + static_cast<int>(i);
-      CHECK(s.added[i][0] < v);
-      CHECK(s.added[i][1] < v);
-      const Vector3d middle =
-          0.5 * (mesh.vertices.row(s.added[i][0]) + mesh.vertices.row(s.added[i][1])).transpose();
+      CHECK(s.added[i].corners[0] < v);
+      CHECK(s.added[i].corners[1] < v);
+      const Vector3d middle = 0.5 * (mesh.vertices.row(s.added[i].corners[0]) +
+                                     mesh.vertices.row(s.added[i].corners[1]))
+                                        .transpose();
       CHECK((middle - mesh.vertices.row(v).transpose()).norm() < 1e-15 * (1 + middle.norm()));
     }
   }
@@ -364,7 +365,7 @@ TEST_CASE("landmarks on the boundaries correspond exactly where both are fixed")
     landmarks.push_back({m.tail[m.boundary[5 * k]], n.tail[n.boundary[(3 * k + 8) % 24]]});
   const Result r = ism::compute_map(a.mesh, b.mesh, landmarks, held(Boundary::kFixed, 3));
   REQUIRE(is_valid(r));
-  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
 }
 
 TEST_CASE("landmarks on boundaries that need more vertices for their corners") {
@@ -385,7 +386,7 @@ TEST_CASE("landmarks on boundaries that need more vertices for their corners") {
           CHECK(boundary_is_a_square(*r.start.a, r.f));
           CHECK(boundary_is_a_square(*r.start.b, r.g));
           if (boundary == Boundary::kFixed)
-            for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+            for (const Landmark& l : landmarks) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
         }
 }
 
@@ -407,8 +408,8 @@ TEST_CASE("a landmark of A that is held holds that of B") {
     CAPTURE(r.message);
     REQUIRE(is_valid(r));
     CHECK(r.log.size() > 3);
-    CHECK(r.f.row(landmarks[0].a) == a.plane.row(landmarks[0].a));
-    CHECK(r.g.row(landmarks[0].b) == a.plane.row(landmarks[0].a));
+    CHECK(r.f.row(landmarks[0].a.vertex) == a.plane.row(landmarks[0].a.vertex));
+    CHECK(r.g.row(landmarks[0].b.vertex) == a.plane.row(landmarks[0].a.vertex));
   }
 }
 
@@ -451,7 +452,7 @@ TEST_CASE("exact landmarks, inside and on the boundary, with boundaries that sli
   CAPTURE(r.message);
   REQUIRE(is_valid(r));
   CHECK(r.start.landmark_distance == 0);
-  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
   CHECK(boundary_is_a_square(*r.start.a, r.f));
   CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
   CHECK(r.final_state().energy < r.initial.energy);
@@ -468,7 +469,7 @@ TEST_CASE("landmarks that turn triangles over are joined with more vertices") {
     const Result r = ism::compute_map(a, a, landmarks, options);
     CAPTURE(r.message);
     REQUIRE(is_valid(r));
-    for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+    for (const Landmark& l : landmarks) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
     CHECK_FALSE(r.start.added_a.empty());
     CHECK(r.start.added_a.size() < 40);
     CHECK(ism::validate(*r.start.a).empty());
@@ -494,7 +495,7 @@ TEST_CASE("every second vertex exchanged with its neighbour, exactly") {
   const Result r = ism::compute_map(a, a, landmarks, options);
   CAPTURE(r.message);
   REQUIRE(is_valid(r));
-  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+  for (const Landmark& l : landmarks) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
 }
 
 TEST_CASE("landmarks that cannot be joined end with their ids") {
@@ -502,7 +503,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   SurfacePair pair = {build_surface(a, false), build_surface(a, false)};
   ism::Embedding embedding;
   const Options fixed = held(Boundary::kFixed);
-  const std::vector<Landmark> none;
+  const Array<PlacedLandmark> none;
   const Executor executor(fixed);
   const auto embed = [&] {
     Embedder embedder(pair, none, fixed, executor);
@@ -514,7 +515,8 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   REQUIRE(embedding.status == Status::kDone);
   const HalfEdgeMesh& m = pair.a.mesh;
   const int u = m.tail[m.boundary[1]], v = m.tail[m.boundary[2]];  // two places that are fixed
-  const std::vector<Landmark> landmarks = {{u, v}};
+  Array<VertexPair> landmarks;
+  landmarks.push_back({u, v, {u, v}});
   Options options = fixed;
   options.exact_landmarks = true;
   LandmarkJoiner joiner(pair, landmarks, options, executor);
@@ -545,7 +547,7 @@ TEST_CASE("boundary landmarks in contradictory order or with one inner vertex ar
   check(mirrored, exact, "in different order on A and B: ", crossed);
   check(mirrored, held(Boundary::kSlide), "different order", crossed);
   exact.boundary = Boundary::kFixed;
-  check({{o, inner}}, exact, "one vertex is on a boundary, which is held", {of_a(o), of_b(inner)});
+  check({{o, inner}}, exact, "one end is on a boundary, which is held", {of_a(o), of_b(inner)});
   exact.boundary = Boundary::kFree;
   CHECK(ism::is_usable(ism::compute_map(a, a, {{o, inner}}, exact).status));
 }

@@ -267,8 +267,8 @@ TEST_CASE("exact landmarks coincide to the last bit, from the start to the end")
     REQUIRE(ism::is_usable(result.status));
     CHECK(result.start.landmark_distance == 0);
     for (const ism::Landmark& l : landmarks) {
-      CHECK(result.start.f.row(l.a) == result.start.g.row(l.b));
-      CHECK(result.f.row(l.a) == result.g.row(l.b));
+      CHECK(result.start.f.row(l.a.vertex) == result.start.g.row(l.b.vertex));
+      CHECK(result.f.row(l.a.vertex) == result.g.row(l.b.vertex));
     }
     CHECK(result.log.size() > 5);
     for (const IterationLog& log : result.log) CHECK(log.pin_residual < 1e-12);

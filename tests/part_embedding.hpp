@@ -535,7 +535,7 @@ TEST_CASE("landmarks of an easy pair end near each other") {
     REQUIRE(e.status == Status::kDone);
     double largest = 0;
     for (const Landmark& l : landmarks)
-      largest = std::max(largest, (e.f.row(l.a) - e.g.row(l.b)).norm());
+      largest = std::max(largest, (e.f.row(l.a.vertex) - e.g.row(l.b.vertex)).norm());
     CHECK(e.landmark_distance ==
           doctest::Approx(largest / domain_radius(stacked(e.f, e.g))).epsilon(1e-12));
     CHECK(e.landmark_distance < 0.1);

@@ -47,6 +47,12 @@ std::vector<Case> cases() {
   all.push_back({"exact landmarks", a, b, landmarks, exact});
   exact.boundary = ism::Boundary::kSlide;
   all.push_back({"exact landmarks, sliding boundaries", a, b, landmarks, exact});
+  const std::vector<ism::Landmark> points = {{ism::SurfacePoint{40, {0.2, 0.3, 0.5}}, 25},
+                                             {75, ism::SurfacePoint{110, {0, 0.4, 0.6}}},
+                                             {ism::SurfacePoint{40, {0.6, 0.3, 0.1}}, 34}};
+  all.push_back({"points in triangles", a, b, points, options});
+  exact.boundary = ism::Boundary::kFree;
+  all.push_back({"exact points", a, b, points, exact});
   ism::Options fixed = options;
   fixed.boundary = ism::Boundary::kFixed;
   fixed.pins_a = {44};
@@ -229,7 +235,7 @@ std::vector<Change> changes() {
   std::vector<Change> all;
   for (std::size_t i = 1; i < 4; ++i) {  // soft, exact, exact on sliding boundaries
     Change c = {cases()[i], cases()[i]};
-    c.to.landmarks[1].b += 1;
+    c.to.landmarks[1].b.vertex += 1;
     all.push_back(c);
   }
   Change late = {cases()[1], cases()[2]};
@@ -238,6 +244,10 @@ std::vector<Change> changes() {
   late.to.options.pins_b = {31};
   late.to.options.coverage_weight = 0.1;
   all.push_back(late);
+  Change points = {cases()[4], cases()[5]};
+  points.to.name = "points in triangles become exact, one elsewhere";
+  points.to.landmarks[0].b = ism::SurfacePoint{30, {0.3, 0.3, 0.4}};
+  all.push_back(points);
   return all;
 }
 
@@ -267,10 +277,12 @@ TEST_CASE("a solver goes on with other landmarks and options from the map it has
     const Result& r = solver.result();
     if (c.to.options.pins_b.empty()) {  // else pins are somewhere else from the start
       const Result anew = expected_of(c.to);
-      CHECK(r.final_state().mean_distortion < 1.02 * anew.final_state().mean_distortion);
+      CHECK(r.final_state().mean_distortion < 1.05 * anew.final_state().mean_distortion);
     }
     if (!c.to.options.exact_landmarks) continue;
-    for (const ism::Landmark& l : c.to.landmarks) CHECK(r.f.row(l.a) == r.g.row(l.b));
+    CHECK(r.start.landmark_distance < 1e-14);
+    for (const ism::Landmark& l : c.to.landmarks)
+      if (l.a.vertex >= 0 && l.b.vertex >= 0) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
     const ism::SurfaceMap after(r);
     for (int v : c.to.options.pins_b) {
       const ism::MappedPoint image = after.backward_vertex(v), was = before.backward_vertex(v);
@@ -322,13 +334,13 @@ TEST_CASE("a change of landmarks that are being changed is the last one's") {
   Change c = changes()[1];
   Solver solver = changed(c);
   solver.step();
-  c.to.landmarks[0].b += 1;
+  c.to.landmarks[0].b.vertex += 1;
   REQUIRE(solver.change(c.to.landmarks, c.to.options).status == Status::kDone);
   while (solver.step()) {
   }
   CHECK(solver.result().start.landmark_distance == 0);
   for (const ism::Landmark& l : c.to.landmarks)
-    CHECK(solver.result().f.row(l.a) == solver.result().g.row(l.b));
+    CHECK(solver.result().f.row(l.a.vertex) == solver.result().g.row(l.b.vertex));
 }
 
 TEST_CASE("a change that is refused changes nothing; before there is a map it begins anew") {

@@ -1,9 +1,10 @@
-// Embeddings, maps and what maps are used for, one program: what compiles the implementation takes
-// longest to compile.
+// Embeddings, landmarks, maps and what maps are used for, one program: what compiles the
+// implementation takes longest to compile.
 
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"
 
 #include "part_applications.hpp"
 #include "part_embedding.hpp"
+#include "part_landmarks.hpp"
 #include "part_map.hpp"

@@ -11,7 +11,7 @@ std::vector<ism::Landmark> on_boundaries(const figure::Pair& pair) {
   const auto a = picture::boundary_vertices(pair.a), b = picture::boundary_vertices(pair.b);
   std::vector<ism::Landmark> result;
   for (const ism::Landmark& l : pair.landmarks)
-    if (a.count(l.a) > 0 && b.count(l.b) > 0) result.push_back(l);
+    if (a.count(l.a.vertex) > 0 && b.count(l.b.vertex) > 0) result.push_back(l);
   return result;
 }
 

@@ -35,7 +35,7 @@ figure::Pair with_grid(const figure::Pair& pair, int n) {
     }
   std::set<int> used;
   for (const ism::Landmark& l : pair.landmarks) {
-    const int v = nearest(result.a, pair.a.vertices.row(l.a));
+    const int v = nearest(result.a, pair.a.vertices.row(l.a.vertex));
     if (used.insert(v).second) result.landmarks.push_back({v, l.b});
   }
   return result;

@@ -13,7 +13,7 @@ Landmarks joined(const Landmarks& first, const Landmarks& second) {
   Landmarks result;
   for (const ism::Landmark& p : first)
     for (const ism::Landmark& q : second)
-      if (p.a == q.a) result.push_back({p.b, q.b});
+      if (p.a.vertex == q.a.vertex) result.push_back({p.b, q.b});
   return result;
 }
 

@@ -150,7 +150,7 @@ Lines straight(const ism::TriangleMesh& mesh, const std::vector<std::array<int, 
 
 Lines carried(const picture::Scene& scene, ism::Side from,
               const std::vector<std::array<int, 2>>& edges,
-              const std::vector<ism::Midpoint>& added) {
+              const std::vector<ism::AddedVertex>& added) {
   const bool from_a = from == ism::Side::kA;
   const ism::SurfaceMap& map = scene.map;
   Lines lines;

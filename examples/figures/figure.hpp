@@ -94,7 +94,7 @@ std::vector<std::array<int, 2>> edges_of(const ism::TriangleMesh& mesh);
 Lines straight(const ism::TriangleMesh& mesh, const std::vector<std::array<int, 2>>& edges);
 Lines carried(const picture::Scene& scene, ism::Side from,
               const std::vector<std::array<int, 2>>& edges,
-              const std::vector<ism::Midpoint>& added = {});
+              const std::vector<ism::AddedVertex>& added = {});
 void draw_lines(const render::View& view, const Lines& lines, double width,
                 const render::Color& color, render::Canvas& canvas);
 

@@ -94,7 +94,7 @@ int main(int argc, char** argv) {
   ism::Solver solver(a, b, landmarks, options);
   print("as given", finish(solver), solver.result());
   for (int move = 0; move < moves && move < static_cast<int>(landmarks.size()); ++move) {
-    int& moved = landmarks[static_cast<std::size_t>(move)].b;
+    int& moved = landmarks[static_cast<std::size_t>(move)].b.vertex;
     moved = walk(b, moved, edges);
     const ism::Outcome outcome = solver.change(landmarks, options);
     if (outcome.status != ism::Status::kDone) fail(outcome.message);
