@@ -42,8 +42,9 @@
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own. A task takes at most 64 KB of stack where the compiler
-//            optimises. With -fopenmp and an Eigen before 3.4, define EIGEN_DONT_PARALLELIZE: else
-//            Eigen splits large products, and rounds them, by its number of threads.
+//            optimises. An Eigen before 3.4 may take 256 KB more; with it and -fopenmp, define
+//            EIGEN_DONT_PARALLELIZE: else it splits large products, and rounds them, by its number
+//            of threads.
 //            Where the system gives fewer threads, fewer do the work (with exceptions enabled).
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
 //            the ids of offending elements. Exceptions of allocations and of callbacks, in any
@@ -72,6 +73,13 @@
 #define ISM_VERSION_MINOR 1
 #define ISM_VERSION_PATCH 0
 
+// Files of one program that have other versions, or other containers, do not link.
+#if defined(_GLIBCXX_DEBUG) || (defined(_ITERATOR_DEBUG_LEVEL) && _ITERATOR_DEBUG_LEVEL > 0)
+#define ISM_ABI v0_1_checked
+#else
+#define ISM_ABI v0_1
+#endif
+
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
 #error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math and the like"
 #endif
@@ -84,6 +92,7 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -93,7 +102,11 @@
 
 // ==== [2] PUBLIC API =============================================================================
 
+static_assert(sizeof(Eigen::Index) == sizeof(std::ptrdiff_t),
+              "files of one program must agree on Eigen's index type: leave it at ptrdiff_t");
+
 namespace ism {
+inline namespace ISM_ABI {
 
 /// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
 /// comes from malloc whatever instructions a file is compiled for, so that files of one program may
@@ -386,6 +399,55 @@ DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
 DistortionMeasure asap();
 
+/// How the optimisation works. The defaults were chosen on real pairs; each line tells when another
+/// value may be of use.
+struct Tuning {
+  /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
+  /// and E_Φ meets a wall where the overlap would have to grow into them. More, where what is not
+  /// covered shall keep its shape in the plane; less, where it shall not matter at all.
+  double barrier_weight = 3e-4;
+  /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if kNumericalFailure is
+  /// reported for want of a factorisation.
+  double spd_epsilon = 1e-3;
+  /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
+  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower. Less, where
+  /// memory is short. 1, with omega_start = 0, is PN, projected Newton (§5.1); more, with 0, is SPN
+  /// (§5.3).
+  int history_length = 12;     // ≥ 1
+  double history_decay = 0.8;  // in (0, 1]
+  /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
+  /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
+  /// and is not lowered further. A smaller first value, where the start is good already.
+  double omega_start = 1e4;
+  double omega_factor = 2.0;  // the paper's 1.25 takes three times as many iterations to let go
+  double omega_least = 1e-4;
+  /// > 0: the longest way of a vertex in a step, in radii of the domain, and the most covered area
+  /// that a step may lose, as a fraction of the area of either mesh. Less, if a run leaves a start
+  /// whose correspondence was good.
+  double max_displacement = 0.2;
+  double max_coverage_loss = 0.05;
+  /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
+  /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly. Less,
+  /// where the surfaces have only a part in common.
+  double least_coverage = 0.5;
+  /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
+  /// 1 tries them all, as the paper does, in three times the time.
+  int search_stride = 3;
+  /// ≥ 0: after a step below it, the newest derivatives alone are tried too. The memory from the
+  /// other side of a kink may hold an iteration up, in steps that look like convergence. 0 saves
+  /// these trials where a run stops too early anyway.
+  double short_step = 0.05;
+  /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
+  /// find with the factor for ω_L. Hardly ever worth a change.
+  double solve_tolerance = 1e-3;
+  /// ≥ 1: the iterations over which Options::tolerance is averaged. It bridges the pauses before E
+  /// falls again; while ω_L comes down and is above 1e-3, nothing stops. Less, for previews.
+  int window = 20;
+  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
+  /// step on that would make one meet itself. Without, a run stalls there.
+  bool scaffold = true;
+};
+
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
@@ -394,41 +456,10 @@ struct Options {
   /// nor loses by shrinking; a little more lets it grow; much more trades low distortion for
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
-  /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
-  /// and E_Φ meets a wall where the overlap would have to grow into them.
-  double barrier_weight = 3e-4;
-  double spd_epsilon = 1e-3;  // ε > 0 of §5.1, lower bound of the eigenvalues of a polygon
-  /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
-  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower. 1, with
-  /// omega_start = 0, is PN, projected Newton (§5.1); more, with 0, is SPN (§5.3).
-  int history_length = 12;     // ≥ 1
-  double history_decay = 0.8;  // in (0, 1]
-  /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
-  /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
-  /// and is not lowered further.
-  double omega_start = 1e4;
-  double omega_factor = 2.0;  // the paper's 1.25 takes three times as many iterations to let go
-  double omega_least = 1e-4;
-  double max_displacement = 0.2;    // > 0, of a vertex in a step, in radii of the domain
-  double max_coverage_loss = 0.05;  // > 0, in a step, as a fraction of the area of either mesh
-  /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
-  /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
-  double least_coverage = 0.5;
-  /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
-  int search_stride = 3;
-  /// ≥ 0: after a step below it, the newest derivatives alone are tried too. The memory from the
-  /// other side of a kink may hold an iteration up, in steps that look like convergence.
-  double short_step = 0.05;
-  /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
-  /// find with the factor for ω_L.
-  double solve_tolerance = 1e-3;
   int max_iterations = 400;  // ≥ 0
-  /// Stop when, averaged over the last `window` iterations, E fell by less than this fraction
+  /// Stop when, averaged over the last Tuning::window iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall.
-  /// The window bridges the pauses before E falls again; while ω_L comes down and is above 1e-3,
-  /// nothing stops.
   double tolerance = 1e-4;  // ≥ 0
-  int window = 20;          // ≥ 1
   bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
@@ -455,16 +486,15 @@ struct Options {
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
   Boundary boundary = Boundary::kFree;
-  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
-  /// step on that would make one meet itself. Without, a run stalls there.
-  bool scaffold = true;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
+  Tuning tuning;
 
   /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
-  /// 1e9, α = 1.25, all steps of the line search, at most 550 iterations. The bounds on a step
-  /// stay: without them the empty overlap is reached in the first iterations.
+  /// 1e9, α = 1.25, all steps of the line search, at most 550 iterations; no least_coverage, no
+  /// short_step, no scaffold. Of what the paper does not have, max_displacement and
+  /// max_coverage_loss stay: without them the empty overlap is reached in the first iterations.
   static Options paper();
 };
 
@@ -770,6 +800,7 @@ Points3 linear_morph(const MetaMesh& meta, double t);
 /// Totals of what SurfaceMap::distortion() found. Sorts: O(n log n).
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
+}  // namespace ISM_ABI
 }  // namespace ism
 
 #endif  // ISM_HPP
@@ -823,10 +854,11 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 //             a thousand times in this file.
 
 namespace ism {
+inline namespace ISM_ABI {
 namespace detail {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kPi = 3.14159265358979323846;
 
 struct Vec2 {
   double x = 0, y = 0;
@@ -1351,9 +1383,9 @@ class Executor {
 //             infinitesimal displacement of all vertices, so any set of its answers is consistent.
 // Fails:      never. Non-finite coordinates must be excluded by the caller.
 
-constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers and
-                                       // their tails do not underflow
-constexpr double kLargest = 0x1p400;   // 2^400
+inline constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers
+                                              // and their tails do not underflow
+inline constexpr double kLargest = 0x1p400;  // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
 inline Vec2 flush_tiny(Vec2 p) { return {flush_tiny(p.x), flush_tiny(p.y)}; }
@@ -1400,7 +1432,7 @@ inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
   return sum.sign();
 }
 
-constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
+inline constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
 
 /// Positive if a, b, c turn left, negative if they turn right, 0 if they are collinear: exact.
 inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
@@ -2869,7 +2901,7 @@ inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<
 
 using Packet = Eigen::internal::packet_traits<double>::type;  // what one instruction takes
 /// Two packets: the second one fills the pauses of the first; more do not fit the registers.
-constexpr int kLanes = 2 * Eigen::internal::packet_traits<double>::size;
+inline constexpr int kLanes = 2 * Eigen::internal::packet_traits<double>::size;
 
 struct Lanes {
   Packet a, b;
@@ -4293,7 +4325,8 @@ inline double coverage_reward(const Options& options) {
 }
 
 inline Weights weights_of(const Options& options) {
-  return {coverage_reward(options), options.barrier_weight, options.spd_epsilon, &options.measure};
+  return {coverage_reward(options), options.tuning.barrier_weight, options.tuning.spd_epsilon,
+          &options.measure};
 }
 
 // ---- value ----
@@ -5414,7 +5447,7 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
          to.area_b > rules.least_area_b;
 }
 
-constexpr double kShrink = 0.8;  // line 22
+inline constexpr double kShrink = 0.8;  // line 22
 
 /// A block of the line search covers eight ℓ of 0.8^ℓ, or some more for a stride that does not
 /// divide eight; of every `stride` of them, the one in the middle is tried.
@@ -5580,7 +5613,7 @@ class Optimizer {
         weights_(weights_of(options)),
         executor_(executor),
         models_(s, weights_, executor_),
-        omega_(options.omega_start) {
+        omega_(options.tuning.omega_start) {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -5591,8 +5624,10 @@ class Optimizer {
     place_followers(followers_, x_.x);
     radius_ = domain_radius(x_.x);
     evaluate(s_, weights_, x_);
-    rules_ = {options_.max_coverage_loss * s_.area_a, options_.max_coverage_loss * s_.area_b,
-              options_.least_coverage * x_.area_a, options_.least_coverage * x_.area_b};
+    rules_ = {options_.tuning.max_coverage_loss * s_.area_a,
+              options_.tuning.max_coverage_loss * s_.area_b,
+              options_.tuning.least_coverage * x_.area_a,
+              options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
     result.initial.omega = omega_;
     result.status = Status::kUnfinished;
@@ -5672,11 +5707,11 @@ class Optimizer {
   double fraction(const Result& result) const {
     constexpr double kAtFirst = 0.1, kMost = 0.99;  // the relative fall of E in an early iteration
     const double n = static_cast<double>(result.log.size());
-    const int last = (std::min)(static_cast<int>(result.log.size()), options_.window);
+    const int last = (std::min)(static_cast<int>(result.log.size()), options_.tuning.window);
     const double fall = mean_fall(result, last);
     const double settled =
         fall > 0 ? std::log(fall / kAtFirst) / std::log(options_.tolerance / kAtFirst) : 1;
-    const double by_fall = clamp01(settled) * (std::min)(1.0, n / options_.window);
+    const double by_fall = clamp01(settled) * (std::min)(1.0, n / options_.tuning.window);
     return (std::min)(kMost, (std::max)(by_fall, n / (std::max)(1, options_.max_iterations)));
   }
 
@@ -5731,7 +5766,7 @@ class Optimizer {
 
   /// Adds the newest derivatives to the memory (§5.3).
   void remember(QuadraticModel model) {
-    if (history_.size() < options_.history_length) {
+    if (history_.size() < options_.tuning.history_length) {
       history_.push_back({});
       visited_.push_back({});
     }
@@ -5777,7 +5812,8 @@ class Optimizer {
   Array<Direction> find_directions(IterationLog& log) {
     while (true) {
       Timer timer;  // line 9
-      LinearSystem system = blend(history_, options_.history_decay, others_, laplacian_, executor_);
+      LinearSystem system =
+          blend(history_, options_.tuning.history_decay, others_, laplacian_, executor_);
       add_spring_gradient(springs_, x_.x, system.gradient);
       substitute(followers_, executor_, system);
       eliminate(is_fixed_, system);
@@ -5799,9 +5835,9 @@ class Optimizer {
   Array<Direction> solve(const LinearSystem& system) {
     Array<double> omegas(1, omega_);
     if (system.has_Q()) {
-      const double smaller = omega_ / options_.omega_factor;
-      if (smaller >= options_.omega_least) omegas.push_back(smaller);
-      omegas.push_back(omega_ * options_.omega_factor);
+      const double smaller = omega_ / options_.tuning.omega_factor;
+      if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
+      omegas.push_back(omega_ * options_.tuning.omega_factor);
     }
     const LdltSymbolic symbolic = NestedDissection(system.H, x_.x, executor_).build();
     ldlt_factorize(symbolic, system.shifted(omega_), executor_, factor_);
@@ -5811,9 +5847,10 @@ class Optimizer {
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
       if (!factor_.ok) return;
-      Array<Vec2> d = k == 0 ? ldlt_solve(symbolic, factor_, right)
-                             : solve_with_neighbour(symbolic, factor_, system.shifted(omegas[k]),
-                                                    right, options_.solve_tolerance, executor_);
+      Array<Vec2> d = k == 0
+                          ? ldlt_solve(symbolic, factor_, right)
+                          : solve_with_neighbour(symbolic, factor_, system.shifted(omegas[k]),
+                                                 right, options_.tuning.solve_tolerance, executor_);
       expand_direction(followers_, d);
       set_direction(d, directions[k]);
     });
@@ -5829,15 +5866,15 @@ class Optimizer {
     direction.max_step = (std::min)(max_step(s_.mesh, x_.x, d), max_step(scaffold_, x_.x, d));
     double longest = 0;
     for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
-    direction.first_step = (std::min)(0.99 * direction.max_step,
-                                      options_.max_displacement * radius_ / std::sqrt(longest));
+    direction.first_step = (std::min)(
+        0.99 * direction.max_step, options_.tuning.max_displacement * radius_ / std::sqrt(longest));
   }
 
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
     const SearchProblem problem = {s_,         weights_,   rules_,
                                    followers_, scaffold_,  springs_,
-                                   x_,         directions, options_.search_stride};
+                                   x_,         directions, options_.tuning.search_stride};
     const SearchResult found = line_search(problem, executor_, trials_);
     log.seconds_search += timer.lap();
     return found;
@@ -5868,7 +5905,7 @@ class Optimizer {
   /// From the first step on that would make a boundary meet itself, there is a scaffold. True if
   /// this is it.
   bool notice_collision(const SearchResult& found) {
-    if (is_scaffolded_ || !options_.scaffold || !found.collided) return false;
+    if (is_scaffolded_ || !options_.tuning.scaffold || !found.collided) return false;
     is_scaffolded_ = true;
     return true;
   }
@@ -5893,15 +5930,15 @@ class Optimizer {
     constexpr double kDrop = 16;
     if (needs_scaffold) return build_scaffold_here(), true;
     if (history_.size() > 1) return reset_history(log), true;
-    if (omega_ <= kHardlyActs || omega_ <= options_.omega_least) return false;
-    omega_ = (std::max)(omega_ / kDrop, options_.omega_least);
+    if (omega_ <= kHardlyActs || omega_ <= options_.tuning.omega_least) return false;
+    omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
   }
 
   /// After a short step, searches along the directions of the newest derivatives alone
   /// (Options::short_step). The memory is kept, as it is what overcomes the next kinks.
   void try_newest(IterationLog& log) {
-    if (chosen_.candidate.step >= options_.short_step || history_.size() == 1) return;
+    if (chosen_.candidate.step >= options_.tuning.short_step || history_.size() == 1) return;
     Array<QuadraticModel> memory = std::move(history_);
     history_ = Array<QuadraticModel>(1, memory[0]);
     const Array<Direction> directions = find_directions(log);
@@ -5930,11 +5967,11 @@ class Optimizer {
     if (static_cast<int>(result.log.size()) < iterations) return false;
     const double omega = result.final_state().omega;
     if (omega < state_before(result, iterations).omega && omega > kHardlyActs) return false;
-    return mean_fall(result, iterations) * iterations < options_.window * options_.tolerance;
+    return mean_fall(result, iterations) * iterations < options_.tuning.window * options_.tolerance;
   }
 
   Status status_after_step(const Result& result) const {
-    return has_settled(result, options_.window) ? Status::kConverged : Status::kUnfinished;
+    return has_settled(result, options_.tuning.window) ? Status::kConverged : Status::kUnfinished;
   }
 
   /// How a run ends that finds no step: that counts as an iteration of the window in which E did
@@ -5942,7 +5979,7 @@ class Optimizer {
   Status status_without_step(const Result& result) const {
     if (is_stationary_) return Status::kConverged;
     if (!factor_.ok) return Status::kNumericalFailure;
-    const int before = (std::max)(1, options_.window - 1);
+    const int before = (std::max)(1, options_.tuning.window - 1);
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
 
@@ -7201,9 +7238,9 @@ class OutlineBuilder {
 //             or goes on with it, so results do not depend on pauses.
 // Fails:      with a status and a sentence.
 
-constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
-constexpr int kMostSteps = 30;        // Newton steps per level
-constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
+inline constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
+inline constexpr int kMostSteps = 30;        // Newton steps per level
+inline constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
 
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
@@ -8839,29 +8876,35 @@ inline bool check_options(const Options& o, Outcome& outcome) {
   const struct {
     bool is_met;
     const char* text;
-  } rules[] = {
-      {o.measure.is_complete(), "measure must have a density"},
-      {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
-      {at_least_0(o.barrier_weight) && o.barrier_weight > 0, "barrier_weight must be positive"},
-      {at_least_0(o.spd_epsilon) && o.spd_epsilon > 0, "spd_epsilon must be positive"},
-      {o.history_length >= 1, "history_length must be at least 1"},
-      {o.history_decay > 0 && o.history_decay <= 1, "history_decay must be in (0, 1]"},
-      {at_least_0(o.omega_start), "omega_start must be at least 0"},
-      {at_least_0(o.omega_factor) && o.omega_factor > 1, "omega_factor must be above 1"},
-      {o.omega_least >= 0 && (o.omega_least <= o.omega_start || o.omega_start == 0),
-       "omega_least must be in [0, omega_start]"},
-      {o.max_displacement > 0, "max_displacement must be positive"},
-      {o.max_coverage_loss > 0, "max_coverage_loss must be positive"},
-      {in_0_to_1(o.least_coverage), "least_coverage must be in [0, 1)"},
-      {o.search_stride >= 1 && o.search_stride <= 8, "search_stride must be in [1, 8]"},
-      {o.short_step >= 0, "short_step must be at least 0"},
-      {in_0_to_1(o.solve_tolerance) && o.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
-      {o.max_iterations >= 0, "max_iterations must be at least 0"},
-      {o.max_seconds > 0, "max_seconds must be positive"},
-      {o.max_memory > 0, "max_memory must be positive"},
-      {o.tolerance >= 0, "tolerance must be at least 0"},
-      {o.window >= 1, "window must be at least 1"},
-      {o.threads >= 0, "threads must be at least 0"}};
+  } rules[] = {{o.measure.is_complete(), "measure must have a density"},
+               {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
+               {at_least_0(o.tuning.barrier_weight) && o.tuning.barrier_weight > 0,
+                "barrier_weight must be positive"},
+               {at_least_0(o.tuning.spd_epsilon) && o.tuning.spd_epsilon > 0,
+                "spd_epsilon must be positive"},
+               {o.tuning.history_length >= 1, "history_length must be at least 1"},
+               {o.tuning.history_decay > 0 && o.tuning.history_decay <= 1,
+                "history_decay must be in (0, 1]"},
+               {at_least_0(o.tuning.omega_start), "omega_start must be at least 0"},
+               {at_least_0(o.tuning.omega_factor) && o.tuning.omega_factor > 1,
+                "omega_factor must be above 1"},
+               {o.tuning.omega_least >= 0 &&
+                    (o.tuning.omega_least <= o.tuning.omega_start || o.tuning.omega_start == 0),
+                "omega_least must be in [0, omega_start]"},
+               {o.tuning.max_displacement > 0, "max_displacement must be positive"},
+               {o.tuning.max_coverage_loss > 0, "max_coverage_loss must be positive"},
+               {in_0_to_1(o.tuning.least_coverage), "least_coverage must be in [0, 1)"},
+               {o.tuning.search_stride >= 1 && o.tuning.search_stride <= 8,
+                "search_stride must be in [1, 8]"},
+               {o.tuning.short_step >= 0, "short_step must be at least 0"},
+               {in_0_to_1(o.tuning.solve_tolerance) && o.tuning.solve_tolerance > 0,
+                "solve_tolerance must be in (0, 1)"},
+               {o.max_iterations >= 0, "max_iterations must be at least 0"},
+               {o.max_seconds > 0, "max_seconds must be positive"},
+               {o.max_memory > 0, "max_memory must be positive"},
+               {o.tolerance >= 0, "tolerance must be at least 0"},
+               {o.tuning.window >= 1, "window must be at least 1"},
+               {o.threads >= 0, "threads must be at least 0"}};
   for (const auto& rule : rules)
     if (!rule.is_met)
       return fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule.text});
@@ -8924,15 +8967,17 @@ inline double memory_of_run(double vertices, double faces_a, double faces_b,
   const double faces = faces_a + faces_b;
   // Triangles, and crossings of edges: 3.3 of equilateral triangles at random, 3.4 to 5.1 in maps.
   const double polygons = faces + 4 * std::sqrt(faces_a * faces_b);
-  const double models = (std::max)(1, (std::min)(options.history_length, options.max_iterations));
+  const double models =
+      (std::max)(1, (std::min)(options.tuning.history_length, options.max_iterations));
   const double blocks_of_model = 4 * vertices + 1.2 * polygons;
   const double history = (models + 1) * (36 * blocks_of_model + 32 * vertices);
   // The union of all models and of Q. Per block: both matrices and their analysis, update matrices;
   // the factor, by nested dissection.
-  const double of_Q = options.omega_start > 0 ? 10 : 1;
+  const double of_Q = options.tuning.omega_start > 0 ? 10 : 1;
   const double blocks = of_Q * vertices + (1.1 + 0.07 * (std::min)(models, 12.0)) * polygons;
   const double solver = blocks * (100 + 80 * std::log2(vertices));
-  const double iterates = 3 * trials_per_block(options.search_stride) + 7;  // trials, and some more
+  const double iterates =
+      3 * trials_per_block(options.tuning.search_stride) + 7;  // trials, and some more
   const double elements = polygons * (490 + 34 * iterates) + faces * (890 + 47 * iterates);
   constexpr double kAllocator = 1.1;  // what its pieces waste
   return kAllocator * (history + solver + elements);
@@ -9416,7 +9461,7 @@ class Run {
     bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
               is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
               std::isnormal(saved.scale) && (!memory.has_model || !memory.visited.empty()) &&
-              (saved.is_changed || memory.visited.size() <= options_.history_length);
+              (saved.is_changed || memory.visited.size() <= options_.tuning.history_length);
     for (const Points2& x : memory.visited) ok = ok && is_embedding_of_both(x);
     for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
     if (!ok) return false;
@@ -9678,19 +9723,19 @@ double memory_estimate(const MeshView& a, const MeshView& b, const Options& opti
 Options Options::paper() {
   Options options;
   options.coverage_weight = -2;  // no reward
-  options.barrier_weight = 1e-8;
-  options.history_length = 6;
-  options.history_decay = 0.5;
-  options.omega_start = 1e9;
-  options.omega_factor = 1.25;
-  options.omega_least = 0;
+  options.tuning.barrier_weight = 1e-8;
+  options.tuning.history_length = 6;
+  options.tuning.history_decay = 0.5;
+  options.tuning.omega_start = 1e9;
+  options.tuning.omega_factor = 1.25;
+  options.tuning.omega_least = 0;
   options.max_iterations = 550;
-  options.least_coverage = 0;
-  options.search_stride = 1;
-  options.short_step = 0;
-  options.solve_tolerance = 1e-12;
-  options.window = 10;
-  options.scaffold = false;
+  options.tuning.least_coverage = 0;
+  options.tuning.search_stride = 1;
+  options.tuning.short_step = 0;
+  options.tuning.solve_tolerance = 1e-12;
+  options.tuning.window = 10;
+  options.tuning.scaffold = false;
   return options;
 }
 
@@ -9759,6 +9804,7 @@ SurfaceMap::SurfaceMap(const Result& result)
 SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g)
     : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g)) {}
 
+}  // namespace ISM_ABI
 }  // namespace ism
 
 #endif  // ISM_IMPLEMENTATION

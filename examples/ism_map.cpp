@@ -131,25 +131,25 @@ std::string read_number(const std::string& flag, const std::string& text, bool& 
 template <class Visit>
 void for_each_option(ism::Options& o, const Visit& visit) {
   visit("coverage_weight", o.coverage_weight);
-  visit("barrier_weight", o.barrier_weight);
-  visit("spd_epsilon", o.spd_epsilon);
-  visit("history_length", o.history_length);
-  visit("history_decay", o.history_decay);
-  visit("omega_start", o.omega_start);
-  visit("omega_factor", o.omega_factor);
-  visit("omega_least", o.omega_least);
-  visit("max_displacement", o.max_displacement);
-  visit("max_coverage_loss", o.max_coverage_loss);
-  visit("least_coverage", o.least_coverage);
-  visit("search_stride", o.search_stride);
-  visit("short_step", o.short_step);
-  visit("solve_tolerance", o.solve_tolerance);
+  visit("barrier_weight", o.tuning.barrier_weight);
+  visit("spd_epsilon", o.tuning.spd_epsilon);
+  visit("history_length", o.tuning.history_length);
+  visit("history_decay", o.tuning.history_decay);
+  visit("omega_start", o.tuning.omega_start);
+  visit("omega_factor", o.tuning.omega_factor);
+  visit("omega_least", o.tuning.omega_least);
+  visit("max_displacement", o.tuning.max_displacement);
+  visit("max_coverage_loss", o.tuning.max_coverage_loss);
+  visit("least_coverage", o.tuning.least_coverage);
+  visit("search_stride", o.tuning.search_stride);
+  visit("short_step", o.tuning.short_step);
+  visit("solve_tolerance", o.tuning.solve_tolerance);
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
-  visit("window", o.window);
+  visit("window", o.tuning.window);
   visit("keep_scale", o.keep_scale);
   visit("exact_landmarks", o.exact_landmarks);
-  visit("scaffold", o.scaffold);
+  visit("scaffold", o.tuning.scaffold);
   visit("threads", o.threads);
 }
 
@@ -929,8 +929,8 @@ int exit_code(ism::Status status, bool own_start) {
 ism::Result compute(const Arguments& args, const Input& input) {
   ProgressLine line(args.quiet);
   ism::Options options = args.options;
-  if (args.variant != Variant::kFull) options.omega_start = 0;
-  if (args.variant == Variant::kProjectedNewton) options.history_length = 1;
+  if (args.variant != Variant::kFull) options.tuning.omega_start = 0;
+  if (args.variant == Variant::kProjectedNewton) options.tuning.history_length = 1;
   options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);
     return true;

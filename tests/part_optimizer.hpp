@@ -264,10 +264,10 @@ TEST_CASE("a run from the identity ends at once with nothing changed") {
     disk.mesh.vertices.setZero();
     disk.mesh.vertices.leftCols<2>() = disk.plane;
     Options options = given_planes(disk, disk);
-    options.barrier_weight = 1e-12;
+    options.tuning.barrier_weight = 1e-12;
     const Result result = ism::compute_map(disk.mesh, disk.mesh, {}, options);
     CHECK((result.status == Status::kConverged || result.status == Status::kStalled));
-    CHECK(static_cast<int>(result.log.size()) <= options.window);
+    CHECK(static_cast<int>(result.log.size()) <= options.tuning.window);
     const IterationLog& end = result.final_state();
     CHECK(result.initial.mean_distortion == doctest::Approx(2).epsilon(1e-10));
     CHECK(end.mean_distortion == doctest::Approx(2).epsilon(1e-10));
@@ -568,12 +568,12 @@ TEST_CASE("every variant lowers the energy") {
     const auto [a, b] = random_pair(seed);
     const Options full = given_planes(a, b);
     Options smoothed = full;
-    smoothed.omega_start = 0;
+    smoothed.tuning.omega_start = 0;
     Options newton = smoothed;
-    newton.history_length = 1;
+    newton.tuning.history_length = 1;
     for (const Options* variant : {&std::as_const(newton), &std::as_const(smoothed), &full}) {
-      CAPTURE(variant->history_length);
-      CAPTURE(variant->omega_start);
+      CAPTURE(variant->tuning.history_length);
+      CAPTURE(variant->tuning.omega_start);
       Options options = *variant;
       options.max_iterations = 15;
       const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
@@ -599,7 +599,7 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
   const IterationLog* before = &result.initial;
   for (const IterationLog& log : result.log) {
     const double covered = log.coverage_a * area_a + log.coverage_b * area_b;
-    const double barrier = options.barrier_weight * (log.energy_f + log.energy_g);
+    const double barrier = options.tuning.barrier_weight * (log.energy_f + log.energy_g);
     const double energy = log.map_energy - coverage_reward(options) * covered + barrier;
     CHECK(log.energy == doctest::Approx(energy).epsilon(1e-10));
     CHECK(log.mean_distortion == doctest::Approx(log.map_energy / covered).epsilon(1e-10));
@@ -607,8 +607,8 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
     CHECK(log.step > 0);
     CHECK(log.step < log.max_step);
     CHECK(log.iteration == before->iteration + 1);
-    CHECK(before->coverage_a - log.coverage_a <= options.max_coverage_loss * (1 + 1e-12));
-    CHECK(before->coverage_b - log.coverage_b <= options.max_coverage_loss * (1 + 1e-12));
+    CHECK(before->coverage_a - log.coverage_a <= options.tuning.max_coverage_loss * (1 + 1e-12));
+    CHECK(before->coverage_b - log.coverage_b <= options.tuning.max_coverage_loss * (1 + 1e-12));
     before = &log;
   }
 }
@@ -638,7 +638,7 @@ TEST_CASE("the covered area never falls below the share the options say") {
     const auto [a, b] = random_pair(17);
     Options options = given_planes(a, b);
     options.coverage_weight = -2;
-    options.least_coverage = least;
+    options.tuning.least_coverage = least;
     const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
     REQUIRE(ism::is_usable(result.status));
     for (const IterationLog& log : result.log) {
@@ -705,7 +705,7 @@ TEST_CASE("every measure is minimised, injectively") {
     CHECK(result.final_state().energy < result.initial.energy);
     check_energy_never_grows(result);
     check_injective(a, b, result);
-    const Weights weights = {0.2, options.barrier_weight, 1e-3, &measure};
+    const Weights weights = {0.2, options.tuning.barrier_weight, 1e-3, &measure};
     const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     CHECK(end.map_energy == doctest::Approx(result.final_state().map_energy).epsilon(1e-9));
   }
@@ -925,7 +925,7 @@ TEST_CASE("a scaffold lets a run go on where its boundary meets itself") {
       CHECK(result.status == Status::kConverged);
       check_energy_never_grows(result);
       check_injective(a, b, result);
-      options.scaffold = false;
+      options.tuning.scaffold = false;
       const Result without = ism::compute_map(a.mesh, b.mesh, {}, options);
       check_injective(a, b, without);
       CHECK(result.final_state().energy < without.final_state().energy - 0.001);
@@ -987,11 +987,11 @@ TEST_CASE("options out of range are refused by name") {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
   const Disk disk = shapes::grid(2, 2);
-  const auto refuse = [&](const std::string& name, auto member, auto values) {
+  const auto refuse_with = [&](const std::string& name, auto set, auto values) {
     for (auto value : values) {
       CAPTURE(value);
       Options options = given_planes(disk, disk);
-      options.*member = value;
+      set(options, value);
       check_refused(ism::compute_map(disk.mesh, disk.mesh, {}, options), Status::kInvalidOptions,
                     name);
       const ism::Embedding e = ism::initial_embedding(disk.mesh, disk.mesh, {}, options);
@@ -999,27 +999,35 @@ TEST_CASE("options out of range are refused by name") {
       CHECK(e.f.size() == 0);
     }
   };
+  const auto refuse = [&](const std::string& name, auto member, auto values) {
+    refuse_with(
+        name, [&](Options& o, auto value) { o.*member = value; }, values);
+  };
+  const auto refuse_tuning = [&](const std::string& name, auto member, auto values) {
+    refuse_with(
+        name, [&](Options& o, auto value) { o.tuning.*member = value; }, values);
+  };
   using Doubles = std::vector<double>;
   using Ints = std::vector<int>;
   refuse("coverage_weight", &Options::coverage_weight, Doubles{-kInf, kNan, kInf});
-  refuse("barrier_weight", &Options::barrier_weight, Doubles{0, -1, kNan, kInf});
-  refuse("spd_epsilon", &Options::spd_epsilon, Doubles{0, -1, kNan, kInf});
-  refuse("history_length", &Options::history_length, Ints{0, -1});
-  refuse("history_decay", &Options::history_decay, Doubles{0, -1, 1.5, kNan});
-  refuse("omega_start", &Options::omega_start, Doubles{-1, kNan, kInf});
-  refuse("omega_factor", &Options::omega_factor, Doubles{1, 0, -4, kNan, kInf});
-  refuse("omega_least", &Options::omega_least, Doubles{-1, 1e5, kNan, kInf});
-  refuse("max_displacement", &Options::max_displacement, Doubles{0, -1, kNan});
+  refuse_tuning("barrier_weight", &ism::Tuning::barrier_weight, Doubles{0, -1, kNan, kInf});
+  refuse_tuning("spd_epsilon", &ism::Tuning::spd_epsilon, Doubles{0, -1, kNan, kInf});
+  refuse_tuning("history_length", &ism::Tuning::history_length, Ints{0, -1});
+  refuse_tuning("history_decay", &ism::Tuning::history_decay, Doubles{0, -1, 1.5, kNan});
+  refuse_tuning("omega_start", &ism::Tuning::omega_start, Doubles{-1, kNan, kInf});
+  refuse_tuning("omega_factor", &ism::Tuning::omega_factor, Doubles{1, 0, -4, kNan, kInf});
+  refuse_tuning("omega_least", &ism::Tuning::omega_least, Doubles{-1, 1e5, kNan, kInf});
+  refuse_tuning("max_displacement", &ism::Tuning::max_displacement, Doubles{0, -1, kNan});
   refuse("max_seconds", &Options::max_seconds, Doubles{0, -1, kNan});
   refuse("max_memory", &Options::max_memory, Doubles{0, -1, kNan});
-  refuse("least_coverage", &Options::least_coverage, Doubles{1, -1, kNan});
-  refuse("max_coverage_loss", &Options::max_coverage_loss, Doubles{0, -1, kNan});
-  refuse("search_stride", &Options::search_stride, Ints{0, -1, 9});
-  refuse("short_step", &Options::short_step, Doubles{-1, kNan});
-  refuse("solve_tolerance", &Options::solve_tolerance, Doubles{0, 1, -1, kNan});
+  refuse_tuning("least_coverage", &ism::Tuning::least_coverage, Doubles{1, -1, kNan});
+  refuse_tuning("max_coverage_loss", &ism::Tuning::max_coverage_loss, Doubles{0, -1, kNan});
+  refuse_tuning("search_stride", &ism::Tuning::search_stride, Ints{0, -1, 9});
+  refuse_tuning("short_step", &ism::Tuning::short_step, Doubles{-1, kNan});
+  refuse_tuning("solve_tolerance", &ism::Tuning::solve_tolerance, Doubles{0, 1, -1, kNan});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
-  refuse("window", &Options::window, Ints{0, -3});
+  refuse_tuning("window", &ism::Tuning::window, Ints{0, -3});
   refuse("threads", &Options::threads, Ints{-1});
 }
 
@@ -1044,7 +1052,7 @@ TEST_CASE("what would take more memory than allowed is refused with both numbers
 TEST_CASE("the estimate of memory grows with meshes and history, and of nothing is nothing") {
   const auto estimate = [](double faces, int history) {
     Options options;
-    options.history_length = history;
+    options.tuning.history_length = history;
     return ism::detail::memory_of_run(faces, faces, faces, options);
   };
   CHECK(ism::memory_estimate(TriangleMesh(), TriangleMesh()) == 0);
@@ -1138,20 +1146,20 @@ TEST_CASE("the unit of given positions does not matter") {
 TEST_CASE("the paper preset has the paper's constants and can be run") {
   const Options paper = Options::paper();
   CHECK(paper.coverage_weight == -2);
-  CHECK(paper.barrier_weight == 1e-8);
-  CHECK(paper.spd_epsilon == 1e-3);
-  CHECK(paper.omega_start == 1e9);
-  CHECK(paper.omega_factor == 1.25);
-  CHECK(paper.omega_least == 0);
-  CHECK(paper.history_length == 6);
-  CHECK(paper.history_decay == 0.5);
-  CHECK(paper.least_coverage == 0);
-  CHECK(paper.search_stride == 1);
-  CHECK(paper.short_step == 0);
+  CHECK(paper.tuning.barrier_weight == 1e-8);
+  CHECK(paper.tuning.spd_epsilon == 1e-3);
+  CHECK(paper.tuning.omega_start == 1e9);
+  CHECK(paper.tuning.omega_factor == 1.25);
+  CHECK(paper.tuning.omega_least == 0);
+  CHECK(paper.tuning.history_length == 6);
+  CHECK(paper.tuning.history_decay == 0.5);
+  CHECK(paper.tuning.least_coverage == 0);
+  CHECK(paper.tuning.search_stride == 1);
+  CHECK(paper.tuning.short_step == 0);
   CHECK(paper.max_iterations == 550);
-  CHECK(paper.solve_tolerance == 1e-12);
-  CHECK(paper.window == 10);
-  CHECK_FALSE(paper.scaffold);
+  CHECK(paper.tuning.solve_tolerance == 1e-12);
+  CHECK(paper.tuning.window == 10);
+  CHECK_FALSE(paper.tuning.scaffold);
   const auto [a, b] = random_pair(28);
   Options options = paper;
   options.initial_f = a.plane;

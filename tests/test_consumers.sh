@@ -54,9 +54,16 @@ build() {
 cp "$project/ism.hpp" "$work/app"
 eigen="$(cd "$work" && "$cmake" --find-package -DNAME=Eigen3 -DCOMPILER_ID=GNU -DLANGUAGE=CXX -DMODE=COMPILE)"
 (cd "$work/app" && "$compiler" -std=c++17 $eigen -DISM_IMPLEMENTATION -c map.cpp &&
-  "$compiler" -std=c++17 $eigen main.cpp map.o -pthread -o "$work/copy" && rm map.o)
+  "$compiler" -std=c++17 $eigen main.cpp map.o -pthread -o "$work/copy")
 "$work/copy"
-rm "$work/app/ism.hpp"
+# Files with other containers must not link.
+(cd "$work/app" && "$compiler" -std=c++17 $eigen -D_GLIBCXX_DEBUG -c main.cpp -o checked.o)
+if nm "$work/app/checked.o" 2> /dev/null | grep -q v0_1_checked &&
+  "$compiler" "$work/app/checked.o" "$work/app/map.o" -pthread -o "$work/mixed" 2> /dev/null; then
+  echo "files with checked and unchecked containers link"
+  exit 1
+fi
+rm "$work/app/map.o" "$work/app/checked.o" "$work/app/ism.hpp"
 echo "a plain copy: works"
 
 build subdirectory -DISM_FOLDER="$project" -DISM_TARGET=ism::ism

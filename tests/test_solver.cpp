@@ -356,7 +356,7 @@ TEST_CASE("a change that is refused changes nothing; before there is a map it be
   outcome = solver.change({{5, 6}, {5, 7}}, c.options);
   CHECK(outcome.status == Status::kInvalidLandmarks);
   bad = c.options;
-  bad.window = 0;
+  bad.tuning.window = 0;
   CHECK(solver.change(c.landmarks, bad).status == Status::kInvalidOptions);
   while (solver.step()) {
   }
@@ -387,7 +387,7 @@ TEST_CASE("the time limit ends a call, and its status says whether there is a ma
     Case d = c;
     d.options.max_iterations = 1 << 30;
     d.options.tolerance = 0;
-    d.options.window = 1 << 20;
+    d.options.tuning.window = 1 << 20;
     d.options.max_seconds = seconds;
     const Clock::time_point start = Clock::now();
     const Result r = ism::compute_map(d.a.mesh, d.b.mesh, d.landmarks, d.options);

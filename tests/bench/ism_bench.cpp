@@ -379,8 +379,9 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
   Array<QuadraticModel> history(1);
   const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(); });
   LinearSystem system;
-  const double blending = median_seconds(
-      repeats, [&] { system = blend(history, s.options.history_decay, {}, laplacian, run); });
+  const double blending = median_seconds(repeats, [&] {
+    system = blend(history, s.options.tuning.history_decay, {}, laplacian, run);
+  });
   report.add("assembly and blend", threads, assembly + blending, 1e3, "ms");
   return system;
 }
@@ -564,8 +565,8 @@ int main(int argc, char** argv) {
   options.max_iterations = 20;
   const ism::Result result = ism::compute_map(problem.a, problem.b, problem.landmarks, options);
   if (!ism::is_usable(result.status)) fail(result.message);
-  bench_state(State(problem, result.start.f, result.start.g), "The start", options.omega_start,
-              args, report);
+  bench_state(State(problem, result.start.f, result.start.g), "The start",
+              options.tuning.omega_start, args, report);
   bench_state(State(problem, result.f, result.g), "After 20 iterations", result.final_state().omega,
               args, report);
   if (!args.json.empty() && !report.write(args.json)) fail("cannot write " + args.json);
