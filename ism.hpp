@@ -1385,7 +1385,7 @@ class Executor {
 
 inline constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers
                                               // and their tails do not underflow
-inline constexpr double kLargest = 0x1p400;  // 2^400
+inline constexpr double kLargest = 0x1p400;   // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
 inline Vec2 flush_tiny(Vec2 p) { return {flush_tiny(p.x), flush_tiny(p.y)}; }
@@ -7745,9 +7745,9 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>&
                            Array<VertexPair>& joined) {
   Array<VertexPair> left;
   for (const VertexPair& l : apart) {
-    const Vec2 before = row2(x, l.a);
-    set_row(x, l.a, row2(x, s.n_a + l.b));
-    if (is_injective(s.mesh, x)) {
+    const Vec2 before = row2(x, l.a), there = row2(x, s.n_a + l.b);
+    set_row(x, l.a, there);
+    if (before == there || is_injective(s.mesh, x)) {
       joined.push_back(l);
     } else {
       set_row(x, l.a, before);

@@ -179,6 +179,23 @@ TEST_CASE("a solver goes on after it was cancelled anywhere, to the same bits") 
   }
 }
 
+TEST_CASE("a job system is not asked for runs inside of runs") {
+  Case c = cases()[2];
+  const Result expected = expected_of(c);
+  std::atomic<int> running{0};
+  int runs = 0, nested = 0;
+  c.options.parallel_for = [&](int n, const std::function<void(int)>& task) {
+    ++runs;
+    nested += running++ != 0;
+    for (int i = n - 1; i >= 0; --i) task(i);
+    --running;
+  };
+  const Result r = ism::compute_map(c.a.mesh, c.b.mesh, c.landmarks, c.options);
+  CHECK(runs > 100);
+  CHECK(nested == 0);
+  check_same(r, expected);
+}
+
 TEST_CASE("advance() keeps to its budget but for a step") {
   const Case c = cases()[1];
   const Result expected = expected_of(c);

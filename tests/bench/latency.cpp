@@ -1,8 +1,10 @@
 // How long a Solver takes to stop, and how long it is silent: it is told to stop at random moments,
 // goes on, and so on, until it is done or time is up. With --embeddings, it begins anew as soon as
-// there is a map.
+// there is a map; with --changes, the first landmark moves to a neighbour after every third
+// iteration.
 //
-//   ism_latency A B [landmarks] [--threads N] [--seconds S] [--embeddings] [--slide] [--exact]
+//   ism_latency A B [landmarks] [--threads N] [--seconds S] [--embeddings] [--changes] [--slide]
+//               [--exact]
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
@@ -37,6 +39,12 @@ ism::TriangleMesh read(const std::string& path) {
   return result.mesh;
 }
 
+int neighbour(const ism::TriangleMesh& mesh, int v) {
+  for (Eigen::Index i = 0; i < mesh.triangles.size(); ++i)
+    if (mesh.triangles.data()[i] == v) return mesh.triangles.data()[i % 3 == 2 ? i - 2 : i + 1];
+  return v;
+}
+
 struct Samples {
   std::vector<double> seconds;
 
@@ -58,7 +66,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> files;
   ism::Options options;
   double limit = 300;
-  bool only_embeddings = false;
+  bool only_embeddings = false, has_changes = false;
   for (int i = 1; i < argc; ++i) {
     const std::string flag = argv[i];
     if (flag == "--threads" && i + 1 < argc)
@@ -67,6 +75,8 @@ int main(int argc, char** argv) {
       limit = std::atof(argv[++i]);
     else if (flag == "--embeddings")
       only_embeddings = true;
+    else if (flag == "--changes")
+      has_changes = true;
     else if (flag == "--slide")
       options.boundary = ism::Boundary::kSlide;
     else if (flag == "--exact")
@@ -118,6 +128,11 @@ int main(int argc, char** argv) {
     }
     if (only_embeddings && ism::is_usable(solver.result().status))
       solver = ism::Solver(a, b, landmarks, options);
+    if (has_changes && solver.result().log.size() >= 3) {
+      landmarks.at(0).b = neighbour(b, landmarks.at(0).b.vertex);
+      const ism::Outcome outcome = solver.change(landmarks, options);
+      if (outcome.status != ism::Status::kDone) fail(outcome.message);
+    }
   }
   is_over = true;
   presser.join();
