@@ -583,7 +583,8 @@ class Solver {
 
   /// Does one step: of the embedding (at most some tenths of a second), or one iteration. True
   /// while there is more to do. A step that was cancelled or met Options::max_seconds returns
-  /// false; the next call goes on, to the same bits as without the pause.
+  /// false; the next call goes on, to the same bits as without the pause. An iteration that was
+  /// stopped is begun anew: one that is stopped every time before it ends never does.
   bool step();
   /// Steps until some seconds have passed, at least one.
   bool advance(double seconds);
