@@ -404,10 +404,10 @@ DistortionMeasure asap();
 struct Tuning {
   /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
   /// and E_Φ meets a wall where the overlap would have to grow into them. More, where what is not
-  /// covered shall keep its shape in the plane; less, where it shall not matter at all.
+  /// covered shall keep its shape in the plane.
   double barrier_weight = 3e-4;
   /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if kNumericalFailure is
-  /// reported for want of a factorisation.
+  /// reported: the directions are then closer to steepest descent.
   double spd_epsilon = 1e-3;
   /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
   /// the kinks that E has where vertices cross edges of the other mesh, and ends lower. Less, where
@@ -417,9 +417,10 @@ struct Tuning {
   double history_decay = 0.8;  // in (0, 1]
   /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
   /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
-  /// and is not lowered further. A smaller first value, where the start is good already.
+  /// and is not lowered further. A smaller first value, where the start is good already: 1 saves a
+  /// fifth of the iterations of a pair of hands.
   double omega_start = 1e4;
-  double omega_factor = 2.0;  // the paper's 1.25 takes three times as many iterations to let go
+  double omega_factor = 2.0;  // the paper's 1.25 takes 1.6 times as many iterations there
   double omega_least = 1e-4;
   /// > 0: the longest way of a vertex in a step, in radii of the domain, and the most covered area
   /// that a step may lose, as a fraction of the area of either mesh. Less, if a run leaves a start
@@ -431,17 +432,18 @@ struct Tuning {
   /// where the surfaces have only a part in common.
   double least_coverage = 0.5;
   /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
-  /// 1 tries them all, as the paper does, in three times the time.
+  /// 1 tries them all, as the paper does; that doubles the time of the search.
   int search_stride = 3;
   /// ≥ 0: after a step below it, the newest derivatives alone are tried too. The memory from the
-  /// other side of a kink may hold an iteration up, in steps that look like convergence. 0 saves
-  /// these trials where a run stops too early anyway.
+  /// other side of a kink may hold an iteration up, in steps that look like convergence. 0 is
+  /// never.
   double short_step = 0.05;
   /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
-  /// find with the factor for ω_L. Hardly ever worth a change.
+  /// find with the factor for ω_L. 1e-6 neither costs nor gains anything.
   double solve_tolerance = 1e-3;
   /// ≥ 1: the iterations over which Options::tolerance is averaged. It bridges the pauses before E
-  /// falls again; while ω_L comes down and is above 1e-3, nothing stops. Less, for previews.
+  /// falls again; while ω_L comes down and is above 1e-3, nothing stops. Less stops earlier: 5
+  /// after 57 iterations in place of 67, with a distortion higher by 0.07%, on a pair of hands.
   int window = 20;
   /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
   /// step on that would make one meet itself. Without, a run stalls there.
@@ -512,8 +514,8 @@ struct Embedding : Outcome {
   /// The meshes that were embedded: the copies of those given, and where a constraint needs it,
   /// meshes with vertices added behind the given ones. The surfaces are the same.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  /// The added vertices in order: first those of landmarks that were points, in their order; then
-  /// others. Earlier ones may be corners of later ones.
+  /// The added vertices in order. Those of exact landmarks that were points come first, in their
+  /// order, if they were given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
@@ -599,7 +601,7 @@ class Solver {
   SolverState state() const;
   /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
   /// the state is not one of the same meshes, or not injective. The next step computes the
-  /// derivatives in the memory anew, up to Options::history_length times what an iteration does. A
+  /// derivatives in the memory anew, up to Tuning::history_length times what an iteration does. A
   /// state without a map begins the embedding anew.
   bool restore(const SolverState& state);
 
@@ -722,10 +724,9 @@ class SurfaceMap {
 };
 
 /// The vertices along edges of a mesh to which vertices were added (Embedding::added_a): the
-/// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost
-/// O(n log n).
+/// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost O(n log n).
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                         const TriangleMesh& mesh,
+                                         const MeshView& refined,
                                          const std::vector<AddedVertex>& added);
 
 /// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
@@ -1826,118 +1827,6 @@ inline JointSurface join(const SurfacePair& pair) {
   s.area.append(b.area.data(), b.area.size());
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
   return s;
-}
-
-// ---- landmarks on the surfaces ----
-
-/// Where an end of a landmark lies: at a vertex, the other corners being -1, or like an added one.
-using Place = AddedVertex;
-
-/// The vertex at which a place is, or -1.
-inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
-
-inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
-  if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
-  return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
-}
-
-inline Vec2 mean(const Place& p, const Points2& x) {
-  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
-  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
-  return sum;
-}
-
-/// Leaves out corners that are -1 or have hardly any weight; false if that leaves none.
-inline bool tidy(Place& p) {
-  int n = 0;
-  for (int k = 0; k < 3; ++k) {
-    if (p.corners[k] < 0 || !(p.weights[k] > 1e-9)) continue;
-    p.corners[n] = p.corners[k];
-    p.weights[n++] = p.weights[k];
-  }
-  for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
-  p.weights /= p.weights.sum();
-  return n > 0;
-}
-
-/// The same place once a vertex has been added: it takes the part of the corner that it leaves
-/// least of, so that the others are those of the piece in which the place lies.
-inline void follow(const AddedVertex& added, int id, Place& p) {
-  int at[3], last = -1;
-  double least = kInfinity;
-  const int n = is_on_edge(added) ? 2 : 3;
-  for (int k = 0; k < n; ++k) {
-    for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
-    if (at[k] == 3) return;  // in another triangle
-    const double most = p.weights[at[k]] / added.weights[k];
-    if (most < least) least = most, last = at[k];
-  }
-  for (int k = 0; k < n; ++k) p.weights[at[k]] -= least * added.weights[k];
-  p.corners[last] = id;
-  p.weights[last] = least;
-  tidy(p);
-}
-
-/// The same place on a mesh of n vertices to which some have been added.
-inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
-  for (const AddedVertex& vertex : added) follow(vertex, n++, p);
-  return p;
-}
-
-/// The vertex of such a mesh that is at a place, which is added where there is none.
-inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
-  const Place here = located(p, n, added);
-  if (vertex_at(here) >= 0) return vertex_at(here);
-  added.push_back(here);
-  return n + static_cast<int>(added.size()) - 1;
-}
-
-struct PlacedLandmark {
-  Place a, b;
-  Landmark given;
-};
-
-/// Landmarks on the surfaces, once the last of their vertices have been added.
-inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
-                                     const std::vector<AddedVertex>& a,
-                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
-  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
-    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
-  };
-  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
-  return landmarks;
-}
-
-/// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
-inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
-                                     const SurfacePair& pair) {
-  return located(landmarks, pair.a.added, pair.b.added, pair);
-}
-
-/// A landmark with both ends at vertices.
-struct VertexPair {
-  int a = -1, b = -1;
-  Landmark given = {};
-};
-
-inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
-  Array<VertexPair> pairs;
-  for (const PlacedLandmark& l : landmarks)
-    if (vertex_at(l.a) >= 0 && vertex_at(l.b) >= 0)
-      pairs.push_back({vertex_at(l.a), vertex_at(l.b), l.given});
-  return pairs;
-}
-
-/// How the caller gave an end of a landmark.
-inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
-inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
-inline std::string name_of(const LandmarkPoint& p) {
-  return is_point(p) ? sentence({"(triangle ", p.point.face, ")"}) : sentence({p.vertex});
-}
-
-/// "landmark 3 (triangle 5): "
-inline std::string name_of(const Landmark& l) {
-  return sentence({"landmark ", name_of(l.a), " ", name_of(l.b), ": "});
 }
 
 // ---- validation ----
@@ -4813,15 +4702,130 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
   return system;
 }
 
-// ==== [11] CONSTRAINTS (paper §4.5, §4.6) ========================================================
+// ==== [11] LANDMARKS AND CONSTRAINTS (paper §4.5, §4.6) ==========================================
+// ========================================================
 //
-// Purpose:    what a vertex may not do, as a change of the linear system: a follower is a fixed
-//             combination of vertices of the other mesh (pins and exact landmarks, §4.5); a fixed
-//             coordinate does not move (held boundaries, fixed vertices, rigid motions, §4.6).
+// Purpose:    where landmarks lie, also once vertices have been added; and what a vertex may not
+// do,
+//             as a change of the linear system: a follower is a fixed combination of vertices of
+//             the other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move
+//             (held boundaries, fixed vertices, rigid motions, §4.6).
 // Invariants: with P the linear map from the unknowns that are left to all rows, the system becomes
 //             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. What is left out keeps a unit row, so rows keep their
 //             numbers.
 // Fails:      never; entry points refuse constraints that contradict each other.
+
+// ---- landmarks on the surfaces ----
+
+/// Where an end of a landmark lies: at a vertex, the other corners being -1, or like an added one.
+using Place = AddedVertex;
+
+/// The vertex at which a place is, or -1.
+inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
+
+inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
+  if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
+  return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
+}
+
+inline Vec2 mean(const Place& p, const Points2& x) {
+  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
+  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
+  return sum;
+}
+
+/// Leaves out corners that are -1 or have hardly any weight; false if that leaves none.
+inline bool tidy(Place& p) {
+  int n = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (p.corners[k] < 0 || !(p.weights[k] > 1e-9)) continue;
+    p.corners[n] = p.corners[k];
+    p.weights[n++] = p.weights[k];
+  }
+  for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
+  p.weights /= p.weights.sum();
+  return n > 0;
+}
+
+/// The same place once a vertex has been added: it takes the part of the corner that it leaves
+/// least of, so that the others are those of the piece in which the place lies.
+inline void follow(const AddedVertex& added, int id, Place& p) {
+  int at[3], last = -1;
+  double least = kInfinity;
+  const int n = is_on_edge(added) ? 2 : 3;
+  for (int k = 0; k < n; ++k) {
+    for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
+    if (at[k] == 3) return;  // in another triangle
+    const double most = p.weights[at[k]] / added.weights[k];
+    if (most < least) least = most, last = at[k];
+  }
+  for (int k = 0; k < n; ++k) p.weights[at[k]] -= least * added.weights[k];
+  p.corners[last] = id;
+  p.weights[last] = least;
+  tidy(p);
+}
+
+/// The same place on a mesh of n vertices to which some have been added.
+inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
+  for (const AddedVertex& vertex : added) follow(vertex, n++, p);
+  return p;
+}
+
+/// The vertex of such a mesh that is at a place, which is added where there is none.
+inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
+  const Place here = located(p, n, added);
+  if (vertex_at(here) >= 0) return vertex_at(here);
+  added.push_back(here);
+  return n + static_cast<int>(added.size()) - 1;
+}
+
+struct PlacedLandmark {
+  Place a, b;
+  Landmark given;
+};
+
+/// Landmarks on the surfaces, once the last of their vertices have been added.
+inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
+                                     const std::vector<AddedVertex>& a,
+                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
+  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
+    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
+  };
+  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
+  return landmarks;
+}
+
+/// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
+inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
+                                     const SurfacePair& pair) {
+  return located(landmarks, pair.a.added, pair.b.added, pair);
+}
+
+/// A landmark with both ends at vertices.
+struct VertexPair {
+  int a = -1, b = -1;
+  Landmark given = {};
+};
+
+inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
+  Array<VertexPair> pairs;
+  for (const PlacedLandmark& l : landmarks)
+    if (vertex_at(l.a) >= 0 && vertex_at(l.b) >= 0)
+      pairs.push_back({vertex_at(l.a), vertex_at(l.b), l.given});
+  return pairs;
+}
+
+/// How the caller gave an end of a landmark.
+inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
+inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
+inline std::string name_of(const LandmarkPoint& p) {
+  return is_point(p) ? sentence({"(triangle ", p.point.face, ")"}) : sentence({p.vertex});
+}
+
+/// "landmark 3 (triangle 5): "
+inline std::string name_of(const Landmark& l) {
+  return sentence({"landmark ", name_of(l.a), " ", name_of(l.b), ": "});
+}
 
 // ---- followers ----
 
@@ -5481,7 +5485,7 @@ struct SearchProblem {
   const Array<Spring>& springs;
   const Iterate& from;
   const Array<Direction>& directions;
-  int stride;  // Options::search_stride
+  int stride;  // Tuning::search_stride
 };
 
 /// Takes the step of a trial and decides whether it is acceptable (lines 18 to 21). A trial gives
@@ -5706,7 +5710,8 @@ class Optimizer {
   /// How far a run has come, an estimate: E falls the slower the closer to the end it is, which
   /// comes after a window of iterations at the earliest.
   double fraction(const Result& result) const {
-    constexpr double kAtFirst = 0.1, kMost = 0.99;  // the relative fall of E in an early iteration
+    constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
+    constexpr double kMost = 0.99;    // of a run that is not over
     const double n = static_cast<double>(result.log.size());
     const int last = (std::min)(static_cast<int>(result.log.size()), options_.tuning.window);
     const double fall = mean_fall(result, last);
@@ -5937,7 +5942,7 @@ class Optimizer {
   }
 
   /// After a short step, searches along the directions of the newest derivatives alone
-  /// (Options::short_step). The memory is kept, as it is what overcomes the next kinks.
+  /// (Tuning::short_step). The memory is kept, as it is what overcomes the next kinks.
   void try_newest(IterationLog& log) {
     if (chosen_.candidate.step >= options_.tuning.short_step || history_.size() == 1) return;
     Array<QuadraticModel> memory = std::move(history_);
@@ -8579,8 +8584,8 @@ inline Transfer transfer_of(int rows, int n_sources, Array<Share> shares) {
 }
 
 /// What a place in a face, in barycentric coordinates, has of the attributes of elements.
-inline void add_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
-                      Array<Share>& shares) {
+inline void share_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place,
+                        int row, Array<Share>& shares) {
   if (element == Element::kFace) return shares.push_back({row, f, 1});
   for (int k = 0; k < 3; ++k)
     if (place[k] != 0) shares.push_back({row, element_row(mesh, element, f, k), place[k]});
@@ -8594,15 +8599,15 @@ inline void average(int rows, Array<Share>& shares) {
 }
 
 /// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
-inline void add_vertices(const MetaSide& side, Element element, int f, int first, int last,
-                         Array<Share>& shares) {
+inline void share_corners(const MetaSide& side, Element element, int f, int first, int last,
+                          Array<Share>& shares) {
   for (int c = first; c < last; ++c)
     for (int k = 0; k < 3; ++k)
       if (side.corner(c, k) == 1) shares.push_back({element_row(side.mesh, element, f, k), c, 1});
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
-inline void add_integral(const MetaSide& side, int f, int first, int last, Array<Share>& shares) {
+inline void share_integral(const MetaSide& side, int f, int first, int last, Array<Share>& shares) {
   const auto point = [&](int c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
   for (int c = first + 1; c + 1 < last; ++c) {
     const double area = cross(point(c) - point(first), point(c + 1) - point(first));
@@ -8692,7 +8697,7 @@ Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
   detail::Array<detail::Share> shares;
   for (int p = 0; p < meta.n_polygons(); ++p)
     for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c)
-      detail::add_place(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, shares);
+      detail::share_place(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, shares);
   return detail::transfer_of(static_cast<int>(s.corner.rows()),
                              detail::element_count(s.mesh, element), std::move(shares));
 }
@@ -8705,9 +8710,9 @@ Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
     const int f = s.face.data()[p], first = meta.offsets.data()[p];
     const int last = meta.offsets.data()[p + 1];
     if (element == Element::kFace)
-      detail::add_integral(s, f, first, last, shares);
+      detail::share_integral(s, f, first, last, shares);
     else
-      detail::add_vertices(s, element, f, first, last, shares);
+      detail::share_corners(s, element, f, first, last, shares);
   }
   detail::average(rows, shares);
   return detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
@@ -8736,16 +8741,16 @@ Transfer refine(const MeshView& mesh, const MeshView& refined,
   for (int h = 0; h < r.mesh.tail.size(); ++h) {
     const int row = detail::element_row(fine, element, h / 3, h % 3);
     if (is_known[row]++) continue;
-    detail::add_place(coarse, element, r.parent[h / 3], r.place[h], row, shares);
+    detail::share_place(coarse, element, r.parent[h / 3], r.place[h], row, shares);
   }
   return detail::transfer_of(rows, detail::element_count(coarse, element), std::move(shares));
 }
 
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                         const TriangleMesh& mesh,
+                                         const MeshView& refined,
                                          const std::vector<AddedVertex>& added) {
   detail::Array<std::array<int, 3>> halved;  // smaller end, larger end, middle
-  int middle = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
+  int middle = static_cast<int>(refined.positions.rows) - static_cast<int>(added.size());
   for (const AddedVertex& p : added) {
     const int lo = (std::min)(p.corners[0], p.corners[1]);
     const int hi = (std::max)(p.corners[0], p.corners[1]);
@@ -8872,40 +8877,35 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
 }
 
 inline bool check_options(const Options& o, Outcome& outcome) {
+  const Tuning& t = o.tuning;
   const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
   const auto in_0_to_1 = [](double x) { return x >= 0 && x < 1; };
   const struct {
     bool is_met;
     const char* text;
-  } rules[] = {{o.measure.is_complete(), "measure must have a density"},
-               {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
-               {at_least_0(o.tuning.barrier_weight) && o.tuning.barrier_weight > 0,
-                "barrier_weight must be positive"},
-               {at_least_0(o.tuning.spd_epsilon) && o.tuning.spd_epsilon > 0,
-                "spd_epsilon must be positive"},
-               {o.tuning.history_length >= 1, "history_length must be at least 1"},
-               {o.tuning.history_decay > 0 && o.tuning.history_decay <= 1,
-                "history_decay must be in (0, 1]"},
-               {at_least_0(o.tuning.omega_start), "omega_start must be at least 0"},
-               {at_least_0(o.tuning.omega_factor) && o.tuning.omega_factor > 1,
-                "omega_factor must be above 1"},
-               {o.tuning.omega_least >= 0 &&
-                    (o.tuning.omega_least <= o.tuning.omega_start || o.tuning.omega_start == 0),
-                "omega_least must be in [0, omega_start]"},
-               {o.tuning.max_displacement > 0, "max_displacement must be positive"},
-               {o.tuning.max_coverage_loss > 0, "max_coverage_loss must be positive"},
-               {in_0_to_1(o.tuning.least_coverage), "least_coverage must be in [0, 1)"},
-               {o.tuning.search_stride >= 1 && o.tuning.search_stride <= 8,
-                "search_stride must be in [1, 8]"},
-               {o.tuning.short_step >= 0, "short_step must be at least 0"},
-               {in_0_to_1(o.tuning.solve_tolerance) && o.tuning.solve_tolerance > 0,
-                "solve_tolerance must be in (0, 1)"},
-               {o.max_iterations >= 0, "max_iterations must be at least 0"},
-               {o.max_seconds > 0, "max_seconds must be positive"},
-               {o.max_memory > 0, "max_memory must be positive"},
-               {o.tolerance >= 0, "tolerance must be at least 0"},
-               {o.tuning.window >= 1, "window must be at least 1"},
-               {o.threads >= 0, "threads must be at least 0"}};
+  } rules[] = {
+      {o.measure.is_complete(), "measure must have a density"},
+      {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
+      {at_least_0(t.barrier_weight) && t.barrier_weight > 0, "barrier_weight must be positive"},
+      {at_least_0(t.spd_epsilon) && t.spd_epsilon > 0, "spd_epsilon must be positive"},
+      {t.history_length >= 1, "history_length must be at least 1"},
+      {t.history_decay > 0 && t.history_decay <= 1, "history_decay must be in (0, 1]"},
+      {at_least_0(t.omega_start), "omega_start must be at least 0"},
+      {at_least_0(t.omega_factor) && t.omega_factor > 1, "omega_factor must be above 1"},
+      {t.omega_least >= 0 && (t.omega_least <= t.omega_start || t.omega_start == 0),
+       "omega_least must be in [0, omega_start]"},
+      {t.max_displacement > 0, "max_displacement must be positive"},
+      {t.max_coverage_loss > 0, "max_coverage_loss must be positive"},
+      {in_0_to_1(t.least_coverage), "least_coverage must be in [0, 1)"},
+      {t.search_stride >= 1 && t.search_stride <= 8, "search_stride must be in [1, 8]"},
+      {t.short_step >= 0, "short_step must be at least 0"},
+      {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
+      {o.max_iterations >= 0, "max_iterations must be at least 0"},
+      {o.max_seconds > 0, "max_seconds must be positive"},
+      {o.max_memory > 0, "max_memory must be positive"},
+      {o.tolerance >= 0, "tolerance must be at least 0"},
+      {t.window >= 1, "window must be at least 1"},
+      {o.threads >= 0, "threads must be at least 0"}};
   for (const auto& rule : rules)
     if (!rule.is_met)
       return fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule.text});

@@ -166,9 +166,7 @@ int main(int argc, char** argv) {
   const mesh_io::ReadResult a = mesh_io::read_mesh(argv[1]), b = mesh_io::read_mesh(argv[2]);
   const mesh_io::PairsResult pairs = mesh_io::read_pairs(argv[3]);
   if (!a.ok || !b.ok || !pairs.ok) return fail(!a.ok ? a.error : !b.ok ? b.error : pairs.error);
-  Pair p = {a.mesh, b.mesh, {}, a.edges};
-  for (const mesh_io::IdPair& pair : pairs.pairs)
-    p.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+  const Pair p = {a.mesh, b.mesh, mesh_io::landmarks_of(pairs), a.edges};
   if (p.landmarks.empty()) return fail("some landmarks are needed");
   pin_vertices(p);
   join_landmarks(p);

@@ -643,6 +643,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
              .raw("a", json_mesh(args.a, *result.start.a, result.start.added_a))
              .raw("b", json_mesh(args.b, *result.start.b, result.start.added_b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
+             .add("memory_estimate", ism::memory_estimate(input.a, input.b, args.options))
              .raw("options", json_options(args))
              .raw("start", start.text())
              .raw("final", final.text())

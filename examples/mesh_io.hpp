@@ -65,6 +65,9 @@ struct PairsResult {
 /// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment.
 inline PairsResult read_pairs(const std::string& path);
 
+/// Pairs of vertices as landmarks. An id that is no vertex of any mesh stays one.
+inline std::vector<ism::Landmark> landmarks_of(const PairsResult& file);
+
 /// Reads a file as a whole. Returns an empty string, or one sentence that says why it failed.
 inline std::string read_bytes(const std::string& path, std::string& bytes);
 
@@ -1028,6 +1031,15 @@ inline std::string ply_text(const std::string& comment, const ism::Points3& vert
     for (std::size_t k = 0; k < polygon.size(); ++k) detail::append_bytes(text, corner++, 4);
   }
   return text;
+}
+
+inline std::vector<ism::Landmark> landmarks_of(const PairsResult& file) {
+  const auto vertex = [](long long id) {
+    return id >= 0 && id <= (std::numeric_limits<int>::max)() ? static_cast<int>(id) : -1;
+  };
+  std::vector<ism::Landmark> landmarks;
+  for (const IdPair& pair : file.pairs) landmarks.push_back({vertex(pair.a), vertex(pair.b)});
+  return landmarks;
 }
 
 inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles) {

@@ -21,8 +21,7 @@ int main(int argc, char** argv) {
   if (argc > 3) {
     const mesh_io::PairsResult file = mesh_io::read_pairs(argv[3]);
     if (!file.ok) return fail(file.error);
-    for (const mesh_io::IdPair& pair : file.pairs)
-      landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+    landmarks = mesh_io::landmarks_of(file);
   }
   const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks);
   if (!ism::is_usable(result.status)) return fail(result.message);

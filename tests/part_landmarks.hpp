@@ -109,6 +109,13 @@ Twins twins(std::uint64_t seed, int n_landmarks) {
   return t;
 }
 
+Options exact_run(int iterations) {
+  Options options = on_one_thread();
+  options.exact_landmarks = true;
+  options.max_iterations = iterations;
+  return options;
+}
+
 void check_usable(const Result& r) {
   CAPTURE(r.message);
   REQUIRE(ism::is_usable(r.status));
@@ -320,9 +327,7 @@ TEST_CASE("exact landmarks in triangles and on edges coincide to the last bit") 
     CAPTURE(count);
     Twins t = twins(8, count);
     t.landmarks.push_back({20, nearest_point(t.b, t.a.plane.row(20).transpose())});
-    Options options = on_one_thread();
-    options.exact_landmarks = true;
-    options.max_iterations = 30;
+    const Options options = exact_run(30);
     const Result r = ism::compute_map(t.a.mesh, t.b.mesh, t.landmarks, options);
     check_usable(r);
     CHECK(r.start.landmark_distance == 0);
@@ -354,9 +359,7 @@ TEST_CASE("several exact landmarks in one triangle, on one edge and at its corne
   add({0.9, 0.1, 0});
   add({1, 0, 0});
   add({0.1, 0.1, 0.8});
-  Options options = on_one_thread();
-  options.exact_landmarks = true;
-  options.max_iterations = 20;
+  const Options options = exact_run(20);
   const Result r = ism::compute_map(a, b, landmarks, options);
   check_usable(r);
   check_coincide(a, b, landmarks, r);
@@ -369,9 +372,7 @@ TEST_CASE("exact landmarks close to corners and edges") {
     const std::vector<Landmark> landmarks = {
         {SurfacePoint{30, {1 - 3 * off, off, 2 * off}}, a.triangles(30, 0)},
         {SurfacePoint{50, {0.5, 0.5 - off, off}}, SurfacePoint{50, {0.5, 0.5, 0}}}};
-    Options options = on_one_thread();
-    options.exact_landmarks = true;
-    options.max_iterations = 10;
+    const Options options = exact_run(10);
     const Result r = ism::compute_map(a, a, landmarks, options);
     check_usable(r);
     check_coincide(a, a, landmarks, r);
@@ -400,9 +401,7 @@ TEST_CASE("attributes and paths follow the vertices of landmarks") {
       nearest_point(t.b, (0.3 * t.a.plane.row(u) + 0.7 * t.a.plane.row(v)).transpose());
   t.landmarks.push_back({SurfacePoint{10, {0.2, 0.3, 0.5}}, LandmarkPoint()});
   t.landmarks.back().b = nearest_point(t.b, shapes::planar(t.a, t.landmarks.back().a.point));
-  Options options = on_one_thread();
-  options.exact_landmarks = true;
-  options.max_iterations = 2;
+  const Options options = exact_run(2);
   const Result r = ism::compute_map(a, t.b.mesh, t.landmarks, options);
   check_usable(r);
   const TriangleMesh& fine = *r.start.a;

@@ -4,6 +4,7 @@
 #define ISM_TESTS_PART_MAP_HPP
 
 #include "ism.hpp"
+#include "mesh_io.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -84,7 +85,7 @@ Vector3d vector_area(const Points3& x, const std::vector<int>& polygon) {
 
 double area_on(const Points3& x, const MetaMesh& mesh) {
   double sum = 0;
-  for (const std::vector<int>& polygon : shapes::polygons_of(mesh))
+  for (const std::vector<int>& polygon : mesh_io::polygons_of(mesh))
     sum += vector_area(x, polygon).norm();
   return sum;
 }
@@ -110,7 +111,7 @@ ism::detail::Iterate covered(const Disk& a, const Disk& b) {
 
 std::set<std::pair<int, int>> check_directed_edges(const MetaMesh& mesh) {
   std::set<std::pair<int, int>> edges;
-  for (const std::vector<int>& polygon : shapes::polygons_of(mesh)) {
+  for (const std::vector<int>& polygon : mesh_io::polygons_of(mesh)) {
     CHECK(polygon.size() >= 3);
     CHECK(polygon.size() <= 6);
     for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -337,7 +338,7 @@ TEST_CASE("an overlap of several parts has as many disks in its meta mesh") {
 TEST_CASE("corners of meta mesh polygons lie in their triangles of both surfaces") {
   const auto [a, b] = overlapping_pair(52);
   const MetaMesh mesh = map_of(a, b).meta_mesh();
-  const std::vector<std::vector<int>> polygons = shapes::polygons_of(mesh);
+  const std::vector<std::vector<int>> polygons = mesh_io::polygons_of(mesh);
   for (std::size_t i = 0; i < mesh.face_a.size(); ++i)
     for (int v : polygons[i]) {
       CHECK(outside(a.mesh, mesh.face_a[i], mesh.on_a.row(v)) < 1e-9);

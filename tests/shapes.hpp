@@ -73,15 +73,6 @@ using Ids = std::vector<ism::ElementId>;
 inline ism::ElementId of_a(int v) { return {ism::Side::kA, ism::Element::kVertex, v}; }
 inline ism::ElementId of_b(int v) { return {ism::Side::kB, ism::Element::kVertex, v}; }
 
-/// The polygons of a meta mesh as lists of their vertices.
-inline std::vector<std::vector<int>> polygons_of(const ism::MetaMesh& meta) {
-  std::vector<std::vector<int>> polygons;
-  for (std::size_t p = 0; p + 1 < meta.offsets.size(); ++p)
-    polygons.emplace_back(meta.corners.begin() + meta.offsets[p],
-                          meta.corners.begin() + meta.offsets[p + 1]);
-  return polygons;
-}
-
 /// A disk and one injective embedding of it; row i of plane belongs to row i of mesh.vertices.
 struct Disk {
   ism::TriangleMesh mesh;

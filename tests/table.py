@@ -9,6 +9,7 @@ can be passed through:  table.py --extra "--kappa 0 --iterations 50" --only hand
 import argparse
 import concurrent.futures
 import json
+import os
 import pathlib
 import shlex
 import subprocess
@@ -18,7 +19,8 @@ import tempfile
 PROJECT = pathlib.Path(__file__).resolve().parent.parent
 COLUMNS = ["pair", "triangles A / B", "iterations", "to 1%", "status", "distortion", "coverage A",
            "coverage B", "start landmarks", "end landmarks", "vertices added", "embedding s",
-           "derivatives s", "assembly s", "solve s", "search s", "total s"]
+           "derivatives s", "assembly s", "solve s", "search s", "total s",
+           "peak MB", "estimated MB"]
 
 
 def read_arguments():
@@ -57,11 +59,20 @@ def run(pair, folder, args):
     if (pair / "landmarks.txt").exists() and not args.no_landmarks:
         command += ["--landmarks", pair / "landmarks.txt"]
     command += shlex.split(args.extra)
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
-    if done.returncode != 0:
-        words = done.stderr.strip().splitlines() or ["no message"]
-        return {"error": f"exit code {done.returncode}: {words[-1]}"}
-    return json.loads((folder / "report.json").read_text())
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "stderr.txt", "w+") as said:
+        process = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL,
+                                   stderr=said)
+        _, status, usage = os.wait4(process.pid, 0)
+        said.seek(0)
+        words = said.read().strip().splitlines() or ["no message"]
+    code = os.waitstatus_to_exitcode(status)
+    process.returncode = code
+    if code != 0:
+        return {"error": f"exit code {code}: {words[-1]}"}
+    report = json.loads((folder / "report.json").read_text())
+    report["peak_memory"] = 1024 * usage.ru_maxrss
+    return report
 
 
 def number(value, digits):
@@ -93,7 +104,8 @@ def row(name, report):
             number(final["mean_distortion"], 4),
             number(final["coverage_a"], 4), number(final["coverage_b"], 4),
             number(start["landmark_distance"], 4), number(final["landmark_distance"], 4),
-            added] + [number(seconds[p], 1) for p in phases]
+            added] + [number(seconds[p], 1) for p in phases] + \
+        [number(report[m] / 1e6, 0) for m in ("peak_memory", "memory_estimate")]
 
 
 def print_row(cells):

@@ -3,6 +3,7 @@
 #include "morph.hpp"
 
 #include "ism.hpp"
+#include "mesh_io.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
 
@@ -80,7 +81,7 @@ TEST_CASE("a sheet that rolls up more than once keeps its lengths on the way") {
   REQUIRE(halfway.rows() == meta.on_a.rows());
   const auto worst_stretch = [&](const Points3& x) {
     double worst = 0;
-    for (const std::vector<int>& p : shapes::polygons_of(meta))
+    for (const std::vector<int>& p : mesh_io::polygons_of(meta))
       for (std::size_t k = 0; k < p.size(); ++k) {
         const int i = p[k], j = p[(k + 1) % p.size()];
         const double before = (meta.on_a.row(i) - meta.on_a.row(j)).norm();

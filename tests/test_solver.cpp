@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -61,6 +62,38 @@ std::vector<Case> cases() {
 }
 
 Solver solver_of(const Case& c) { return {c.a.mesh, c.b.mesh, c.landmarks, c.options}; }
+
+/// Stops a solver within a task: a job system is asked for often.
+struct Interrupter {
+  std::atomic<bool> stop{false};
+  int tasks_left = 1;
+
+  void set(ism::Options& options) {
+    options.stop = &stop;
+    options.parallel_for = [this](int n, const std::function<void(int)>& task) {
+      for (int i = 0; i < n; ++i) {
+        if (--tasks_left == 0) stop = true;
+        task(i);
+      }
+    };
+  }
+
+  /// Runs to the end, stopped after 1 to `most` tasks again and again; check(n) after the n-th
+  /// time.
+  template <class Check>
+  void run(Solver& solver, int most, shapes::Rng& rng, const Check& check) {
+    int stopped = 0;
+    for (int i = 0; i < 100000; ++i) {
+      const bool has_more = solver.step();
+      if (!stop && !has_more) break;
+      if (!stop) continue;
+      stop = false;
+      tasks_left = rng.between(1, most);
+      check(++stopped);
+    }
+    CHECK(stopped > 5);
+  }
+};
 
 Result expected_of(const Case& c) {
   const Result r = ism::compute_map(c.a.mesh, c.b.mesh, c.landmarks, c.options);
@@ -139,30 +172,16 @@ TEST_CASE("a solver goes on after it was cancelled anywhere, to the same bits") 
   for (const Case& c : cases()) {
     CAPTURE(c.name);
     const Result expected = expected_of(c);
-    // A job system is asked for often, so tasks are where to cancel.
     shapes::Rng rng(17);
-    std::atomic<bool> stop{false};
-    int next = 1, cancelled = 0;
+    Interrupter interrupter;
     Case d = c;
-    d.options.stop = &stop;
-    d.options.parallel_for = [&](int n, const std::function<void(int)>& task) {
-      for (int i = 0; i < n; ++i) {
-        if (--next == 0) stop = true;
-        task(i);
-      }
-    };
+    interrupter.set(d.options);
     Solver solver = solver_of(d);
-    for (int i = 0; i < 100000; ++i) {
-      const bool has_more = solver.step();
-      if (!stop && !has_more) break;
-      if (!stop) continue;
-      stop = false;
-      next = rng.between(1, 300);
-      ++cancelled;
+    interrupter.run(solver, 300, rng, [&](int cancelled) {
       const Status status = solver.result().status;
       CHECK((status == Status::kCancelled || status == Status::kNoMapYet ||
              status == expected.status));
-      if (cancelled % 20 != 0) continue;
+      if (cancelled % 20 != 0) return;
       Case e = c;
       std::atomic<bool> stop_other{true};  // while it is restored, and some steps on
       e.options.stop = &stop_other;
@@ -173,8 +192,7 @@ TEST_CASE("a solver goes on after it was cancelled anywhere, to the same bits") 
       while (other.step()) {
       }
       check_same(other.result(), expected);
-    }
-    CHECK(cancelled > 10);
+    });
     check_same(solver.result(), expected);
   }
 }
@@ -316,33 +334,20 @@ TEST_CASE("a change that is interrupted, saved and restored ends in the same bit
     while (solver.step()) {
     }
     const Result expected = solver.result();
-    std::atomic<bool> stop{false};
-    int next = 1, stopped = 0;
-    Change d = c;
-    d.to.options.stop = &stop;
-    d.to.options.parallel_for = [&](int n, const std::function<void(int)>& task) {
-      for (int i = 0; i < n; ++i) {
-        if (--next == 0) stop = true;
-        task(i);
-      }
-    };
     shapes::Rng rng(19);
+    Interrupter interrupter;
+    Change d = c;
+    interrupter.set(d.to.options);
     solver = changed(d);
-    for (int i = 0; i < 100000; ++i) {
-      const bool has_more = solver.step();
-      if (!stop && !has_more) break;
-      if (!stop) continue;
-      stop = false;
-      next = rng.between(1, 500);
+    interrupter.run(solver, 500, rng, [&](int stopped) {
       CHECK(ism::is_usable(solver.result().status));
-      if (++stopped % 5 != 0) continue;
+      if (stopped % 5 != 0) return;
       Solver other = solver_of(c.to);
       REQUIRE(other.restore(solver.state()));
       while (other.step()) {
       }
       check_same(other.result(), expected);
-    }
-    CHECK(stopped > 5);
+    });
     check_same(solver.result(), expected);
   }
 }

@@ -59,9 +59,8 @@ Pair read_pair(const std::string& given) {
   const mesh_io::ReadResult b = mesh_io::read_mesh(folder + "/B.obj");
   const mesh_io::PairsResult pairs = mesh_io::read_pairs(folder + "/landmarks.txt");
   if (!a.ok || !b.ok || !pairs.ok) fail(!a.ok ? a.error : !b.ok ? b.error : pairs.error);
-  Pair pair = {std::filesystem::path(folder).filename().string(), a.mesh, b.mesh, a.edges, {}};
-  for (const mesh_io::IdPair& p : pairs.pairs)
-    pair.landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
+  Pair pair = {std::filesystem::path(folder).filename().string(), a.mesh, b.mesh, a.edges,
+               mesh_io::landmarks_of(pairs)};
   const std::string polygons = folder + "/A_quads.obj";
   if (!std::filesystem::exists(polygons)) return pair;
   const mesh_io::ReadResult quads = mesh_io::read_mesh(polygons);

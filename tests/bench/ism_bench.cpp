@@ -11,7 +11,7 @@
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"
 
-#include "mesh_io.hpp"
+#include "problem.hpp"
 #include "rivals.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -31,6 +31,8 @@
 namespace {
 
 using namespace ism::detail;
+using bench::fail;
+using bench::Problem;
 
 struct Arguments {
   std::vector<std::string> files;
@@ -40,17 +42,6 @@ struct Arguments {
   bool scaling = false;
   std::string json;
 };
-
-struct Problem {
-  std::string name;
-  ism::TriangleMesh a, b;
-  std::vector<ism::Landmark> landmarks;
-};
-
-[[noreturn]] void fail(const std::string& message) {
-  std::fprintf(stderr, "ism_bench: %s\n", message.c_str());
-  std::exit(2);
-}
 
 Arguments parse(int argc, char** argv) {
   Arguments args;
@@ -75,29 +66,11 @@ Arguments parse(int argc, char** argv) {
     else
       args.files.push_back(flag);
   }
-  if (args.files.size() == 1 || args.files.size() > 3)
-    fail("give two meshes, and landmarks if any");
   if (args.threads <= 0) args.threads = static_cast<int>(std::thread::hardware_concurrency());
   return args;
 }
 
 // ---- input ----
-
-ism::TriangleMesh read(const std::string& path) {
-  mesh_io::ReadResult result = mesh_io::read_mesh(path);
-  if (!result.ok) fail(result.error);
-  return result.mesh;
-}
-
-Problem read_problem(const std::string& a, const std::string& b, const std::string& landmarks) {
-  Problem problem = {a + " " + b, read(a), read(b), {}};
-  if (landmarks.empty()) return problem;
-  const mesh_io::PairsResult pairs = mesh_io::read_pairs(landmarks);
-  if (!pairs.ok) fail(pairs.error);
-  for (const mesh_io::IdPair& p : pairs.pairs)
-    problem.landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
-  return problem;
-}
 
 /// A square of n × n with two hills.
 ism::TriangleMesh hills(int n, double left, double right) {
@@ -130,13 +103,12 @@ Problem generated(int n) {
 }
 
 Problem problem_of(const Arguments& args, const char* shared_name, int generated_size) {
-  if (args.files.size() >= 2)
-    return read_problem(args.files[0], args.files[1], args.files.size() > 2 ? args.files[2] : "");
+  if (!args.files.empty()) return bench::read_problem(args.files);
   const std::filesystem::path folder =
       std::filesystem::path(ISM_SOURCE_DIR).parent_path() / "shared" / "meshes" / shared_name;
   if (!std::filesystem::exists(folder / "A.obj")) return generated(generated_size);
-  Problem problem = read_problem((folder / "A.obj").string(), (folder / "B.obj").string(),
-                                 (folder / "landmarks.txt").string());
+  Problem problem = bench::read_problem({(folder / "A.obj").string(), (folder / "B.obj").string(),
+                                         (folder / "landmarks.txt").string()});
   problem.name = shared_name;
   return problem;
 }

@@ -6,14 +6,10 @@
 //   ism_latency A B [landmarks] [--threads N] [--seconds S] [--embeddings] [--changes] [--slide]
 //               [--exact]
 
-#include "ism.hpp"
-#include "mesh_io.hpp"
+#include "problem.hpp"
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <map>
 #include <random>
 #include <string>
@@ -22,22 +18,8 @@
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-[[noreturn]] void fail(const std::string& message) {
-  std::fprintf(stderr, "ism_latency: %s\n", message.c_str());
-  std::exit(2);
-}
-
-ism::TriangleMesh read(const std::string& path) {
-  mesh_io::ReadResult result = mesh_io::read_mesh(path);
-  if (!result.ok) fail(result.error);
-  return result.mesh;
-}
+using bench::Clock;
+using bench::seconds_since;
 
 int neighbour(const ism::TriangleMesh& mesh, int v) {
   for (Eigen::Index i = 0; i < mesh.triangles.size(); ++i)
@@ -84,14 +66,7 @@ int main(int argc, char** argv) {
     else
       files.push_back(flag);
   }
-  if (files.size() < 2 || files.size() > 3) fail("give two meshes, and landmarks if any");
-  std::vector<ism::Landmark> landmarks;
-  if (files.size() == 3) {
-    const mesh_io::PairsResult pairs = mesh_io::read_pairs(files[2]);
-    if (!pairs.ok) fail(pairs.error);
-    for (const mesh_io::IdPair& p : pairs.pairs)
-      landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
-  }
+  auto [name, a, b, landmarks] = bench::read_problem(files);
 
   std::atomic<bool> stop{false}, is_over{false};
   std::string phase = "start";
@@ -115,7 +90,6 @@ int main(int argc, char** argv) {
     }
   });
   const Clock::time_point start = Clock::now();
-  const ism::TriangleMesh a = read(files[0]), b = read(files[1]);
   ism::Solver solver(a, b, landmarks, options);
   for (bool has_more = true; has_more && seconds_since(start) < limit;) {
     told = Clock::now();
@@ -131,7 +105,7 @@ int main(int argc, char** argv) {
     if (has_changes && solver.result().log.size() >= 3) {
       landmarks.at(0).b = neighbour(b, landmarks.at(0).b.vertex);
       const ism::Outcome outcome = solver.change(landmarks, options);
-      if (outcome.status != ism::Status::kDone) fail(outcome.message);
+      if (outcome.status != ism::Status::kDone) bench::fail(outcome.message);
     }
   }
   is_over = true;
@@ -140,8 +114,8 @@ int main(int argc, char** argv) {
   std::printf("%s after %zu iterations, %.0f s\n\n", ism::to_string(solver.result().status),
               solver.result().log.size(), seconds_since(start));
   std::printf("| what | phase | samples | median ms | worst ms |\n|---|---|---:|---:|---:|\n");
-  for (auto& [name, samples] : latencies) samples.print("from \"stop\" to the return", name);
-  for (auto& [name, samples] : gaps) samples.print("between two reports", name);
+  for (auto& [where, samples] : latencies) samples.print("from \"stop\" to the return", where);
+  for (auto& [where, samples] : gaps) samples.print("between two reports", where);
   if (solver.result().f.size() == 0) return 0;
   const ism::Result& r = solver.result();
   Clock::time_point begin = Clock::now();

@@ -3,29 +3,12 @@
 //
 //   ism_resolve A B landmarks [--exact] [--edges N] [--moves N]
 
-#include "ism.hpp"
-#include "mesh_io.hpp"
+#include "problem.hpp"
 
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-[[noreturn]] void fail(const std::string& message) {
-  std::fprintf(stderr, "ism_resolve: %s\n", message.c_str());
-  std::exit(2);
-}
-
-ism::TriangleMesh read(const std::string& path) {
-  mesh_io::ReadResult result = mesh_io::read_mesh(path);
-  if (!result.ok) fail(result.error);
-  return result.mesh;
-}
 
 /// A vertex that many edges away, on a path that does not turn back.
 int walk(const ism::TriangleMesh& mesh, int v, int edges) {
@@ -52,11 +35,11 @@ struct Run {
 };
 
 Run finish(ism::Solver& solver) {
-  const Clock::time_point start = Clock::now();
+  const bench::Clock::time_point start = bench::Clock::now();
   Run run;
   do ++run.steps;
   while (solver.step());
-  run.seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  run.seconds = bench::seconds_since(start);
   return run;
 }
 
@@ -83,13 +66,8 @@ int main(int argc, char** argv) {
     else
       files.push_back(arg);
   }
-  if (files.size() != 3) fail("usage: ism_resolve A B landmarks [--exact] [--edges N] [--moves N]");
-  const ism::TriangleMesh a = read(files[0]), b = read(files[1]);
-  const mesh_io::PairsResult pairs = mesh_io::read_pairs(files[2]);
-  if (!pairs.ok) fail(pairs.error);
-  std::vector<ism::Landmark> landmarks;
-  for (const mesh_io::IdPair& pair : pairs.pairs)
-    landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
+  auto [name, a, b, landmarks] = bench::read_problem(files);
+  if (landmarks.empty()) bench::fail("give two meshes, and landmarks");
   std::printf("| landmarks | s | iterations | distortion | status |\n|---|---:|---:|---:|---|\n");
   ism::Solver solver(a, b, landmarks, options);
   print("as given", finish(solver), solver.result());
@@ -97,7 +75,7 @@ int main(int argc, char** argv) {
     int& moved = landmarks[static_cast<std::size_t>(move)].b.vertex;
     moved = walk(b, moved, edges);
     const ism::Outcome outcome = solver.change(landmarks, options);
-    if (outcome.status != ism::Status::kDone) fail(outcome.message);
+    if (outcome.status != ism::Status::kDone) bench::fail(outcome.message);
     print("one moved, change()", finish(solver), solver.result());
     ism::Solver anew(a, b, landmarks, options);
     print("the same from the start", finish(anew), anew.result());
