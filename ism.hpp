@@ -5747,6 +5747,8 @@ class Optimizer {
   /// After restore(), the models of the memory anew; false if the caller stops.
   bool remember_visited() {
     while (history_.size() < visited_.size()) {  // the oldest one first
+      executor_.tell(Phase::kOptimization, 0, {"computing the derivatives in the memory anew"},
+                     nullptr);
       Iterate x;
       x.x = visited_[visited_.size() - 1 - history_.size()];
       evaluate(s_, weights_, x);
