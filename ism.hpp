@@ -1,7 +1,7 @@
 // ism.hpp - distortion-minimizing injective maps between surfaces
 //
-// Given two triangle meshes A and B of disk topology, computes a map Φ from A to B that is
-// continuous, injective, symmetric in A and B, and of low distortion. It implements
+// Given two triangle meshes A and B, disks or disks with openings, computes a map Φ from A to B
+// that is continuous, injective, symmetric in A and B, and of low distortion. It implements
 //
 //   Patrick Schmidt, Janis Born, Marcel Campen, Leif Kobbelt:
 //   Distortion-Minimizing Injective Maps Between Surfaces.
@@ -27,9 +27,11 @@
 //     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
 //   }
 //
-// INPUT      Each mesh is a manifold, consistently oriented disk: one component, one boundary
-//            loop, no handles. validate() names what is wrong. Cut a hole into a closed mesh.
-//            Meshes are read where they are: float or double, interleaved or not (MeshView).
+// INPUT      Each mesh is a manifold, consistently oriented surface: one component with at least
+//            one boundary loop, no handles. validate() names what is wrong. Cut a hole into a
+//            closed mesh. Of several loops one is the outline (Options::outer_a), the others are
+//            openings, eyes and mouths; what lies over one is not covered. Meshes are read where
+//            they are: float or double, interleaved or not (MeshView).
 // STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
 //            on after landmarks and options were changed.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
@@ -231,7 +233,7 @@ enum class Status {
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
   kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
   kMemoryLimit,       // it would take more memory than Options::max_memory; nothing was begun
-  kInvalidMesh,       // an input mesh is not a clean triangulated disk, see validate()
+  kInvalidMesh,       // an input mesh is not a clean surface, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
   kInvalidPositions,  // given planar positions are not an injective embedding
@@ -271,8 +273,7 @@ struct Problem {
     kUnreferencedVertex,
     kSeveralComponents,
     kClosed,
-    kSeveralBoundaries,
-    kWrongEulerCharacteristic
+    kHandles
   };
   Kind kind;
   std::string message;   // for example "edge 3-7 has 3 triangles: 0, 5, 9"
@@ -280,11 +281,11 @@ struct Problem {
   std::vector<int> ids;  // these are
 };
 
-/// Lists everything that keeps a mesh from being a clean triangulated disk; empty means valid.
-/// Checks: indices, finite coordinates, degenerate and repeated triangles, edge and vertex
-/// manifoldness, orientation, unreferenced vertices, one component, one boundary loop, χ = 1; and
-/// at most 2^24 vertices and triangles, so that an int counts all that is made of them. Cost O(#F
-/// log #F). Reports at most 20 problems of each kind. Thread-safe.
+/// Lists everything that keeps a mesh from being a clean surface; empty means valid. Checks:
+/// indices, finite coordinates, degenerate and repeated triangles, edge and vertex manifoldness,
+/// orientation, unreferenced vertices, one component, a boundary, no handles; and at most 2^24
+/// vertices and triangles, so that an int counts all that is made of them. Cost O(#F log #F).
+/// Reports at most 20 problems of each kind. Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
 /// A point of a surface: a triangle and barycentric coordinates that add up to 1.
@@ -488,6 +489,10 @@ struct Options {
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
   Boundary boundary = Boundary::kFree;
+  /// Vertices on the boundary loops of A and of B that become the outlines of f(A) and g(B); -1:
+  /// the longest ones. The other loops are openings: they are free, kept apart exactly, and nothing
+  /// is mapped to where they are. Given positions have outlines of their own.
+  int outer_a = -1, outer_b = -1;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
@@ -665,6 +670,14 @@ struct Remesh {
   std::vector<char> covered;  // per vertex
 };
 
+/// An opening of a surface: a boundary loop that is not the outer one.
+struct Opening {
+  Side side = Side::kA;
+  int vertex = -1;  // the first one of its loop
+  int edges = 0;    // of its loop
+  double over = 0;  // the part of the other surface that lies over it, from 0 to 1; not covered
+};
+
 namespace detail {
 struct MapData;
 }
@@ -717,6 +730,8 @@ class SurfaceMap {
   /// Of every polygon of meta_mesh(). Both surfaces are scaled to area 1 first, as they are for
   /// compute_map(), unless keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
+  /// The openings of both surfaces, those of A first. Costs an overlay for each that has some.
+  std::vector<Opening> openings() const;
 
  private:
   friend Remesh remesh(const SurfaceMap& map, Side side);
@@ -1478,12 +1493,12 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 
 // ==== [6] HALF-EDGE MESH =========================================================================
 //
-// Purpose:    connectivity of a triangulated disk, its validation, and the isometric rest frame of
-//             every triangle (the orthonormal coordinate systems of §3.2).
+// Purpose:    connectivity of a triangulated surface, its validation, and the isometric rest frame
+//             of every triangle (the orthonormal coordinate systems of §3.2).
 // Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
 //             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
 //             counter-clockwise from it visits every face of v.
-// Fails:      find_problems() says why a mesh is no disk; build_surface() wants a validated one.
+// Fails:      find_problems() says why a mesh cannot be mapped; build_surface() wants one that can.
 
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -1491,11 +1506,12 @@ inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
 struct HalfEdgeMesh {
   int n_vertices = 0;
   int n_faces = 0;
-  Array<int> tail;      // #F·3, the vertex a half-edge starts at
-  Array<int> twin;      // #F·3, the opposite half-edge, or -1 on the boundary
-  Array<int> out;       // #V
-  Array<int> boundary;  // boundary half-edges in order, loop by loop, their faces on the left
-  Array<int> loop;      // where in `boundary` loops begin, and its end
+  Array<int> tail;       // #F·3, the vertex a half-edge starts at
+  Array<int> twin;       // #F·3, the opposite half-edge, or -1 on the boundary
+  Array<int> out;        // #V
+  Array<int> boundary;   // boundary half-edges in order, loop by loop, their faces on the left
+  Array<int> loop;       // where in `boundary` loops begin, and its end
+  Array<int> component;  // where in `loop` those of a connected surface begin, and its last entry
 
   int loops() const { return loop.size() - 1; }
 
@@ -1547,7 +1563,7 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
-/// Lists the boundary.
+/// Lists the boundary of a connected surface.
 inline void trace_boundary(HalfEdgeMesh& m) {
   Array<char> seen(m.tail.size(), 0);
   m.boundary.clear();
@@ -1560,6 +1576,8 @@ inline void trace_boundary(HalfEdgeMesh& m) {
     }
     m.loop.push_back(m.boundary.size());
   }
+  m.component.assign(1, 0);
+  m.component.push_back(m.loops());
 }
 
 inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
@@ -1823,6 +1841,7 @@ inline JointSurface join(const SurfacePair& pair) {
   for (int h : b.mesh.out) m.out.push_back(first + h);
   for (int h : b.mesh.boundary) m.boundary.push_back(first + h);
   for (int i = 1; i <= b.mesh.loops(); ++i) m.loop.push_back(s.boundary_a + b.mesh.loop[i]);
+  m.component.push_back(m.loops());
   s.vertices = stacked(a.vertices, b.vertices);
   s.area.append(b.area.data(), b.area.size());
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
@@ -1989,20 +2008,14 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   if (components > 1)
     list.add(Problem::Kind::kSeveralComponents,
              {"the mesh has ", components, " components, 1 is needed"});
-  std::vector<int> loops;  // one vertex of each
-  for (int i = 0; i < m.loops(); ++i) loops.push_back(m.tail[m.boundary[m.loop[i]]]);
-  if (loops.empty())
-    list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole so that it is a disk"});
-  if (loops.size() > 1)
-    list.add(Problem::Kind::kSeveralBoundaries,
-             {"the mesh has ", static_cast<int>(loops.size()),
-              " boundary loops, 1 is needed; they pass through vertices ", join(loops)},
-             Element::kVertex, loops);
+  if (m.loops() == 0) list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole into it"});
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
-  if (chi != 1 && components == 1 && loops.size() == 1)
-    list.add(Problem::Kind::kWrongEulerCharacteristic,
-             {"the Euler characteristic is ", chi, ", a disk has 1; the mesh has handles"});
+  const int genus = (2 - m.loops() - chi) / 2;
+  if (components == 1 && genus > 0)
+    list.add(Problem::Kind::kHandles,
+             {"the mesh has genus ", genus, ": ", genus,
+              genus == 1 ? " handle has" : " handles have", " to be cut open"});
 }
 
 template <class T>
@@ -2054,7 +2067,7 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// What keeps a mesh from being a clean triangulated disk; if nothing, m is its connectivity.
+/// What keeps a mesh from being a clean surface; if nothing, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m) {
   ProblemList list;
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
@@ -2206,28 +2219,49 @@ inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
   return true;
 }
 
-/// True if a boundary loop does not meet itself.
-inline bool loop_is_simple(const HalfEdgeMesh& m, const Points2& x, int loop) {
-  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
-  const auto p = [&](int i) { return row2(x, m.tail[m.boundary[begin + i % n]]); };
+/// True if some boundary loops meet neither themselves nor each other.
+inline bool loops_are_simple(const HalfEdgeMesh& m, const Points2& x, int first_loop,
+                             int last_loop) {
+  const int begin = m.loop[first_loop];
   bool simple = true;
   BoundaryTree tree;
-  tree.build(m, x, begin, begin + n);
+  tree.build(m, x, begin, m.loop[last_loop]);
   tree.for_each_pair(tree, [&](int i, int j) {
     if (i >= j || !simple) return;
-    if (j == i + 1)
-      simple = !turns_back(p(i), p(j), p(j + 1));
-    else if (i == 0 && j == n - 1)
-      simple = !turns_back(p(j), p(0), p(1));
+    const int h = m.boundary[begin + i], k = m.boundary[begin + j];
+    const Vec2 p = row2(x, m.tail[h]), q = row2(x, m.tip(h));
+    const Vec2 r = row2(x, m.tail[k]), t = row2(x, m.tip(k));
+    if (m.tip(h) == m.tail[k])
+      simple = !turns_back(p, q, t);
+    else if (m.tip(k) == m.tail[h])
+      simple = !turns_back(r, p, q);
     else
-      simple = !segments_touch(p(i), p(i + 1), p(j), p(j + 1));
+      simple = !segments_touch(p, q, r, t);
   });
   return simple;
 }
 
+/// True if a loop, which is simple, runs counter-clockwise: its leftmost vertex, the lowest if
+/// there are several, is convex.
+inline bool runs_counter_clockwise(const HalfEdgeMesh& m, const Points2& x, int loop) {
+  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
+  const auto p = [&](int i) { return row2(x, m.tail[m.boundary[begin + i % n]]); };
+  int least = 0;
+  for (int i = 1; i < n; ++i)
+    if (p(i).x < p(least).x || (p(i).x == p(least).x && p(i).y < p(least).y)) least = i;
+  return orient2d(p(least + n - 1), p(least), p(least + 1)) > 0;
+}
+
+/// True if the loops of every connected surface are simple and apart, one around the others, which
+/// run the other way.
 inline bool boundaries_are_simple(const HalfEdgeMesh& m, const Points2& x) {
-  for (int i = 0; i < m.loops(); ++i)
-    if (!loop_is_simple(m, x, i)) return false;
+  for (int c = 0; c + 1 < m.component.size(); ++c) {
+    const int first = m.component[c], last = m.component[c + 1];
+    if (!loops_are_simple(m, x, first, last)) return false;
+    int outer = 0;
+    for (int i = first; i < last && last - first > 1; ++i) outer += runs_counter_clockwise(m, x, i);
+    if (outer > 1) return false;
+  }
   return true;
 }
 
@@ -2241,7 +2275,9 @@ inline bool coordinates_are_usable(const Points2& x) {
 
 /// The promise of the library (§4.4): every triangle positive, angle sums 2π, boundaries simple.
 /// A positively oriented piecewise affine map of a disk with a simple boundary is injective
-/// [Lipman 2014]. Of A ⊔ B, f and g are, each.
+/// [Lipman 2014]. With openings, a point has as many preimages as loops wind around it in all: one
+/// inside of the outer loop but outside of the others, which wind the other way, none elsewhere. Of
+/// A ⊔ B, f and g are injective, each.
 inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
   return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
          boundaries_are_simple(m, x);
@@ -2344,6 +2380,7 @@ struct Overlay {
   Array<int> older;   // per polygon: the one found before in the same triangle of A, or -1
   Array<int> mark;    // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
+  Array<char> is_crossed;  // per boundary loop: by one of the other mesh
   BoundaryTree boundary_a, boundary_b;
 };
 
@@ -2359,7 +2396,15 @@ class OverlayBuilder {
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
-    if (overlay_.seeds.empty()) seed_containment();
+    flood_seeds();
+    for (int i = 0; i < m_.loops(); ++i) {
+      if (!overlay_.is_crossed[i]) seed_loop(i);
+      flood_seeds();
+    }
+  }
+
+ private:
+  void flood_seeds() {
     while (!overlay_.seeds.empty()) {
       const Seed seed = overlay_.seeds.back();
       overlay_.seeds.pop_back();
@@ -2367,7 +2412,6 @@ class OverlayBuilder {
     }
   }
 
- private:
   /// Finds the polygons of one triangle of A that are connected to the one in tb within it; those
   /// across its edges become seeds, edge by edge, so that they come back together.
   void flood(int ta, int tb) {
@@ -2410,9 +2454,10 @@ class OverlayBuilder {
     overlay_.polygons.push_back(p);
   }
 
-  /// Every component of the overlap whose boundary belongs to both embeddings has a crossing of
-  /// a boundary edge of A with one of B; the triangles at these edges overlap there.
+  /// Every component of the overlap whose boundary has parts of loops has a crossing of a boundary
+  /// edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
+    overlay_.is_crossed.assign(m_.loops(), 0);
     overlay_.boundary_a.build(m_, x_, 0, s_.boundary_a);
     overlay_.boundary_b.build(m_, x_, s_.boundary_a, m_.boundary.size());
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
@@ -2421,20 +2466,33 @@ class OverlayBuilder {
       const LabelledPoint r = label(m_.tail[hb]), s = label(m_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
       overlay_.seeds.push_back({ha / 3, hb / 3});
+      overlay_.is_crossed[loop_at(i)] = overlay_.is_crossed[loop_at(s_.boundary_a + j)] = 1;
     });
   }
 
-  /// Without crossings one embedding lies inside the other, or they are apart.
-  void seed_containment() {
-    const int ha = m_.boundary[0], hb = m_.boundary[s_.boundary_a];
-    for (int t = 0; t < m_.n_faces && overlay_.seeds.empty(); ++t) {
-      const bool of_a = t < s_.faces_a;
-      if (contains(labelled(m_, x_, t), label(m_.tail[of_a ? hb : ha])))
-        overlay_.seeds.push_back(of_a ? Seed{t, hb / 3} : Seed{ha / 3, t});
-    }
+  int loop_at(int boundary_index) const {
+    return static_cast<int>(std::upper_bound(m_.loop.begin(), m_.loop.end(), boundary_index) -
+                            m_.loop.begin()) -
+           1;
+  }
+
+  /// Other components are bounded by whole loops, each inside of the other embedding or outside of
+  /// it: one that no polygon has been found at is looked for there.
+  void seed_loop(int loop) {
+    const int h = m_.boundary[m_.loop[loop]], f = h / 3;
+    const bool of_a = f < s_.faces_a;
+    for (const OverlayPolygon& p : overlay_.polygons)
+      if ((of_a ? p.ta : p.tb) == f && p.has(of_a ? h % 3 : 3 + h % 3)) return;
+    const LabelledPoint p = label(m_.tail[h]);
+    const int end = of_a ? m_.n_faces : s_.faces_a;
+    for (int t = of_a ? s_.faces_a : 0; t < end; ++t)
+      if (contains(labelled(m_, x_, t), p))
+        return overlay_.seeds.push_back(of_a ? Seed{f, t} : Seed{t, f});
   }
 
   static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
+    const Vec2 lo = lower(lower(t[0].p, t[1].p), t[2].p), hi = upper(upper(t[0].p, t[1].p), t[2].p);
+    if (p.p.x < lo.x || p.p.y < lo.y || p.p.x > hi.x || p.p.y > hi.y) return false;
     return oriented(t[0], t[1], p) && oriented(t[1], t[2], p) && oriented(t[2], t[0], p);
   }
 
@@ -5146,8 +5204,9 @@ inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
 
 // ---- scaffold ----
 
-/// The space around the boundary loops of embeddings in triangles, around each as if it were alone.
-/// Vertex n + 4 i + k, for n vertices of the mesh, is corner k of the box around loop i.
+/// The space that embeddings leave, in triangles, around each as if it were alone: inside of every
+/// opening, and between the outer loop and a box. Vertex n + 4 i + k, for n vertices of the mesh,
+/// is corner k of the i-th box.
 struct Scaffold {
   int n_vertices = 0;
   Array<Vec2> box;
@@ -5161,12 +5220,17 @@ struct Scaffold {
   Vec2 displacement(const Array<Vec2>& d, int v) const { return v < n_vertices ? d[v] : Vec2(); }
 };
 
-/// Puts a box around a loop, with room on all sides, and returns the space between as one polygon,
-/// counter-clockwise: a bridge leads from the second corner of the box to the rightmost vertex of
-/// the loop, which sees it, and back.
-inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
+/// The space that a surface leaves at a loop, as one polygon, counter-clockwise. For an opening
+/// that is its inside. Around an outer loop, a box is put with room on all sides: a bridge leads
+/// from its second corner to the rightmost vertex of the loop, which sees it, and back.
+inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
+  Array<int> polygon;
+  if (!runs_counter_clockwise(m, x, loop)) {
+    for (int i = n; i > 0; --i) polygon.push_back(vertex(i));
+    return polygon;
+  }
   int start = 0;
   Vec2 lo = row2(x, vertex(0)), hi = lo;
   for (int i = 1; i < n; ++i) {
@@ -5178,7 +5242,6 @@ inline Array<int> space_around(const HalfEdgeMesh& m, const Points2& x, int loop
   lo -= {room, room}, hi += {room, room};
   const int corner = s.n_vertices + s.box.size();
   for (const Vec2 p : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) s.box.push_back(p);
-  Array<int> polygon;
   polygon.push_back(corner);
   polygon.push_back(corner + 1);
   for (int i = 0; i <= n; ++i) polygon.push_back(vertex(start + n - i));
@@ -5290,7 +5353,7 @@ inline double height(Vec2 p, Vec2 q) {
          std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
 }
 
-/// Triangulates the space around the loops; `weight` is that of all triangles together. Those in
+/// Triangulates the space at the loops; `weight` is that of all triangles together. Those in
 /// gaps that are next to closed get less, or they would be too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
   constexpr double kNarrow = 1e-10;  // of the size of the first box
@@ -5298,7 +5361,7 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
   s.n_vertices = m.n_vertices;
   Array<int> corners;
   for (int loop = 0; loop < m.loops(); ++loop) {
-    const Array<int> polygon = space_around(m, x, loop, s);
+    const Array<int> polygon = space_at(m, x, loop, s);
     for (int v : EarClipper(s, x, polygon).run()) corners.push_back(v);
   }
   HalfEdgeMesh space = build_half_edges(m.n_vertices + s.box.size(), triangles_from(corners));
@@ -6034,13 +6097,146 @@ class Optimizer {
 //               by connectivity: all edges alike, the boundary on a circle, until every vertex is
 //               back; then step by step to their own lengths. The uniform triangles leave room
 //               everywhere.
-// Parts:      decimation · planar Newton · one surface across all resolutions · both boundaries
-//             on one square · both surfaces · exact landmarks · which of them a call needs
+// Parts:      openings · decimation · planar Newton · one surface across all resolutions · both
+//             boundaries on one square · both surfaces · exact landmarks · which of them a call
+//             needs
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
 /// What the levels of an embedding are relaxed to.
 enum class Approach { kShape, kConnectivity };
+
+// ---- openings ----
+//
+// Purpose:    closes the openings of a surface, so that what is embedded is a disk.
+// Method:     rings of triangles, each with half as many vertices as the one around it, shrink
+//             towards the middle. They have no part in the map: once all is embedded, they go.
+// Invariants: vertices and triangles of the surface keep their ids.
+// Fails:      never.
+
+/// The loop around a surface: the one through a vertex, or, if that is -1, the longest.
+inline int outer_loop(const Surface& s, int vertex) {
+  const HalfEdgeMesh& m = s.mesh;
+  int outer = 0;
+  double longest = -1;
+  for (int i = 0; i < m.loops(); ++i) {
+    double length = 0;
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) {
+      length += s.edge_length(m.boundary[k]);
+      if (m.tail[m.boundary[k]] == vertex) return i;
+    }
+    if (length > longest) longest = length, outer = i;
+  }
+  return outer;
+}
+
+/// The vertices around an opening, its inside on the left.
+inline Array<int> around_opening(const HalfEdgeMesh& m, int loop) {
+  Array<int> ring;
+  for (int i = m.loop[loop + 1] - 1; i >= m.loop[loop]; --i) ring.push_back(m.tip(m.boundary[i]));
+  return ring;
+}
+
+class OpeningCloser {
+ public:
+  explicit OpeningCloser(const Surface& s) : s_(s), corners_(s.mesh.tail) {
+    for (int v = 0; v < s.mesh.n_vertices; ++v) point_.push_back(row3(s.vertices, v));
+  }
+
+  void close(int loop) {
+    constexpr double kLift = 0.1, kThinnest = 1e-6;
+    const Array<int> around = around_opening(s_.mesh, loop);
+    const Vec3 normal = normal_of(around), center = center_of(around);
+    const int n_vertices = point_.size(), n_corners = corners_.size();
+    for (double lift = kLift; lift < 1e3 * kLift; lift *= 2) {  // until no triangle is flat
+      point_.resize(n_vertices);
+      corners_.resize(n_corners);
+      Array<int> ring = around;
+      while (ring.size() > 5) ring = add_ring(ring, center + lift * normal);
+      point_.push_back(center + 2 * lift * normal);
+      for (int i = 0; i < ring.size(); ++i)
+        add_triangle(ring[i], ring[(i + 1) % ring.size()], point_.size() - 1);
+      if (thinnest_from(n_corners) > kThinnest) return;
+    }
+  }
+
+  Surface build() const {
+    Points3 vertices(point_.size(), 3);
+    for (int v = 0; v < point_.size(); ++v) set_row(vertices, v, point_[v]);
+    return build_surface(build_half_edges(point_.size(), triangles_from(corners_)), vertices, true);
+  }
+
+ private:
+  void add_triangle(int u, int v, int w) {
+    for (int corner : {u, v, w}) corners_.push_back(corner);
+  }
+
+  /// Adds the vertices of the next ring, half way to the middle, and the triangles between.
+  Array<int> add_ring(const Array<int>& ring, const Vec3& middle) {
+    const int n = ring.size(), m = (n + 1) / 2, first = point_.size();
+    for (int j = 0; j < m; ++j) {
+      const int a = ring[2 * j], b = ring[(std::min)(2 * j + 1, n - 1)];
+      point_.push_back(0.5 * (0.5 * (point_[a] + point_[b]) + middle));
+    }
+    Array<int> inner;
+    for (int j = 0; j < m; ++j) {
+      const int a = ring[2 * j], b = ring[(std::min)(2 * j + 1, n - 1)];
+      const int c = ring[j + 1 < m ? 2 * j + 2 : 0];
+      const int v = first + j, w = first + (j + 1) % m;
+      if (a != b) add_triangle(a, b, v);
+      add_triangle(b, c, w);
+      add_triangle(b, w, v);
+      inner.push_back(v);
+    }
+    return inner;
+  }
+
+  Vec3 center_of(const Array<int>& ring) const {
+    Vec3 sum;
+    for (int v : ring) sum += point_[v];
+    return 1.0 / ring.size() * sum;
+  }
+
+  /// A direction across an opening, as long as the radius of a circle of its length.
+  Vec3 normal_of(const Array<int>& ring) const {
+    Vec3 normal, longest;
+    double length = 0;
+    for (int i = 0; i < ring.size(); ++i) {
+      const Vec3 p = point_[ring[i]] - point_[ring[0]];
+      const Vec3 q = point_[ring[(i + 1) % ring.size()]] - point_[ring[0]];
+      normal += cross(p, q);
+      if (squared_norm(p) > squared_norm(longest)) longest = p;
+      length += norm(q - p);
+    }
+    if (!(norm(normal) > 1e-9 * length * length))  // a slit: any direction across it will do
+      normal = cross(longest, unit3(std::abs(longest.x) < std::abs(longest.y) ? 0 : 1));
+    return length / (2 * kPi) * normalized(normal);
+  }
+
+  /// The least ratio of height and longest edge of the triangles from a corner on.
+  double thinnest_from(int corner) const {
+    double least = kInfinity;
+    for (int i = corner; i < corners_.size(); i += 3) {
+      const Vec3 p = point_[corners_[i + 1]] - point_[corners_[i]];
+      const Vec3 q = point_[corners_[i + 2]] - point_[corners_[i]];
+      const double longest2 = (std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)});
+      least = (std::min)(least, norm(cross(p, q)) / longest2);
+    }
+    return least;
+  }
+
+  const Surface& s_;
+  Array<Vec3> point_;
+  Array<int> corners_;  // of all triangles
+};
+
+/// A surface as a disk: all openings but the outer loop are closed.
+inline Surface closed_openings(const Surface& s, int outer) {
+  OpeningCloser closer(s);
+  for (int i = 0; i < s.mesh.loops(); ++i)
+    if (i != outer) closer.close(i);
+  return closer.build();
+}
 
 // ---- decimation ----
 //
@@ -7918,15 +8114,16 @@ class Embedder {
     switch (stage_) {
       case Stage::kBegin:
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
+        close_openings();
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
-        if (strain(pair_, result_) < kStrained) return after_free();
+        if (strain(disks(), result_) < kStrained) return after_free();
         return begin(Stage::kByConnectivity, Approach::kConnectivity, nullptr);
       case Stage::kByConnectivity:
         other_.seconds = result_.seconds;
-        if (strain(pair_, other_) < strain(pair_, result_)) result_ = std::move(other_);
+        if (strain(disks(), other_) < strain(disks(), result_)) result_ = std::move(other_);
         return after_free();
       case Stage::kInSquare:
         return after_embedding();
@@ -7937,14 +8134,24 @@ class Embedder {
 
   Array<PlacedLandmark> landmarks() const { return located(landmarks_, pair_); }
 
+  /// What is embedded.
+  const SurfacePair& disks() const { return has_openings_ ? disks_ : pair_; }
+
+  void close_openings() {
+    has_openings_ = pair_.a.mesh.loops() > 1 || pair_.b.mesh.loops() > 1;
+    if (!has_openings_) return;
+    disks_.a = closed_openings(pair_.a, outer_loop(pair_.a, options_.outer_a));
+    disks_.b = closed_openings(pair_.b, outer_loop(pair_.b, options_.outer_b));
+  }
+
   bool prepare_landmarks() {
     std::vector<AddedVertex> a, b;
     return add_landmark_vertices(landmarks_, options_, pair_, a, b, result_);
   }
 
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
-    embedder_ =
-        std::make_unique<PairEmbedder>(pair_, landmarks(), options_, executor_, approach, outlines);
+    embedder_ = std::make_unique<PairEmbedder>(disks(), landmarks(), options_, executor_, approach,
+                                               outlines);
     return stage;
   }
 
@@ -7961,6 +8168,9 @@ class Embedder {
 
   Stage after_embedding() {
     embedder_.reset();
+    if (result_.status != Status::kDone) return Stage::kEnd;
+    result_.f = rows_between(result_.f, 0, pair_.a.mesh.n_vertices);
+    result_.g = rows_between(result_.g, 0, pair_.b.mesh.n_vertices);
     if (!options_.exact_landmarks) return Stage::kEnd;
     joiner_ =
         std::make_unique<LandmarkJoiner>(pair_, vertex_pairs(landmarks()), options_, executor_);
@@ -7968,6 +8178,8 @@ class Embedder {
   }
 
   SurfacePair& pair_;
+  SurfacePair disks_;  // the same with openings closed, if there are any
+  bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_;
   const Options& options_;
   const Executor& executor_;
@@ -8456,6 +8668,69 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
   return result;
 }
 
+// ---- openings ----
+
+/// The insides of all openings of one side as a mesh of their own.
+struct OpeningInsides {
+  std::vector<Opening> openings;
+  Array<int> opening;  // per triangle
+  Surface surface;
+  Points2 x;
+};
+
+inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
+  const HalfEdgeMesh& m = pair.s.mesh;
+  const int part = side == Side::kA ? 0 : 1, first = side == Side::kA ? 0 : pair.s.n_a;
+  OpeningInsides insides;
+  Scaffold none;
+  none.n_vertices = m.n_vertices;
+  Array<int> corners, vertices;
+  for (int loop = m.component[part]; loop < m.component[part + 1]; ++loop) {
+    if (runs_counter_clockwise(m, pair.x, loop)) continue;
+    const Array<int> ring = around_opening(m, loop);
+    for (int v : EarClipper(none, pair.x, ring).run()) corners.push_back(v);
+    while (insides.opening.size() < corners.size() / 3)
+      insides.opening.push_back(static_cast<int>(insides.openings.size()));
+    const int least = *std::min_element(ring.begin(), ring.end());
+    insides.openings.push_back({side, least - first, ring.size(), 0});
+    for (int v : ring) vertices.push_back(v);
+  }
+  std::sort(vertices.begin(), vertices.end());
+  Points3 flat(vertices.size(), 3);
+  insides.x.resize(vertices.size(), 2);
+  for (int i = 0; i < vertices.size(); ++i) {
+    const Vec2 p = row2(pair.x, vertices[i]);
+    set_row(insides.x, i, p);
+    set_row(flat, i, Vec3{p.x, p.y, 0});
+  }
+  for (int& v : corners)
+    v = static_cast<int>(std::lower_bound(vertices.begin(), vertices.end(), v) - vertices.begin());
+  insides.surface =
+      build_surface(build_half_edges(vertices.size(), triangles_from(corners)), flat, true);
+  return insides;
+}
+
+/// How much of the other surface lies over the openings of one side.
+inline std::vector<Opening> openings_of(const MapData& data, Side side) {
+  if (!data.ok()) return {};
+  OpeningInsides insides = insides_of_openings(data.pair, side);
+  if (insides.openings.empty()) return {};
+  const bool of_a = side == Side::kA;
+  const JointSurface& s = data.pair.s;
+  const Points2 x_other = of_a ? rows_between(data.pair.x, s.n_a, s.mesh.n_vertices)
+                               : rows_between(data.pair.x, 0, s.n_a);
+  const EmbeddedPair over(join({build_surface(data.mesh(other(side)), true), insides.surface}),
+                          stacked(x_other, insides.x));
+  for (const OverlayPolygon& p : over.overlay.polygons) {
+    const double area = polygon_area(polygon_shape(p, six_points(over.s.mesh, over.x, p)),
+                                     six_points(over.s.mesh, over.x, p));
+    const int opening = insides.opening[p.tb - over.s.faces_a];
+    insides.openings[static_cast<std::size_t>(opening)].over +=
+        area / determinant(triangle_jacobian(over.s, over.x, p.ta)) / over.s.area_a;
+  }
+  return insides.openings;
+}
+
 }  // namespace detail
 
 Status SurfaceMap::status() const { return data_->status; }
@@ -8496,6 +8771,13 @@ Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
 MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
+}
+
+std::vector<Opening> SurfaceMap::openings() const {
+  std::vector<Opening> all;
+  for (Side side : {Side::kA, Side::kB})
+    for (const Opening& o : detail::openings_of(*data_, side)) all.push_back(o);
+  return all;
 }
 
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
@@ -8878,6 +9160,21 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
   return true;
 }
 
+/// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
+inline bool check_loops(const HalfEdgeMesh& m, Side side, const Options& options,
+                        Outcome& outcome) {
+  const int outer = side == Side::kA ? options.outer_a : options.outer_b;
+  if (outer != -1 && (outer < 0 || outer >= m.n_vertices || !m.on_boundary(outer)))
+    return fail(outcome, Status::kInvalidOptions,
+                {"outer_", side == Side::kA ? "a" : "b", ": vertex ", outer,
+                 " is on no boundary of ", letter(side)},
+                {vertex_id(side, outer)});
+  return options.boundary == Boundary::kFree || m.loops() == 1 ||
+         fail(outcome, Status::kInvalidOptions,
+              {"boundaries cannot be held where a surface has openings, and ", letter(side),
+               " has ", m.loops() - 1});
+}
+
 inline bool check_options(const Options& o, Outcome& outcome) {
   const Tuning& t = o.tuning;
   const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
@@ -9004,6 +9301,7 @@ inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
   HalfEdgeMesh m, n;
   if (!check_options(options, outcome) || !check_memory(a, b, options, outcome) ||
       !check_mesh(a, Side::kA, m, outcome) || !check_mesh(b, Side::kB, n, outcome) ||
+      !check_loops(m, Side::kA, options, outcome) || !check_loops(n, Side::kB, options, outcome) ||
       !place_landmarks(m, n, landmarks, placed, outcome) ||
       !check_constraints(m, n, placed, options, outcome))
     return false;

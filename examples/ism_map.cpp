@@ -1,4 +1,4 @@
-// ism_map: maps one triangulated disk onto another and writes everything about the map to files.
+// ism_map: maps one triangulated surface onto another and writes everything about the map to files.
 //
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
@@ -39,7 +39,8 @@ constexpr int kBadInput = 2;
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
 Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF or PLY files of
-surfaces with one boundary and no handles; polygons are cut into triangles.
+surfaces with a boundary and no handles; polygons are cut into triangles. The longest boundary loop
+is the outline, the others are openings.
 
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
@@ -150,6 +151,8 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("keep_scale", o.keep_scale);
   visit("exact_landmarks", o.exact_landmarks);
   visit("scaffold", o.tuning.scaffold);
+  visit("outer_a", o.outer_a);
+  visit("outer_b", o.outer_b);
   visit("threads", o.threads);
 }
 
@@ -295,7 +298,7 @@ struct Input {
 };
 
 /// Every function of this part returns an error sentence, or an empty string.
-std::string read_disk(const std::string& path, mesh_io::ReadResult& file) {
+std::string read_surface(const std::string& path, mesh_io::ReadResult& file) {
   file = mesh_io::read_mesh(path);
   if (!file.ok) return file.error;
   const std::vector<ism::Problem> problems = ism::validate(file.mesh);
@@ -347,8 +350,8 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
 
 std::string read_meshes(const Arguments& args, Input& input) {
   mesh_io::ReadResult a, b;
-  std::string error = read_disk(args.a, a);
-  if (error.empty()) error = read_disk(args.b, b);
+  std::string error = read_surface(args.a, a);
+  if (error.empty()) error = read_surface(args.b, b);
   if (!error.empty()) return error;
   if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
     return "--transfer-uv: neither A nor B has a vt at every corner of its faces";
@@ -616,8 +619,21 @@ std::string json_options(const Arguments& args) {
   return json.text();
 }
 
+std::string json_openings(const std::vector<ism::Opening>& openings) {
+  std::string text;
+  for (const ism::Opening& o : openings)
+    text += (text.empty() ? "" : ", ") + Json()
+                                             .add("of", o.side == ism::Side::kA ? "A" : "B")
+                                             .add("vertex", o.vertex)
+                                             .add("edges", o.edges)
+                                             .add("over", o.over)
+                                             .text();
+  return "[" + text + "]";
+}
+
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
-                        const LandmarkError& landmarks, const Seconds& s) {
+                        const LandmarkError& landmarks, const std::vector<ism::Opening>& openings,
+                        const Seconds& s) {
   Json start, final;
   start.add("landmark_distance", result.start.landmark_distance);
   final.add("iterations", static_cast<int>(result.log.size()));
@@ -644,6 +660,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
              .raw("b", json_mesh(args.b, *result.start.b, result.start.added_b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .add("memory_estimate", ism::memory_estimate(input.a, input.b, args.options))
+             .raw("openings", json_openings(openings))
              .raw("options", json_options(args))
              .raw("start", start.text())
              .raw("final", final.text())
@@ -864,7 +881,8 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
 }
 
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
-                   const LandmarkError& landmarks, const Seconds& s) {
+                   const LandmarkError& landmarks, const std::vector<ism::Opening>& openings,
+                   const Seconds& s) {
   const ism::IterationLog &first = result.initial, &last = result.final_state();
   const auto size = [](const ism::TriangleMesh& m) {
     return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
@@ -883,6 +901,10 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
+  for (const ism::Opening& o : openings)
+    std::printf("opening      of %s at vertex %d, %d edges: %.2f%% of %s lie over it\n",
+                o.side == ism::Side::kA ? "A" : "B", o.vertex, o.edges, 100 * o.over,
+                o.side == ism::Side::kA ? "B" : "A");
   if (!input.landmarks.empty()) print_landmarks(input, result, landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
@@ -961,16 +983,17 @@ int run(Arguments& args) {
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const LandmarkError landmarks = landmark_error(input, map);
+  const std::vector<ism::Opening> openings = map.openings();
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
-  files.push_back({"report.json", json_report(args, input, result, landmarks, seconds)});
+  files.push_back({"report.json", json_report(args, input, result, landmarks, openings, seconds)});
   error = write_files(args.out, std::move(files));
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
-  if (!args.quiet) print_summary(args, input, result, landmarks, seconds);
+  if (!args.quiet) print_summary(args, input, result, landmarks, openings, seconds);
   return 0;
 }
 

@@ -124,7 +124,8 @@ CornerKey corner_key(const Pair& pair, const OverlayPolygon& p, int i) {
 }
 
 /// Counts what is wrong with the meta mesh as a mesh of polygons with corners identified by key:
-/// pieces whose neighbour lacks the reversed piece, and a χ other than one per component.
+/// pieces whose neighbour lacks the reversed piece, and a χ other than 2 per component less one per
+/// rim.
 int meta_mesh_faults(const Pair& pair) {
   std::map<std::array<CornerKey, 2>, int> piece_of;  // directed piece -> polygon
   std::set<CornerKey> corners;
@@ -145,6 +146,7 @@ int meta_mesh_faults(const Pair& pair) {
     while (component[static_cast<std::size_t>(i)] != i) i = component[static_cast<std::size_t>(i)];
     return i;
   };
+  std::map<CornerKey, CornerKey> rim;
   int paired = 0, components = n;
   for (const auto& [ends, i] : piece_of) {
     const OverlayPolygon& p = pair.overlay.polygons[i];
@@ -153,7 +155,10 @@ int meta_mesh_faults(const Pair& pair) {
     while (corner_key(pair, p, k) != ends[0]) ++k;
     const bool on_rim = pair.s.mesh.twin[half_edge(p, p.piece(k))] < 0;
     faults += on_rim != (reversed == piece_of.end());
-    if (reversed == piece_of.end()) continue;
+    if (reversed == piece_of.end()) {
+      faults += !rim.insert({ends[0], ends[1]}).second;
+      continue;
+    }
     ++paired;
     if (root(i) != root(reversed->second)) {
       component[static_cast<std::size_t>(root(i))] = root(reversed->second);
@@ -161,7 +166,14 @@ int meta_mesh_faults(const Pair& pair) {
     }
   }
   const int edges = static_cast<int>(piece_of.size()) - paired / 2;
-  return faults + std::abs(static_cast<int>(corners.size()) - edges + n - components);
+  int rims = 0;
+  for (; !rim.empty(); ++rims)
+    for (auto at = rim.begin(); at != rim.end();) {
+      const CornerKey next = at->second;
+      rim.erase(at);
+      at = rim.find(next);
+    }
+  return faults + std::abs(static_cast<int>(corners.size()) - edges + n - (2 * components - rims));
 }
 
 int bad_corner_counts(const Pair& pair) {
@@ -294,6 +306,46 @@ TEST_CASE("overlaps of several components are found completely") {
   CHECK(pair.overlay.polygons.size() > 50);
   check_overlay(Pair(comb, moved(comb, 0, Vector2d(1, 3))));  // teeth between teeth, sharing edges
   check_overlay(Pair(shapes::limbs(7, 9, 0.1), moved(shapes::limbs(5, 9, 0.1), 0.2, {0.3, 0.1})));
+}
+
+TEST_CASE("surfaces with openings have the overlay that brute force finds") {
+  Rng rng(4);
+  int openings = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Disk a = shapes::with_openings(rng.between(3, 8), rng.between(3, 8), rng);
+    const Disk b = shapes::with_openings(rng.between(3, 8), rng.between(3, 8), rng);
+    openings += half_edges(a.mesh).loops() - 1 + half_edges(b.mesh).loops() - 1;
+    check_overlay(Pair(a, moved(b, rng.uniform(0, 6), rng.point(3), rng.uniform(0.1, 3))));
+    check_overlay(Pair(a, moved(b, 0, Vector2d(rng.between(-2, 2), rng.between(-2, 2)))));
+  }
+  CHECK(openings > 60);
+}
+
+TEST_CASE("an overlap that is bounded by whole loops is found, whoever they belong to") {
+  const Disk frame = shapes::frame(7, 2);  // 7 × 7 cells, 3 × 3 of them open
+  const auto area = [](const Disk& a, const Disk& b) {
+    const Pair pair(a, b);
+    check_overlay(pair);
+    return pair.total_area();
+  };
+  const Vector2d middle(3.5, 3.5);
+  const auto around_middle = [&](const Disk& disk, double angle, double scale) {
+    return moved(disk, angle, middle - scale * (shapes::rotation(angle) * middle), scale);
+  };
+  for (double angle : {0.0, 0.3}) {
+    CAPTURE(angle);
+    // The opening of one within the other, or within its opening; the whole of one in an opening.
+    const Disk small = around_middle(frame, angle, 0.8), tiny = around_middle(frame, angle, 0.2);
+    const Disk plate = around_middle(shapes::grid(7, 7), angle, 0.65);
+    CHECK(area(frame, small) == doctest::Approx(0.64 * 49 - 9));
+    CHECK(area(small, frame) == doctest::Approx(0.64 * 49 - 9));
+    CHECK(area(frame, tiny) == 0);
+    CHECK(area(tiny, frame) == 0);
+    CHECK(area(frame, plate) == doctest::Approx(0.4225 * 49 - 9));
+    CHECK(area(plate, frame) == doctest::Approx(0.4225 * 49 - 9));
+  }
+  CHECK(area(frame, frame) == doctest::Approx(40));
+  CHECK(area(shapes::single_triangle(), frame) == doctest::Approx(0.5));
 }
 
 TEST_CASE("an embedding on itself is covered completely, in rest and planar area") {
@@ -542,6 +594,37 @@ TEST_CASE("a boundary that crosses itself is not injective though all triangles 
   CHECK(!boundaries_are_simple(m, overlapping.plane));
   CHECK(!is_injective(m, overlapping.plane));
   CHECK(injective(spiral));
+}
+
+TEST_CASE("openings are to stay apart and inside of the outer loop") {
+  const Disk frame = shapes::cells(7, 3, [](int i, int j) { return j != 1 || (i != 2 && i != 4); });
+  const HalfEdgeMesh m = half_edges(frame.mesh);
+  REQUIRE(m.loops() == 3);
+  REQUIRE(is_injective(m, frame.plane));
+  const auto moved_column = [&](double x, double to) {  // of the vertices between the openings
+    Points2 y = frame.plane;
+    for (int v = 0; v < y.rows(); ++v)
+      if (y(v, 0) == x && y(v, 1) > 0 && y(v, 1) < 3) y(v, 0) = to;
+    return y;
+  };
+  CHECK(is_injective(m, moved_column(3, 3.9)));
+  CHECK(!is_injective(m, moved_column(3, 4)));    // the openings touch
+  CHECK(!is_injective(m, moved_column(3, 4.1)));  // and overlap
+  CHECK(!is_injective(m, moved_column(5, 7)));    // one touches the outer loop
+  CHECK(runs_counter_clockwise(m, frame.plane, 0));
+  CHECK(!runs_counter_clockwise(m, frame.plane, 1));
+  CHECK(!runs_counter_clockwise(m, frame.plane, 2));
+  // A ring that winds twice around its opening: triangles and loops are fine, but not their sense.
+  const int n = 12;
+  shapes::DiskBuilder builder;
+  for (int i = 0; i < n; ++i)
+    for (double r : {1.0, 2.0})
+      builder.vertex(r * std::cos(4 * shapes::kPi * i / n), r * std::sin(4 * shapes::kPi * i / n));
+  for (int i = 0; i < n; ++i) {
+    const int j = (i + 1) % n;
+    builder.quad(2 * i, 2 * i + 1, 2 * j + 1, 2 * j);
+  }
+  CHECK(!injective(builder.build()));
 }
 
 TEST_CASE("of two surfaces each is to be injective, and either may lie over the other") {

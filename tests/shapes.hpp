@@ -153,6 +153,14 @@ inline Disk grid(int nx, int ny) {
 
 inline Disk strip(int n) { return grid(n, 1); }
 
+/// A grid of n × n cells of which only those within `width` of the boundary are there: a surface
+/// with an opening.
+inline Disk frame(int n, int width) {
+  return cells(n, n, [=](int i, int j) {
+    return (std::min)({i, j, n - 1 - i, n - 1 - j}) < width;
+  });
+}
+
 /// A bottom row of cells with teeth of the given length on every other cell.
 inline Disk comb(int teeth, int length) {
   return cells(2 * teeth - 1, length + 1, [](int i, int j) { return j == 0 || i % 2 == 0; });
@@ -281,6 +289,20 @@ inline Disk random_disk(int nx, int ny, Rng& rng) {
   for (int i = 0; i < nx * ny / 2; ++i) split_random_triangle(disk, rng);
   for (int i = 0; i < 4 * nx * ny; ++i) flip_random_edge(disk, rng);
   disk.mesh.vertices = Points3::Zero(disk.plane.rows(), 3);
+  disk.mesh.vertices.leftCols<2>() = disk.plane;
+  return disk;
+}
+
+/// A grid with some cells left out, apart from each other and from the boundary, and its vertices
+/// moved a little: a surface with openings.
+inline Disk with_openings(int nx, int ny, Rng& rng) {
+  std::vector<char> is_open(static_cast<std::size_t>(nx * ny), 0);
+  for (int j = 1; j + 1 < ny; j += 2)
+    for (int i = 1; i + 1 < nx; i += 2)
+      is_open[static_cast<std::size_t>(j * nx + i)] = rng.below(3) > 0;
+  Disk disk = cells(
+      nx, ny, [&](int i, int j) { return is_open[static_cast<std::size_t>(j * nx + i)] == 0; });
+  for (int v = 0; v < disk.plane.rows(); ++v) disk.plane.row(v) += rng.point(0.2).transpose();
   disk.mesh.vertices.leftCols<2>() = disk.plane;
   return disk;
 }

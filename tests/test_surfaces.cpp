@@ -8,3 +8,4 @@
 #include "part_embedding.hpp"
 #include "part_landmarks.hpp"
 #include "part_map.hpp"
+#include "part_openings.hpp"
