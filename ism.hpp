@@ -272,6 +272,7 @@ struct Problem {
     kNonManifoldVertex,
     kUnreferencedVertex,
     kSeveralComponents,
+    kNotOrientable,
     kClosed,
     kHandles
   };
@@ -301,6 +302,45 @@ struct LandmarkPoint {
   LandmarkPoint(int v = -1) : vertex(v) {}
   LandmarkPoint(const SurfacePoint& p) : point(p) {}
 };
+
+/// One kind of change that prepare() made.
+struct Repair {
+  enum class Kind {
+    kDroppedDegenerate,
+    kDroppedRepeated,
+    kWelded,             // vertices of boundary edges that lie on each other
+    kCutEdges,           // edges of more than two triangles
+    kCutVertices,        // vertices of more than one fan
+    kTurnedTriangles,    // so that all have the orientation of most of the surface
+    kDroppedComponents,  // without landmarks, or smaller
+    kDroppedVertices     // that no triangle uses
+  };
+  Kind kind;
+  std::string message;   // for example "turned 5 triangles over"
+  Element element;       // vertices or faces of the mesh given are what
+  std::vector<int> ids;  // these are
+};
+
+/// A mesh made clean, and where its elements come from.
+struct Prepared {
+  SharedMesh mesh;              // as it was given, if nothing was wrong
+  std::vector<Repair> repairs;  // what was done
+  std::vector<Problem>
+      problems;  // what is left, with ids of the mesh given; empty: it can be mapped
+  /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
+  /// first; corner k of triangle f is 3 f + k.
+  std::vector<int> given_vertex, given_corner;
+  /// Per vertex and per triangle given, where it is in `mesh`, at first if it was cut; -1: dropped.
+  std::vector<int> new_vertex, new_triangle;
+};
+
+/// Makes a surface of what people have: drops degenerate and repeated triangles and vertices that
+/// are not used, joins boundary edges that lie on each other (triangles with vertices of their own,
+/// seams of texture coordinates), cuts where more than two triangles share an edge or fans share a
+/// vertex, turns triangles to one orientation, and keeps the component that has most landmarks, of
+/// several the largest. A mesh without problems stays as it is, to the last id. Surfaces with
+/// handles or without orientation stay invalid. Cost O(#F log #F). Thread-safe.
+Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {});
 
 /// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
 /// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B.
@@ -1887,9 +1927,10 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
     }
 }
 
-/// A triangle is degenerate if a vertex repeats, if its height is below 1e-12 of its longest edge,
-/// or if it is smaller than 1e-30 of the largest one: fourth powers of the ratio have to exist.
-inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
+/// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
+/// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
+/// fourth powers of the ratio have to exist.
+inline Array<const char*> triangle_defects(const TriangleMesh& mesh) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
   const Triangles& F = mesh.triangles;
   const auto edge = [&](int f, int k) {
@@ -1902,6 +1943,7 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
       for (int c = 0; c < 3; ++c) extent[f] = (std::max)(extent[f], std::abs(edge(f, k)[c]));
     largest = (std::max)(largest, extent[f]);
   }
+  Array<const char*> defects(static_cast<int>(F.rows()), nullptr);
   for (int f = 0; f < F.rows(); ++f) {
     Vec3 side[3];
     double longest2 = 0;
@@ -1911,14 +1953,21 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
       side[k] = {e.x / unit, e.y / unit, e.z / unit};
       longest2 = (std::max)(longest2, squared_norm(side[k]));
     }
-    const char* defect = nullptr;
+    const char*& defect = defects[f];
     if (extent[f] < kSmallest * largest) defect = " is smaller than 1e-30 of the largest triangle";
     if (!(norm(cross(side[0], side[1])) > kThinnest * longest2)) defect = " has no area";
     if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
       defect = " uses a vertex twice";
-    if (defect != nullptr)
-      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defect}, Element::kFace, {f});
   }
+  return defects;
+}
+
+inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
+  const Array<const char*> defects = triangle_defects(mesh);
+  for (int f = 0; f < defects.size(); ++f)
+    if (defects[f] != nullptr)
+      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defects[f]}, Element::kFace,
+               {f});
 }
 
 inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
@@ -2003,6 +2052,71 @@ inline int count_components(const HalfEdgeMesh& m) {
   return components;
 }
 
+/// A short cycle of edges that does not bound, as vertices in order; none on a surface without
+/// handles. A tree of shortest paths spans the vertices, and a tree of faces, in which an opening
+/// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
+/// [Eppstein 2003].
+inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
+  Array<int> to_parent(m.n_vertices, -1), depth(m.n_vertices, -1),
+      queue;  // half-edge to the parent
+  const int root = m.tail[0];
+  depth[root] = 0;
+  queue.push_back(root);
+  for (int i = 0; i < queue.size(); ++i)
+    m.for_each_outgoing(queue[i], [&](int h) {
+      for (int e : {h, prev(h)}) {
+        const int v = e == h ? m.tip(h) : m.tail[e];
+        if (depth[v] >= 0) continue;
+        depth[v] = depth[queue[i]] + 1;
+        to_parent[v] = e;
+        queue.push_back(v);
+      }
+    });
+  Array<char> is_taken(m.tail.size(), 0);  // by either tree
+  const auto take = [&](int h) {
+    is_taken[h] = 1;
+    if (m.twin[h] >= 0) is_taken[m.twin[h]] = 1;
+  };
+  for (int h : to_parent)
+    if (h >= 0) take(h);
+  Array<int> cell_of(m.tail.size());  // of the face behind a half-edge: a face or an opening
+  for (int h = 0; h < m.tail.size(); ++h) cell_of[h] = m.twin[h] / 3;
+  for (int i = 0; i < m.loops(); ++i)
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) cell_of[m.boundary[k]] = m.n_faces + i;
+  Array<char> seen(m.n_faces + m.loops(), 0);
+  queue.assign(1, 0);
+  seen[0] = 1;
+  const auto visit = [&](int h, int cell) {
+    if (is_taken[h] || seen[cell]) return;
+    seen[cell] = 1;
+    take(h);
+    queue.push_back(cell);
+  };
+  for (int i = 0; i < queue.size(); ++i) {
+    const int cell = queue[i], loop = cell - m.n_faces;
+    if (loop < 0)
+      for (int h = 3 * cell; h < 3 * cell + 3; ++h) visit(h, cell_of[h]);
+    else
+      for (int k = m.loop[loop]; k < m.loop[loop + 1]; ++k) visit(m.boundary[k], m.boundary[k] / 3);
+  }
+  const auto parent = [&](int v) {
+    const int h = to_parent[v];
+    return m.tail[h] == v ? m.tip(h) : m.tail[h];
+  };
+  std::vector<int> shortest;
+  for (int h = 0; h < m.tail.size(); ++h) {
+    if (is_taken[h]) continue;
+    std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
+    while (up.back() != down.back()) {
+      std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
+      deeper.push_back(parent(deeper.back()));
+    }
+    up.insert(up.end(), down.rbegin() + 1, down.rend());
+    if (shortest.empty() || up.size() < shortest.size()) shortest = up;
+  }
+  return shortest;
+}
+
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
@@ -2012,10 +2126,14 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
-  if (components == 1 && genus > 0)
-    list.add(Problem::Kind::kHandles,
-             {"the mesh has genus ", genus, ": ", genus,
-              genus == 1 ? " handle has" : " handles have", " to be cut open"});
+  if (components != 1 || genus == 0) return;
+  const std::vector<int> cycle = handle_cycle(m);
+  list.add(
+      Problem::Kind::kHandles,
+      {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it, for ",
+       "example along the cycle of ", static_cast<int>(cycle.size()), " edges through vertex ",
+       cycle[0]},
+      Element::kVertex, cycle);
 }
 
 template <class T>
@@ -2088,6 +2206,451 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   if (!list.problems.empty()) return list.problems;  // the next check walks the mesh
   check_topology(m, list);
   return list.problems;
+}
+
+// ---- preparation ----
+//
+// Purpose:    makes a clean surface of a mesh with problems.
+// Method:     triangles are glued along edges: first where two of them lie at one place, then,
+// where
+//             there are more, two of a component, or else those that bend least. Corners that are
+//             glued around a place are one vertex; so what is not glued is cut.
+// Invariants: triangles keep their order; a component has one orientation, unless it has one side.
+// Fails:      with the problems that are left.
+
+/// "1 vertex", "2 vertices".
+inline std::string counted(int n, const char* one, const char* many = nullptr) {
+  return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
+                         : sentence({n, " ", n == 1 ? one : many});
+}
+
+class Preparer {
+ public:
+  Preparer(const TriangleMesh& given, Prepared& result)
+      : given_(given), F_(given.triangles), result_(result) {}
+
+  void run(const std::vector<LandmarkPoint>& landmarks) {
+    find_places();
+    take_triangles();
+    glue_all();
+    join_corners();
+    const int kept = choose_component(landmarks);
+    if (kept < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
+    if (is_one_sided_[kept])
+      return add_problem(Problem::Kind::kNotOrientable,
+                         "the surface has one side only, as a Möbius strip has");
+    turn(kept);
+    build(kept);
+    check();
+  }
+
+ private:
+  void add_problem(Problem::Kind kind, const char* message) {
+    result_.problems.assign(1, {kind, message, Element::kFace, {}});
+  }
+
+  /// Notes what was done to some vertices or triangles, if there are any.
+  void tell(Repair::Kind kind, Words message, Element element, const Array<int>& ids) {
+    if (ids.empty()) return;
+    result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
+  }
+
+  int vertex(int h) const { return F_.data()[corner_[h]]; }
+  int place(int h) const { return place_[vertex(h)]; }
+  Vec3 point(int h) const { return row3(given_.vertices, vertex(h)); }
+  int n_triangles() const { return corner_.size() / 3; }
+
+  /// Vertices at equal places are found as the first one of them.
+  void find_places() {
+    const int n = static_cast<int>(given_.vertices.rows());
+    Array<int> order(n);
+    for (int v = 0; v < n; ++v) order[v] = v;
+    const auto before = [&](int u, int v) {
+      const Vec3 p = row3(given_.vertices, u), q = row3(given_.vertices, v);
+      return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z != q.z ? p.z < q.z : false;
+    };
+    std::sort(order.begin(), order.end(),
+              [&](int u, int v) { return before(u, v) || (!before(v, u) && u < v); });
+    place_ = order;
+    for (int i = 0, first = 0; i < n; ++i) {
+      if (i > 0 && before(order[i - 1], order[i])) first = i;
+      place_[order[i]] = order[first];
+    }
+  }
+
+  /// All triangles but repeated and degenerate ones.
+  void take_triangles() {
+    const Array<const char*> defects = triangle_defects(given_);
+    Array<int> degenerate, repeated, caps;
+    Array<std::array<int, 4>> sorted;
+    Array<char> is_dropped(defects.size(), 0);
+    for (int f = 0; f < defects.size(); ++f) {
+      std::array<int, 4> p = {place_[F_(f, 0)], place_[F_(f, 1)], place_[F_(f, 2)], f};
+      std::sort(p.begin(), p.begin() + 3);
+      if (defects[f] != nullptr) degenerate.push_back(f);
+      if (p[0] == p[1] || p[1] == p[2])
+        is_dropped[f] = 1;
+      else
+        sorted.push_back(p);
+    }
+    std::sort(sorted.begin(), sorted.end());
+    for (int i = 1; i < sorted.size(); ++i)
+      if (std::equal(sorted[i].begin(), sorted[i].begin() + 3, sorted[i - 1].begin()))
+        repeated.push_back(sorted[i][3]), is_dropped[sorted[i][3]] = 1;
+    for (int f = 0; f < defects.size(); ++f) {
+      if (is_dropped[f]) continue;
+      if (defects[f] != nullptr) caps.push_back(n_triangles());
+      for (int k = 0; k < 3; ++k) corner_.push_back(3 * f + k);
+    }
+    std::sort(repeated.begin(), repeated.end());
+    tell(Repair::Kind::kDroppedDegenerate,
+         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
+         degenerate);
+    tell(Repair::Kind::kDroppedRepeated,
+         {"dropped ", counted(repeated.size(), "repeated triangle")}, Element::kFace, repeated);
+    const Array<EdgeUse> uses = edge_uses();
+    for (int cap : caps) give_to_neighbour(cap, uses);
+    drop_degenerate();
+  }
+
+  /// A triangle without area has a corner on its longest edge: there, the triangle behind that edge
+  /// is cut in two, so that no gap is left.
+  void give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
+    int longest = 3 * cap;
+    for (int h = 3 * cap; h < 3 * cap + 3; ++h)
+      if (norm(point(next(h)) - point(h)) > norm(point(next(longest)) - point(longest)))
+        longest = h;
+    const EdgeUse edge = edge_use(longest);
+    const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
+    for (; use != uses.end() && use->same_edge(edge); ++use) {
+      const int h = use->half_edge, to = next(h), left = prev(h), middle = corner_[prev(longest)];
+      if (h / 3 == cap || !edge_use(h).same_edge(edge)) continue;  // it has been cut since
+      corner_[3 * cap] = middle;
+      corner_[3 * cap + 1] = corner_[to];
+      corner_[3 * cap + 2] = corner_[left];
+      corner_[to] = middle;
+      return;
+    }
+  }
+
+  EdgeUse edge_use(int h) const {
+    const int p = place(h), q = place(next(h));
+    return {(std::min)(p, q), (std::max)(p, q), h};
+  }
+
+  Array<EdgeUse> edge_uses() const {
+    Array<EdgeUse> uses;
+    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h));
+    std::sort(uses.begin(), uses.end());
+    return uses;
+  }
+
+  /// What is still degenerate goes.
+  void drop_degenerate() {
+    TriangleMesh mesh = {given_.vertices, Triangles(n_triangles(), 3)};
+    for (int h = 0; h < corner_.size(); ++h) mesh.triangles.data()[h] = vertex(h);
+    const Array<const char*> defects = triangle_defects(mesh);
+    Array<int> kept;
+    for (int h = 0; h < corner_.size(); ++h)
+      if (defects[h / 3] == nullptr) kept.push_back(corner_[h]);
+    corner_.swap(kept);
+  }
+
+  // ---- gluing ----
+
+  /// The half-edges at one place.
+  using Uses = Array<int>;
+
+  void glue_all() {
+    const int n = n_triangles();
+    twin_.assign(3 * n, -1);
+    component_.resize(n);
+    turned_.assign(n, 0);
+    members_.resize(n);
+    is_one_sided_.assign(n, 0);
+    for (int f = 0; f < n; ++f) component_[f] = f, members_[f].push_back(f);
+    const Array<EdgeUse> uses = edge_uses();
+    for_each_edge(uses, [&](int begin, int end) {
+      Uses here;
+      for (int i = begin; i < end; ++i) here.push_back(uses[i].half_edge);
+      if (here.size() == 2) glue(here[0], here[1]);
+      if (here.size() > 2) crowded_.push_back(here);
+    });
+    for (const Uses& here : crowded_) glue_crowded(here);
+  }
+
+  bool is_same_edge(int h, int t) const {
+    const int u = vertex(h), v = vertex(next(h)), w = vertex(t), z = vertex(next(t));
+    return (u == w && v == z) || (u == z && v == w);
+  }
+
+  static Uses without(const Uses& all, int i, int k) {
+    Uses left;
+    for (int j = 0; j < all.size(); ++j)
+      if (j != i && j != k) left.push_back(all[j]);
+    return left;
+  }
+
+  /// Glues pairs, within a component first, then those with the same vertices of the mesh given,
+  /// then those that bend least.
+  void glue_crowded(Uses left) {
+    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
+    while (left.size() >= 2) {
+      int best_i = -1, best_k = -1;
+      double least = kInfinity;
+      for (int i = 0; i < left.size(); ++i)
+        for (int k = i + 1; k < left.size(); ++k) {
+          const bool is_other = component_[left[i] / 3] != component_[left[k] / 3];
+          const bool runs_along = is_forward(left[i]) == is_forward(left[k]);
+          if (!is_other && runs_along) continue;
+          const double along = dot(normal(left[i] / 3), normal(left[k] / 3));
+          const double cost = (is_other ? kOtherComponent : 0) +
+                              (is_same_edge(left[i], left[k]) ? 0 : kOtherVertices) +
+                              (runs_along ? along : -along);
+          if (cost < least) least = cost, best_i = i, best_k = k;
+        }
+      if (best_i < 0) return;
+      glue(left[best_i], left[best_k]);
+      left = without(left, best_i, best_k);
+    }
+  }
+
+  Vec3 normal(int f) const {
+    const int h = 3 * f;
+    const Vec3 n = normalized(cross(point(h + 1) - point(h), point(h + 2) - point(h)));
+    return turned_[f] ? -1 * n : n;
+  }
+
+  /// Does a half-edge, as its triangle is turned now, lead from the smaller to the larger place?
+  bool is_forward(int h) const { return (place(h) < place(next(h))) != (turned_[h / 3] != 0); }
+
+  void glue(int h, int t) {
+    twin_[h] = t, twin_[t] = h;
+    int to = component_[h / 3], from = component_[t / 3];
+    const bool is_turn = is_forward(h) == is_forward(t);
+    if (to == from) {
+      if (is_turn) is_one_sided_[to] = 1;
+      return;
+    }
+    if (members_[to].size() < members_[from].size()) std::swap(to, from);
+    for (int f : members_[from]) {
+      component_[f] = to;
+      turned_[f] ^= is_turn;
+      members_[to].push_back(f);
+    }
+    members_[from].clear();
+    is_one_sided_[to] |= is_one_sided_[from];
+  }
+
+  /// Corners that are glued at an edge are one vertex.
+  void join_corners() {
+    first_.resize(corner_.size());
+    for (int h = 0; h < first_.size(); ++h) first_[h] = h;
+    for (int h = 0; h < twin_.size(); ++h) {
+      const int t = twin_[h];
+      if (t < h) continue;
+      const bool runs_along = place(h) == place(t);
+      join(h, runs_along ? t : next(t));
+      join(next(h), runs_along ? next(t) : t);
+    }
+  }
+
+  int first_of(int corner) {
+    while (first_[corner] != corner) corner = first_[corner] = first_[first_[corner]];
+    return corner;
+  }
+  void join(int a, int b) {
+    a = first_of(a), b = first_of(b);
+    first_[(std::max)(a, b)] = (std::min)(a, b);
+  }
+
+  // ---- what is kept ----
+
+  /// The component with most landmarks, of several the largest; -1 if there is none.
+  int choose_component(const std::vector<LandmarkPoint>& landmarks) const {
+    Array<int> n_landmarks(members_.size(), 0), counted(members_.size(), -1);
+    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i) {
+      const LandmarkPoint& l = landmarks[static_cast<std::size_t>(i)];
+      for (int h = 0; h < corner_.size(); ++h) {
+        const bool is_here = l.vertex >= 0 ? vertex(h) == l.vertex : corner_[h] / 3 == l.point.face;
+        int& last = counted[component_[h / 3]];
+        if (!is_here || last == i) continue;
+        last = i;
+        ++n_landmarks[component_[h / 3]];
+      }
+    }
+    int best = -1;
+    double largest = -1;
+    for (int c = 0; c < members_.size(); ++c) {
+      if (members_[c].empty()) continue;
+      double area = 0;
+      for (int f : members_[c])
+        area += norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
+      if (best >= 0 && (n_landmarks[c] < n_landmarks[best] ||
+                        (n_landmarks[c] == n_landmarks[best] && area <= largest)))
+        continue;
+      best = c;
+      largest = area;
+    }
+    return best;
+  }
+
+  /// Gives the component that is kept the orientation of most of its area.
+  void turn(int kept) {
+    double turned = 0;
+    for (int f : members_[kept]) {
+      const double area =
+          norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
+      turned += turned_[f] ? area : -area;
+    }
+    for (int f : members_[kept]) turned_[f] ^= turned > 0;
+  }
+
+  void build(int kept) {
+    const int n_given = static_cast<int>(given_.vertices.rows());
+    std::sort(members_[kept].begin(), members_[kept].end());
+    // Vertices in the order of the first vertex given that became one.
+    Array<int> source(corner_.size(), -1), roots;
+    for (int f : members_[kept])
+      for (int h = 3 * f; h < 3 * f + 3; ++h) {
+        int& v = source[first_of(h)];
+        if (v < 0) roots.push_back(first_of(h));
+        v = v < 0 ? vertex(h) : (std::min)(v, vertex(h));
+      }
+    std::sort(roots.begin(), roots.end(),
+              [&](int a, int b) { return source[a] != source[b] ? source[a] < source[b] : a < b; });
+    Array<int> id(corner_.size(), -1);
+    result_.given_vertex.clear();
+    for (int i = 0; i < roots.size(); ++i) {
+      id[roots[i]] = i;
+      result_.given_vertex.push_back(source[roots[i]]);
+    }
+    result_.given_corner.clear();
+    std::fill(result_.new_vertex.begin(), result_.new_vertex.end(), -1);
+    std::fill(result_.new_triangle.begin(), result_.new_triangle.end(), -1);
+    Array<int> corners, turned, cut;
+    for (int f : members_[kept]) {
+      const int given = corner_[3 * f] / 3;
+      result_.new_triangle.data()[given] = corners.size() / 3;
+      if (turned_[f]) turned.push_back(given);
+      for (int k : {0, 1, 2}) {
+        const int h = 3 * f + (turned_[f] ? (3 - k) % 3 : k), v = id[first_of(h)];
+        corners.push_back(v);
+        result_.given_corner.push_back(corner_[h]);
+        int& new_vertex = result_.new_vertex.data()[vertex(h)];
+        if (new_vertex >= 0 && new_vertex != v) cut.push_back(vertex(h));
+        if (new_vertex < 0 || v < new_vertex) new_vertex = v;
+      }
+    }
+    TriangleMesh mesh = {Points3(roots.size(), 3), triangles_from(corners)};
+    for (int i = 0; i < roots.size(); ++i)
+      set_row(mesh.vertices, i, row3(given_.vertices, source[roots[i]]));
+    result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
+    sort_unique(cut);
+    tell_rest(kept, n_given, turned, cut);
+  }
+
+  void tell_rest(int kept, int n_given, const Array<int>& turned, const Array<int>& cut) {
+    Array<int> welded, unused, elsewhere;
+    Array<char> is_used(n_given, 0);
+    for (int i = 0; i < F_.size(); ++i) is_used[F_.data()[i]] = 1;
+    int n_welded = 0;
+    for (int v = 0; v < n_given; ++v) {
+      if (!is_used[v]) unused.push_back(v);
+      const int w = result_.new_vertex.data()[v];
+      n_welded += w >= 0;
+      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
+    }
+    for (int h = 0; h < corner_.size(); h += 3)
+      if (component_[h / 3] != kept) elsewhere.push_back(corner_[h] / 3);
+    tell(Repair::Kind::kWelded,
+         {"welded ", n_welded, " vertices to ", static_cast<int>(result_.given_vertex.size())},
+         Element::kVertex, welded);
+    int n_cut = 0;
+    Array<int> at_cuts;
+    for (const Uses& here : crowded_) {
+      if (!is_cut(here, kept)) continue;
+      ++n_cut;
+      for (int h : here) at_cuts.push_back(corner_[h] / 3);
+    }
+    sort_unique(at_cuts);
+    tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
+         Element::kFace, at_cuts);
+    tell(Repair::Kind::kCutVertices,
+         {"cut the surface apart at ", counted(cut.size(), "vertex", "vertices")}, Element::kVertex,
+         cut);
+    tell(Repair::Kind::kTurnedTriangles, {"turned ", counted(turned.size(), "triangle"), " over"},
+         Element::kFace, turned);
+    int others = -1;
+    for (const Array<int>& members : members_) others += !members.empty();
+    tell(Repair::Kind::kDroppedComponents,
+         {"dropped ", counted(others, "component"), ", ", counted(elsewhere.size(), "triangle")},
+         Element::kFace, elsewhere);
+    tell(Repair::Kind::kDroppedVertices,
+         {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
+         Element::kVertex, unused);
+  }
+
+  /// True if something that shared an edge with what is kept was cut off, at one place.
+  bool is_cut(const Uses& here, int kept) const {
+    for (int h : here) {
+      if (component_[h / 3] != kept) continue;
+      if (twin_[h] < 0) return true;
+      for (int t : here)
+        if (t != h && t != twin_[h] && is_same_edge(h, t)) return true;
+    }
+    return false;
+  }
+
+  /// What is still wrong, in ids of the mesh given.
+  void check() {
+    HalfEdgeMesh m;
+    result_.problems = find_problems(*result_.mesh, m);
+    for (Problem& problem : result_.problems)
+      for (int& id : problem.ids)
+        id = problem.element == Element::kVertex ? result_.given_vertex.data()[id]
+                                                 : result_.given_corner.data()[3 * id] / 3;
+  }
+
+  const TriangleMesh& given_;
+  const Triangles& F_;
+  Prepared& result_;
+  Array<int> place_;           // per vertex given, the first one at its place
+  Array<int> corner_;          // per corner of the triangles that are left, the one given
+  Array<int> twin_;            // per half-edge of those, the one it is glued to, or -1
+  Array<int> component_;       // per triangle
+  Array<char> turned_;         // per triangle, in its component
+  Array<Array<int>> members_;  // per component, its triangles
+  Array<char> is_one_sided_;   // per component
+  Array<int> first_;           // per corner, towards the first one of its vertex
+  Array<Uses> crowded_;        // places of more than two half-edges
+};
+
+/// True for problems that are no defects of a mesh.
+inline bool is_of_topology(const Problem& p) {
+  return p.kind == Problem::Kind::kClosed || p.kind == Problem::Kind::kHandles;
+}
+
+inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
+  const auto identity = [](Eigen::Index n) {
+    std::vector<int> ids;
+    for (int i = 0; i < n; ++i) ids.push_back(i);
+    return ids;
+  };
+  Prepared result;
+  result.mesh = given;
+  result.given_vertex = result.new_vertex = identity(given->vertices.rows());
+  result.given_corner = identity(given->triangles.size());
+  result.new_triangle = identity(given->triangles.rows());
+  HalfEdgeMesh m;
+  result.problems = find_problems(*given, m);
+  bool is_clean = true, is_readable = true;
+  for (const Problem& p : result.problems) {
+    is_clean = is_clean && is_of_topology(p);
+    is_readable = is_readable && p.kind > Problem::Kind::kNonFiniteCoordinate;
+  }
+  if (!is_clean && is_readable) Preparer(*given, result).run(landmarks);
+  return result;
 }
 
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
@@ -10011,6 +10574,10 @@ inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
 std::vector<Problem> validate(const MeshView& mesh) {
   detail::HalfEdgeMesh m;
   return detail::find_problems(detail::copied(mesh), m);
+}
+
+Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks) {
+  return detail::prepared(detail::shared(mesh), landmarks);
 }
 
 const char* to_string(Status s) { return detail::words_of(s).name; }

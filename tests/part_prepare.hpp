@@ -1,0 +1,344 @@
+// Meshes with problems, made clean.
+
+#ifndef ISM_TESTS_PART_PREPARE_HPP
+#define ISM_TESTS_PART_PREPARE_HPP
+
+#include "ism.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace prepare_tests {
+namespace {
+
+using ism::Prepared;
+using ism::Problem;
+using ism::Repair;
+using ism::TriangleMesh;
+using shapes::Disk;
+using shapes::Rng;
+using Ids = std::vector<int>;
+
+int n_vertices(const TriangleMesh& mesh) { return static_cast<int>(mesh.vertices.rows()); }
+int n_triangles(const TriangleMesh& mesh) { return static_cast<int>(mesh.triangles.rows()); }
+
+void add_vertex(TriangleMesh& mesh, double x, double y, double z) {
+  mesh.vertices.conservativeResize(mesh.vertices.rows() + 1, Eigen::NoChange);
+  mesh.vertices.bottomRows(1) << x, y, z;
+}
+
+void add_triangle(TriangleMesh& mesh, int u, int v, int w) {
+  mesh.triangles.conservativeResize(mesh.triangles.rows() + 1, Eigen::NoChange);
+  mesh.triangles.bottomRows(1) << u, v, w;
+}
+
+void turn(TriangleMesh& mesh, int f) { std::swap(mesh.triangles(f, 1), mesh.triangles(f, 2)); }
+
+/// Every triangle with vertices of its own.
+TriangleMesh soup(const TriangleMesh& mesh) {
+  TriangleMesh result;
+  result.vertices.resize(mesh.triangles.size(), 3);
+  result.triangles.resize(mesh.triangles.rows(), 3);
+  for (int i = 0; i < mesh.triangles.size(); ++i) {
+    result.vertices.row(i) = mesh.vertices.row(mesh.triangles.data()[i]);
+    result.triangles.data()[i] = i;
+  }
+  return result;
+}
+
+double area(const TriangleMesh& mesh) {
+  double sum = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    const Eigen::Vector3d p = mesh.vertices.row(mesh.triangles(f, 0));
+    const Eigen::Vector3d q = mesh.vertices.row(mesh.triangles(f, 1)).transpose() - p;
+    const Eigen::Vector3d r = mesh.vertices.row(mesh.triangles(f, 2)).transpose() - p;
+    sum += 0.5 * q.cross(r).norm();
+  }
+  return sum;
+}
+
+/// What must hold of everything that was prepared.
+void check_maps(const TriangleMesh& given, const Prepared& p) {
+  const TriangleMesh& mesh = *p.mesh;
+  REQUIRE(p.given_vertex.size() == static_cast<std::size_t>(n_vertices(mesh)));
+  REQUIRE(p.given_corner.size() == static_cast<std::size_t>(mesh.triangles.size()));
+  REQUIRE(p.new_vertex.size() == static_cast<std::size_t>(n_vertices(given)));
+  REQUIRE(p.new_triangle.size() == static_cast<std::size_t>(n_triangles(given)));
+  bool same = true;
+  for (int v = 0; v < n_vertices(mesh); ++v)
+    same = same &&
+           mesh.vertices.row(v) == given.vertices.row(p.given_vertex[static_cast<std::size_t>(v)]);
+  for (int i = 0; i < mesh.triangles.size(); ++i) {
+    const int corner = p.given_corner[static_cast<std::size_t>(i)];
+    same = same && mesh.vertices.row(mesh.triangles.data()[i]) ==
+                       given.vertices.row(given.triangles.data()[corner]);
+  }
+  for (int v = 0; v < n_vertices(given); ++v) {
+    const int w = p.new_vertex[static_cast<std::size_t>(v)];
+    same = same && (w < 0 || mesh.vertices.row(w) == given.vertices.row(v));
+  }
+  CHECK(same);
+}
+
+Prepared checked(const TriangleMesh& given, const std::vector<ism::LandmarkPoint>& landmarks = {}) {
+  const Prepared p = ism::prepare(given, landmarks);
+  check_maps(given, p);
+  const std::string problem = p.problems.empty() ? "" : p.problems[0].message;
+  CAPTURE(problem);
+  REQUIRE(p.problems.empty());
+  CHECK(ism::validate(*p.mesh).empty());
+  return p;
+}
+
+/// The only thing that was done.
+void check_only(const Prepared& p, Repair::Kind kind, const std::string& message, const Ids& ids) {
+  REQUIRE(p.repairs.size() == 1);
+  CHECK(p.repairs[0].kind == kind);
+  CHECK(p.repairs[0].message == message);
+  CHECK(p.repairs[0].ids == ids);
+}
+
+/// Is the first edge of a triangle on the boundary?
+bool is_on_rim(const Disk& disk, int f) { return shapes::half_edges(disk.mesh).twin[3 * f] < 0; }
+
+}  // namespace
+
+TEST_CASE("what is valid stays as it is") {
+  Rng rng(1);
+  std::vector<Disk> all = shapes::all_disks();
+  all.push_back(shapes::with_openings(9, 7, rng));
+  for (const Disk& disk : all) {
+    CAPTURE(disk.name);
+    const Prepared p = checked(disk.mesh);
+    CHECK(p.repairs.empty());
+    CHECK(p.mesh->vertices == disk.mesh.vertices);
+    CHECK(p.mesh->triangles == disk.mesh.triangles);
+    for (std::size_t i = 0; i < p.new_vertex.size(); ++i)
+      CHECK(p.new_vertex[i] == static_cast<int>(i));
+  }
+}
+
+TEST_CASE("triangles with vertices of their own are welded") {
+  Rng rng(2);
+  std::vector<Disk> all = shapes::all_disks();
+  all.push_back(shapes::with_openings(9, 7, rng));
+  for (const Disk& disk : all) {
+    CAPTURE(disk.name);
+    if (n_triangles(disk.mesh) < 2) continue;
+    const TriangleMesh given = soup(disk.mesh);
+    const Prepared p = checked(given);
+    REQUIRE(n_vertices(*p.mesh) == n_vertices(disk.mesh));
+    REQUIRE(n_triangles(*p.mesh) == n_triangles(disk.mesh));
+    REQUIRE(p.repairs.size() == 1);
+    CHECK(p.repairs[0].kind == Repair::Kind::kWelded);
+    CHECK(p.repairs[0].message == "welded " + std::to_string(n_vertices(given)) + " vertices to " +
+                                      std::to_string(n_vertices(disk.mesh)));
+    CHECK(p.repairs[0].ids.size() ==
+          static_cast<std::size_t>(n_vertices(given) - n_vertices(disk.mesh)));
+  }
+}
+
+TEST_CASE("a seam is welded, a slit of a valid mesh is not") {
+  const Disk disk = shapes::grid(6, 4);
+  TriangleMesh mesh = disk.mesh;  // the right half with vertices of its own
+  std::vector<int> copy(static_cast<std::size_t>(n_vertices(mesh)), -1);
+  for (int f = 0; f < n_triangles(disk.mesh); ++f) {
+    double x = 0;
+    for (int k = 0; k < 3; ++k) x += disk.plane(disk.mesh.triangles(f, k), 0) / 3;
+    for (int k = 0; k < 3 && x > 3; ++k) {
+      const int v = disk.mesh.triangles(f, k);
+      if (disk.plane(v, 0) != 3) continue;
+      int& w = copy[static_cast<std::size_t>(v)];
+      if (w < 0) w = n_vertices(mesh), add_vertex(mesh, 3, disk.plane(v, 1), 0);
+      mesh.triangles(f, k) = w;
+    }
+  }
+  REQUIRE(n_vertices(mesh) == n_vertices(disk.mesh) + 5);
+  const Prepared p = checked(mesh);
+  CHECK(p.mesh->triangles == disk.mesh.triangles);
+  REQUIRE(p.repairs.size() == 1);
+  CHECK(p.repairs[0].ids == Ids{35, 36, 37, 38, 39});
+
+  TriangleMesh slit = shapes::frame(5, 2).mesh;  // closed to a slit without area
+  for (int v = 0; v < n_vertices(slit); ++v)
+    if (slit.vertices(v, 0) > 1.5 && slit.vertices(v, 0) < 3.5 && slit.vertices(v, 1) > 2.5)
+      slit.vertices(v, 2) = 0.5;
+  CHECK(checked(slit).repairs.empty());
+}
+
+TEST_CASE("repeated, degenerate and turned triangles, and vertices without") {
+  const TriangleMesh clean = shapes::grid(6, 5).mesh;
+  TriangleMesh mesh = clean;
+  const int n = n_triangles(clean);
+  SUBCASE("repeated") {
+    add_triangle(mesh, mesh.triangles(7, 1), mesh.triangles(7, 2), mesh.triangles(7, 0));
+    add_triangle(mesh, mesh.triangles(9, 1), mesh.triangles(9, 0), mesh.triangles(9, 2));
+    check_only(checked(mesh), Repair::Kind::kDroppedRepeated, "dropped 2 repeated triangles",
+               {n, n + 1});
+  }
+  SUBCASE("with equal corners") {
+    add_triangle(mesh, 3, 3, 4);
+    add_triangle(mesh, 5, 5, 5);
+    check_only(checked(mesh), Repair::Kind::kDroppedDegenerate, "dropped 2 degenerate triangles",
+               {n, n + 1});
+  }
+  SUBCASE("turned") {
+    for (int f : {3, 17, 18, 40}) turn(mesh, f);
+    check_only(checked(mesh), Repair::Kind::kTurnedTriangles, "turned 4 triangles over",
+               {3, 17, 18, 40});
+  }
+  SUBCASE("unused vertices") {
+    add_vertex(mesh, 1, 2, 3);
+    add_vertex(mesh, 0, 0, 0);
+    check_only(checked(mesh), Repair::Kind::kDroppedVertices,
+               "dropped 2 vertices that no triangle uses", {42, 43});
+  }
+  const Prepared p = checked(mesh);
+  CHECK(p.mesh->vertices == clean.vertices);
+  for (int f = 0; f < n; ++f)
+    for (int k = 0; k < 3; ++k) {
+      const auto row = p.mesh->triangles.row(f), want = clean.triangles.row(f);
+      CHECK((row[0] == want[k] || row[1] == want[k] || row[2] == want[k]));
+    }
+  CHECK(n_triangles(*p.mesh) == n);
+}
+
+TEST_CASE("a triangle without area leaves no gap") {
+  // Vertex 12 of a grid lies on the edge between 11 and 13 of a triangle across.
+  TriangleMesh mesh;
+  mesh.vertices.resize(6, 3);
+  mesh.vertices << 0, 0, 0, 2, 0, 0, 1, 0, 0, 1, 2, 0, 0.5, -1, 0, 1.5, -1, 0;
+  mesh.triangles.resize(5, 3);
+  mesh.triangles << 0, 1, 3, 0, 2, 1, 0, 4, 2, 4, 5, 2, 2, 5, 1;
+  const Prepared p = checked(mesh);
+  CHECK(n_triangles(*p.mesh) == 5);
+  CHECK(n_vertices(*p.mesh) == 6);
+  CHECK(area(*p.mesh) == doctest::Approx(area(mesh)));
+  CHECK(shapes::half_edges(*p.mesh).loops() == 1);
+  CHECK(p.repairs[0].kind == Repair::Kind::kDroppedDegenerate);
+}
+
+TEST_CASE("flaps are cut off, surfaces that meet in an edge or a vertex apart") {
+  const TriangleMesh clean = shapes::grid(6, 5).mesh;
+  TriangleMesh mesh = clean;
+  SUBCASE("a flap on an inner edge") {
+    add_vertex(mesh, 2, 2, 1);
+    const int f = 24;  // an inner triangle
+    add_triangle(mesh, mesh.triangles(f, 0), mesh.triangles(f, 1), n_vertices(mesh) - 1);
+  }
+  SUBCASE("a wall along a row of edges") {
+    const int first = n_vertices(mesh);
+    for (int i = 1; i <= 4; ++i) add_vertex(mesh, i, 2, 1);
+    for (int v = 0; v < first; ++v)
+      for (int w = 0; w < first; ++w)
+        if (mesh.vertices(v, 1) == 2 && mesh.vertices(w, 1) == 2 && mesh.vertices(v, 0) >= 1 &&
+            mesh.vertices(v, 0) < 4 && mesh.vertices(w, 0) == mesh.vertices(v, 0) + 1) {
+          const int up = first + static_cast<int>(mesh.vertices(v, 0)) - 1;
+          add_triangle(mesh, v, w, up);
+          add_triangle(mesh, w, up + 1, up);
+        }
+  }
+  SUBCASE("a triangle at a vertex") {
+    add_vertex(mesh, 2, 2, 1);
+    add_vertex(mesh, 2, 2.5, 1);
+    add_triangle(mesh, 24, n_vertices(mesh) - 2, n_vertices(mesh) - 1);
+  }
+  REQUIRE(!ism::validate(mesh).empty());
+  const Prepared p = checked(mesh);
+  CHECK(p.mesh->vertices == clean.vertices);
+  CHECK(p.mesh->triangles == clean.triangles);
+  CHECK(p.repairs.back().kind == Repair::Kind::kDroppedComponents);
+}
+
+TEST_CASE("of several components the one with most landmarks is kept, else the largest") {
+  TriangleMesh mesh = shapes::grid(4, 4).mesh;
+  const TriangleMesh other = shapes::grid(3, 3).mesh;
+  const int first = n_vertices(mesh), first_triangle = n_triangles(mesh);
+  for (int v = 0; v < n_vertices(other); ++v)
+    add_vertex(mesh, other.vertices(v, 0), other.vertices(v, 1), 5);
+  for (int f = 0; f < n_triangles(other); ++f)
+    add_triangle(mesh, first + other.triangles(f, 0), first + other.triangles(f, 1),
+                 first + other.triangles(f, 2));
+  CHECK(n_triangles(*checked(mesh).mesh) == 32);
+  CHECK(n_triangles(*checked(mesh, {3}).mesh) == 32);
+  const Prepared p = checked(mesh, {first + 2, 3, ism::SurfacePoint{first_triangle, {1, 0, 0}}});
+  CHECK(n_triangles(*p.mesh) == 18);
+  CHECK(p.mesh->triangles == other.triangles);
+  CHECK(p.new_vertex[2] == -1);
+  CHECK(p.new_vertex[static_cast<std::size_t>(first) + 2] == 2);
+  REQUIRE(p.repairs.size() == 1);
+  CHECK(p.repairs[0].message == "dropped 1 component, 32 triangles");
+}
+
+TEST_CASE("a surface with one side, and one with a handle, are refused with the reason") {
+  TriangleMesh strip = shapes::grid(12, 2).mesh;
+  for (int v = 0; v < n_vertices(strip); ++v) {
+    const double t = 2 * shapes::kPi * strip.vertices(v, 0) / 12;
+    const double s = 0.3 * (strip.vertices(v, 1) - 1);
+    strip.vertices.row(v) << (2 + s * std::cos(t / 2)) * std::cos(t),
+        (2 + s * std::cos(t / 2)) * std::sin(t), s * std::sin(t / 2);
+  }
+  for (int v = 0; v < n_vertices(strip); ++v)  // the ends meet exactly
+    for (int w = 0; w < v; ++w)
+      if ((strip.vertices.row(v) - strip.vertices.row(w)).norm() < 1e-9)
+        strip.vertices.row(v) = strip.vertices.row(w);
+  add_vertex(strip, 9, 9, 9);  // so that something is wrong
+  Prepared p = ism::prepare(strip);
+  REQUIRE(p.problems.size() == 1);
+  CHECK(p.problems[0].kind == Problem::Kind::kNotOrientable);
+}
+
+TEST_CASE("meshes that were damaged in many ways are mended") {
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    CAPTURE(seed);
+    Rng rng(seed + 100);
+    Disk disk = seed % 2 ? shapes::with_openings(7, 8, rng) : shapes::random_disk(6, 6, rng);
+    shapes::bend(disk, 0.5);
+    TriangleMesh mesh = disk.mesh;
+    if (rng.below(2)) mesh = soup(mesh);
+    const int n = n_triangles(mesh);
+    for (int i = 0; i < 5; ++i) {
+      const int f = rng.below(n);
+      switch (rng.below(5)) {
+        case 0:
+          turn(mesh, f);
+          break;
+        case 1:
+          add_triangle(mesh, mesh.triangles(f, 1), mesh.triangles(f, 2), mesh.triangles(f, 0));
+          break;
+        case 2:
+          add_triangle(mesh, mesh.triangles(f, 1), mesh.triangles(f, 1), mesh.triangles(f, 0));
+          break;
+        case 3:
+          add_vertex(mesh, rng.uniform(0, 1), 0, 0);
+          break;
+        default: {
+          if (is_on_rim(disk, f)) break;  // it would be a part of the surface
+          const auto row = mesh.triangles.row(f);
+          const Eigen::RowVector3d p = mesh.vertices.row(row[0]);
+          add_vertex(mesh, p.x(), p.y(), p.z() + 3);
+          add_triangle(mesh, row[0], row[1], n_vertices(mesh) - 1);
+        }
+      }
+    }
+    const Prepared p = checked(mesh);
+    CHECK(n_triangles(*p.mesh) == n_triangles(disk.mesh));
+    CHECK(n_vertices(*p.mesh) == n_vertices(disk.mesh));
+    CHECK(area(*p.mesh) == doctest::Approx(area(disk.mesh)));
+  }
+}
+
+}  // namespace prepare_tests
+
+#endif  // ISM_TESTS_PART_PREPARE_HPP
