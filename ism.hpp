@@ -28,10 +28,11 @@
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component with at least
-//            one boundary loop, no handles. validate() names what is wrong. Cut a hole into a
-//            closed mesh. Of several loops one is the outline (Options::outer_a), the others are
-//            openings, eyes and mouths; what lies over one is not covered. Meshes are read where
-//            they are: float or double, interleaved or not (MeshView).
+//            one boundary loop, no handles. validate() names what is wrong; what prepare() can mend
+//            is mended. Cut a hole into a closed mesh. Of several loops one is the outline
+//            (Options::outer_a), the others are openings, eyes and mouths; what lies over one is
+//            not covered. Meshes are read where they are: float or double, interleaved or not
+//            (MeshView).
 // STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
 //            on after landmarks and options were changed.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
@@ -323,8 +324,8 @@ struct Repair {
 
 /// A mesh made clean, and where its elements come from.
 struct Prepared {
-  SharedMesh mesh;              // as it was given, if nothing was wrong
-  std::vector<Repair> repairs;  // what was done
+  SharedMesh mesh = std::make_shared<TriangleMesh>();  // as it was given, if nothing was wrong
+  std::vector<Repair> repairs;                         // what was done
   std::vector<Problem>
       problems;  // what is left, with ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
@@ -536,6 +537,7 @@ struct Options {
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
+  bool prepare = true;  // meshes with problems are prepared; false: they are refused
   Tuning tuning;
 
   /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
@@ -556,8 +558,12 @@ struct AddedVertex {
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding : Outcome {
-  /// The meshes that were embedded: the copies of those given, and where a constraint needs it,
-  /// meshes with vertices added behind the given ones. The surfaces are the same.
+  /// What prepare() made of the meshes given. Ids in what is returned are those of the prepared
+  /// meshes; statuses, and sentences, speak of the meshes given.
+  std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
+                                  prepared_b = prepared_a;
+  /// The meshes that were embedded: the prepared ones, and where a constraint needs it, meshes with
+  /// vertices added behind theirs. The surfaces are the same.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   /// The added vertices in order. Those of exact landmarks that were points come first, in their
   /// order, if they were given at the start. Earlier ones may be corners of later ones.
@@ -1722,6 +1728,7 @@ struct Surface {
   Points3 vertices;                // scaled to total area 1 unless asked otherwise
   double scale = 1;                // by which the given ones were multiplied
   std::vector<AddedVertex> added;  // the last of them, which were not given
+  Array<int> given;                // the others' ids in the mesh that the caller gave
   double total_area = 0;
   Array<double> area;        // #F
   Array<Mat2> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
@@ -1730,6 +1737,7 @@ struct Surface {
   double edge_length(int h) const {
     return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
   }
+  int given_id(int v) const { return v < given.size() ? given[v] : v; }
 };
 
 /// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
@@ -1844,6 +1852,7 @@ struct JointSurface : Surface {
   int boundary_a = 0;  // boundary half-edges of A
   double area_a = 0, area_b = 0;
   double scale_a = 1, scale_b = 1;
+  Array<int> given_b;  // as Surface::given, which is of A
 };
 
 /// The rows of one matrix, then those of another.
@@ -1871,6 +1880,7 @@ inline JointSurface join(const SurfacePair& pair) {
   s.boundary_a = a.mesh.boundary.size();
   s.area_a = a.total_area, s.area_b = b.total_area;
   s.scale_a = a.scale, s.scale_b = b.scale;
+  s.given_b = b.given;
   s.total_area += b.total_area;
   HalfEdgeMesh& m = s.mesh;
   const int first = 3 * s.faces_a;  // half-edge of B
@@ -2631,19 +2641,25 @@ inline bool is_of_topology(const Problem& p) {
   return p.kind == Problem::Kind::kClosed || p.kind == Problem::Kind::kHandles;
 }
 
-inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
+/// A mesh, and what is wrong with it.
+inline Prepared as_given(const SharedMesh& mesh) {
   const auto identity = [](Eigen::Index n) {
     std::vector<int> ids;
     for (int i = 0; i < n; ++i) ids.push_back(i);
     return ids;
   };
   Prepared result;
-  result.mesh = given;
-  result.given_vertex = result.new_vertex = identity(given->vertices.rows());
-  result.given_corner = identity(given->triangles.size());
-  result.new_triangle = identity(given->triangles.rows());
+  result.mesh = mesh;
+  result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
+  result.given_corner = identity(mesh->triangles.size());
+  result.new_triangle = identity(mesh->triangles.rows());
   HalfEdgeMesh m;
-  result.problems = find_problems(*given, m);
+  result.problems = find_problems(*mesh, m);
+  return result;
+}
+
+inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
+  Prepared result = as_given(given);
   bool is_clean = true, is_readable = true;
   for (const Problem& p : result.problems) {
     is_clean = is_clean && is_of_topology(p);
@@ -2652,6 +2668,8 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   if (!is_clean && is_readable) Preparer(*given, result).run(landmarks);
   return result;
 }
+
+using SharedPrepared = std::shared_ptr<const Prepared>;
 
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
 //
@@ -8233,10 +8251,10 @@ class PairEmbedder {
   /// Brings vertices back.
   bool grow(Hierarchy& h) const {
     const int stuck = h.grow();
-    if (stuck >= 0)
-      fail({"mesh ", h.name(), ": there is no room for vertex ", stuck, " in the plane"},
-           {vertex_id(h.side(), stuck)});
-    return stuck < 0;
+    if (stuck < 0) return true;
+    const int given = h.surface().given_id(stuck);
+    return fail({"mesh ", h.name(), ": there is no room for vertex ", given, " in the plane"},
+                {vertex_id(h.side(), given)});
   }
 
   /// Embeds one surface, without the other, up to a number of vertices: grows, or takes a step.
@@ -9664,9 +9682,8 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 
 namespace detail {
 
-/// The connectivity of a mesh that is valid.
-inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Outcome& outcome) {
-  const std::vector<Problem> problems = find_problems(mesh, m);
+/// Says what is wrong with a mesh.
+inline bool check_problems(const std::vector<Problem>& problems, Side side, Outcome& outcome) {
   if (problems.empty()) return true;
   const int count = static_cast<int>(problems.size());
   const std::string which = count > 1 ? sentence({" (problem 1 of ", count, ")"}) : "";
@@ -9676,9 +9693,15 @@ inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Out
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
+/// The connectivity of a mesh that is valid.
+inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Outcome& outcome) {
+  return check_problems(find_problems(mesh, m), side, outcome);
+}
+
 /// Landmarks are placed on a mesh one after the other; two of them must not share a place.
 struct LandmarkPlacer {
   const HalfEdgeMesh& m;
+  const Prepared& prepared;  // landmarks have ids of the mesh given
   Side side;
   std::vector<AddedVertex> added = {};  // if all of them were to become vertices
   Array<char> used = Array<char>(m.n_vertices, 0);
@@ -9686,34 +9709,42 @@ struct LandmarkPlacer {
   bool place(const Landmark& l, const LandmarkPoint& p, Place& place, Outcome& outcome) {
     constexpr double kRounding = 1e-6;
     const char* const mesh = letter(side);
-    const int id = id_of(p), n = is_point(p) ? m.n_faces : m.n_vertices;
+    const std::vector<int>& ids = is_point(p) ? prepared.new_triangle : prepared.new_vertex;
+    const int given = id_of(p), n = static_cast<int>(ids.size());
     const auto refuse = [&](Words why) {
       const std::string reason = sentence(why);
       return fail(outcome, Status::kInvalidLandmarks, {name_of(l), reason}, {element_id(side, p)});
     };
-    if (id < 0 || id >= n)
-      return refuse({"mesh ", mesh, " has no ", is_point(p) ? "triangle " : "vertex ", id,
-                     ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
+    const char* const what = is_point(p) ? "triangle " : "vertex ";
+    if (given < 0 || given >= n)
+      return refuse({"mesh ", mesh, " has no ", what, given, ", it has ", n,
+                     is_point(p) ? " triangles" : " vertices", ", counted from 0"});
+    const int id = ids.data()[given];
+    if (id < 0)
+      return refuse({what, given, " of ", mesh, " was dropped when the mesh was prepared"});
     place.corners = Eigen::Vector3i(id, -1, -1);
     place.weights = Eigen::Vector3d(1, 0, 0);
     if (is_point(p)) {
-      for (int k = 0; k < 3; ++k) place.corners[k] = m.corner(id, k);
-      place.weights = p.point.barycentric;
+      for (int k = 0; k < 3; ++k) {
+        place.corners[k] = m.corner(id, k);
+        place.weights[k] = p.point.barycentric[prepared.given_corner.data()[3 * id + k] % 3];
+      }
     }
     if (!(std::abs(place.weights.sum() - 1) <= kRounding) || place.weights.minCoeff() < -kRounding)
       return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
     tidy(place);
     const int v = add_place(place, m.n_vertices, added);
     used.resize(m.n_vertices + static_cast<int>(added.size()));
-    return !used[v]++ || refuse({is_point(p) ? "the point in triangle " : "vertex ", id, " of ",
+    return !used[v]++ || refuse({is_point(p) ? "the point in triangle " : "vertex ", given, " of ",
                                  mesh, " is in another landmark"});
   }
 };
 
-inline bool place_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
+inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
+                            const HalfEdgeMesh& b, const Prepared& prepared_b,
                             const std::vector<Landmark>& landmarks, Array<PlacedLandmark>& placed,
                             Outcome& outcome) {
-  LandmarkPlacer on_a = {a, Side::kA}, on_b = {b, Side::kB};
+  LandmarkPlacer on_a = {a, prepared_a, Side::kA}, on_b = {b, prepared_b, Side::kB};
   for (const Landmark& l : landmarks) {
     placed.push_back({{}, {}, l});
     if (!on_a.place(l, l.a, placed.back().a, outcome) ||
@@ -9724,14 +9755,16 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
 }
 
 /// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
-inline bool check_loops(const HalfEdgeMesh& m, Side side, const Options& options,
-                        Outcome& outcome) {
-  const int outer = side == Side::kA ? options.outer_a : options.outer_b;
-  if (outer != -1 && (outer < 0 || outer >= m.n_vertices || !m.on_boundary(outer)))
+inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side side,
+                        Options& options, Outcome& outcome) {
+  int& outer = side == Side::kA ? options.outer_a : options.outer_b;
+  const int given = outer, n = static_cast<int>(prepared.new_vertex.size());
+  outer = given >= 0 && given < n ? prepared.new_vertex.data()[given] : -1;
+  if (given != -1 && (outer < 0 || !m.on_boundary(outer)))
     return fail(outcome, Status::kInvalidOptions,
-                {"outer_", side == Side::kA ? "a" : "b", ": vertex ", outer,
+                {"outer_", side == Side::kA ? "a" : "b", ": vertex ", given,
                  " is on no boundary of ", letter(side)},
-                {vertex_id(side, outer)});
+                {vertex_id(side, given)});
   return options.boundary == Boundary::kFree || m.loops() == 1 ||
          fail(outcome, Status::kInvalidOptions,
               {"boundaries cannot be held where a surface has openings, and ", letter(side),
@@ -9777,18 +9810,23 @@ inline bool check_options(const Options& o, Outcome& outcome) {
 /// What vertices of one mesh are bound by, if anything.
 using Bonds = Array<const char*>;
 
-/// Binds a list of pinned or fixed vertices, each of which must exist and be free.
-inline bool claim(const std::vector<int>& vertices, Side side, const char* how, Bonds& bonds,
-                  Outcome& outcome) {
-  for (int v : vertices) {
+/// Binds a list of pinned or fixed vertices, each of which must exist and be free. Their ids are
+/// those of the mesh given before, those of the prepared one afterwards.
+inline bool claim(const Prepared& prepared, Side side, const char* how, std::vector<int>& vertices,
+                  Bonds& bonds, Outcome& outcome) {
+  const int n = static_cast<int>(prepared.new_vertex.size());
+  for (int& v : vertices) {
     const std::string what =
         sentence({"vertex ", v, " of ", letter(side), " is to be ", how, ", but "});
-    if (v < 0 || v >= bonds.size())
-      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", bonds.size() - 1},
-                  {vertex_id(side, v)});
+    const std::vector<ElementId> ids = {vertex_id(side, v)};
+    if (v < 0 || v >= n)
+      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", n - 1}, ids);
+    v = prepared.new_vertex.data()[v];
+    if (v < 0)
+      return fail(outcome, Status::kInvalidPins,
+                  {what, "it was dropped when the mesh was prepared"}, ids);
     if (bonds[v] != nullptr)
-      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"},
-                  {vertex_id(side, v)});
+      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"}, ids);
     bonds[v] = how;
   }
   return true;
@@ -9796,8 +9834,9 @@ inline bool claim(const std::vector<int>& vertices, Side side, const char* how, 
 
 /// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary. There, an
 /// exact landmark lies on both boundaries or on none.
-inline bool check_constraints(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
-                              const Array<PlacedLandmark>& landmarks, const Options& options,
+inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
+                              const HalfEdgeMesh& b, const Prepared& prepared_b,
+                              const Array<PlacedLandmark>& landmarks, Options& options,
                               Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
   Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
@@ -9810,16 +9849,16 @@ inline bool check_constraints(const HalfEdgeMesh& a, const HalfEdgeMesh& b,
           {name_of(l.given), "one end is on a boundary, which is held, and the other one is not"},
           ids_of(l.given));
   }
-  if (!claim(options.fixed_a, Side::kA, "fixed", bonds_a, outcome) ||
-      !claim(options.fixed_b, Side::kB, "fixed", bonds_b, outcome))
+  if (!claim(prepared_a, Side::kA, "fixed", options.fixed_a, bonds_a, outcome) ||
+      !claim(prepared_b, Side::kB, "fixed", options.fixed_b, bonds_b, outcome))
     return false;
   const char* const on_boundary = "on a boundary that is held";
   if (is_held) {
     for (int h : a.boundary) bonds_a[a.tail[h]] = on_boundary;
     for (int h : b.boundary) bonds_b[b.tail[h]] = on_boundary;
   }
-  return claim(options.pins_a, Side::kA, "pinned", bonds_a, outcome) &&
-         claim(options.pins_b, Side::kB, "pinned", bonds_b, outcome);
+  return claim(prepared_a, Side::kA, "pinned", options.pins_a, bonds_a, outcome) &&
+         claim(prepared_b, Side::kB, "pinned", options.pins_b, bonds_b, outcome);
 }
 
 /// memory_estimate() from counts. The peak is where a system is factorised. Bytes of an item are
@@ -9857,20 +9896,48 @@ inline bool check_memory(const TriangleMesh& a, const TriangleMesh& b, const Opt
                " MB: raise it, or take coarser meshes or a shorter history"});
 }
 
-/// Checks everything a call was given, and builds the surfaces.
-inline bool build_pair(const TriangleMesh& a, const TriangleMesh& b,
-                       const std::vector<Landmark>& landmarks, const Options& options,
-                       SurfacePair& pair, Array<PlacedLandmark>& placed, Outcome& outcome) {
-  HalfEdgeMesh m, n;
-  if (!check_options(options, outcome) || !check_memory(a, b, options, outcome) ||
-      !check_mesh(a, Side::kA, m, outcome) || !check_mesh(b, Side::kB, n, outcome) ||
-      !check_loops(m, Side::kA, options, outcome) || !check_loops(n, Side::kB, options, outcome) ||
-      !place_landmarks(m, n, landmarks, placed, outcome) ||
-      !check_constraints(m, n, placed, options, outcome))
+/// A mesh as a call takes it. The copy is made here.
+inline SharedPrepared input_of(const MeshView& mesh, Side side,
+                               const std::vector<Landmark>& landmarks, const Options& options) {
+  const SharedMesh given = shared(mesh);
+  if (!options.prepare) return std::make_shared<const Prepared>(as_given(given));
+  std::vector<LandmarkPoint> ends;
+  for (const Landmark& l : landmarks) ends.push_back(side == Side::kA ? l.a : l.b);
+  return std::make_shared<const Prepared>(prepared(given, ends));
+}
+
+/// A prepared mesh as a surface that knows the ids given.
+inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
+  Surface s = build_surface(*prepared.mesh, keep_scale);
+  for (int v : prepared.given_vertex) s.given.push_back(v);
+  return s;
+}
+
+/// Positions of the vertices given as those of the prepared mesh.
+inline void take_rows(const Prepared& prepared, Points2& x) {
+  if (x.rows() != static_cast<Eigen::Index>(prepared.new_vertex.size())) return;
+  Points2 rows(static_cast<Eigen::Index>(prepared.given_vertex.size()), 2);
+  for (int v = 0; v < rows.rows(); ++v) set_row(rows, v, row2(x, prepared.given_vertex.data()[v]));
+  x.swap(rows);
+}
+
+/// Checks everything a call was given, and builds the surfaces. Ids in the options become those of
+/// the prepared meshes.
+inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
+                       Options& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
+                       Outcome& outcome) {
+  if (!check_options(options, outcome) || !check_memory(*a.mesh, *b.mesh, options, outcome) ||
+      !check_problems(a.problems, Side::kA, outcome) ||
+      !check_problems(b.problems, Side::kB, outcome))
     return false;
-  pair = {build_surface(std::move(m), a.vertices, options.keep_scale),
-          build_surface(std::move(n), b.vertices, options.keep_scale)};
-  return true;
+  pair = {surface_of(a, options.keep_scale), surface_of(b, options.keep_scale)};
+  take_rows(a, options.initial_f);
+  take_rows(b, options.initial_g);
+  const HalfEdgeMesh &m = pair.a.mesh, &n = pair.b.mesh;
+  return check_loops(m, a, Side::kA, options, outcome) &&
+         check_loops(n, b, Side::kB, options, outcome) &&
+         place_landmarks(m, a, n, b, landmarks, placed, outcome) &&
+         check_constraints(m, a, n, b, placed, options, outcome);
 }
 
 inline double largest_landmark_distance(const Embedding& e,
@@ -9933,7 +10000,10 @@ inline Points2 scaled(double factor, Points2 x) {
 }
 
 /// "5 of A", of a vertex of A ⊔ B; and its id there.
-inline int own_id(const JointSurface& s, int v) { return v < s.n_a ? v : v - s.n_a; }
+inline int own_id(const JointSurface& s, int v) {
+  if (v < s.n_a) return s.given_id(v);
+  return v - s.n_a < s.given_b.size() ? s.given_b[v - s.n_a] : v - s.n_a;
+}
 inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
   return sentence({own_id(s, v), " of ", letter(side_of(s, v))});
@@ -10200,16 +10270,16 @@ class LandmarkPuller {
 class Run {
  public:
   /// `only_start`: the initial embedding is all that is wanted.
-  Run(SharedMesh a, SharedMesh b, const std::vector<Landmark>& landmarks, const Options& options,
-      bool only_start)
+  Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
+      const Options& options, bool only_start)
       : a_(std::move(a)),
         b_(std::move(b)),
         landmarks_(landmarks),
+        given_options_(options),
         options_(options),
         only_start_(only_start),
         executor_(options_) {
-    result_.start.a = a_;
-    result_.start.b = b_;
+    return_input();
     if (only_start) executor_.set_embedding_share(1);
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       result_.status = Status::kNoMapYet;
@@ -10237,7 +10307,7 @@ class Run {
     SavedRun saved;
     StateReader reader = {state};
     exchange(reader, saved);
-    auto run = std::make_unique<Run>(a_, b_, landmarks_, options_, only_start_);
+    auto run = std::make_unique<Run>(a_, b_, landmarks_, given_options_, only_start_);
     const bool has_status =
         saved.status >= 0 && saved.status <= static_cast<int>(Status::kNoMapYet);
     if (!reader.is_done() || !has_status || !run->is_embedding()) return nullptr;
@@ -10249,10 +10319,10 @@ class Run {
   /// and the outcome says why, if they are refused.
   std::unique_ptr<Run> changed(const std::vector<Landmark>& landmarks, Options options,
                                Outcome& outcome) const {
-    options.boundary = options_.boundary;
-    options.keep_scale = options_.keep_scale;
-    options.initial_f = options_.initial_f;
-    options.initial_g = options_.initial_g;
+    options.boundary = given_options_.boundary;
+    options.keep_scale = given_options_.keep_scale;
+    options.initial_f = given_options_.initial_f;
+    options.initial_g = given_options_.initial_g;
     auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_);
     if (run->is_embedding() && optimizer_) {
       SavedRun saved = now();
@@ -10395,7 +10465,8 @@ class Run {
     if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
       return void(fail(result_, Status::kInvalidLandmarks,
                        {"landmarks are too close to edges, for the map there is"}));
-    return_meshes(a_, b_, pair_, start);
+    return_input();
+    return_meshes(a_->mesh, b_->mesh, pair_, start);
     Array<PlacedLandmark> apart, together;
     const Array<PlacedLandmark> landmarks = located(placed_, pair_);
     for (int i = 0; i < landmarks.size(); ++i) {
@@ -10465,7 +10536,8 @@ class Run {
 
   void accept_start() {
     Embedding& start = result_.start;
-    return_meshes(a_, b_, pair_, start);
+    return_input();
+    return_meshes(a_->mesh, b_->mesh, pair_, start);
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
     start.landmark_distance = largest_landmark_distance(start, located(placed_, pair_));
@@ -10524,9 +10596,19 @@ class Run {
     }
   }
 
-  const SharedMesh a_, b_;
+  /// What the result says of the meshes given.
+  void return_input() {
+    Embedding& start = result_.start;
+    start.prepared_a = a_;
+    start.prepared_b = b_;
+    start.a = a_->mesh;
+    start.b = b_->mesh;
+  }
+
+  const SharedPrepared a_, b_;
   const std::vector<Landmark> landmarks_;
-  const Options options_;
+  const Options given_options_;
+  Options options_;  // with ids of the prepared meshes
   const bool only_start_;
   Executor executor_;
   SurfacePair pair_;
@@ -10609,7 +10691,8 @@ Options Options::paper() {
 
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks, const Options& options) {
-  detail::Run run(detail::shared(a), detail::shared(b), landmarks, options, true);
+  detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
+                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options, true);
   while (run.step()) {
   }
   return std::move(run.result().start);
@@ -10617,7 +10700,8 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 
 Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                    const Options& options) {
-  detail::Run run(detail::shared(a), detail::shared(b), landmarks, options, false);
+  detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
+                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options, false);
   while (run.step()) {
   }
   return std::move(run.result());
@@ -10626,8 +10710,9 @@ Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landm
 Solver::Solver() : Solver(MeshView(), MeshView()) {}
 Solver::Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                const Options& options)
-    : run_(std::make_unique<detail::Run>(detail::shared(a), detail::shared(b), landmarks, options,
-                                         false)) {}
+    : run_(std::make_unique<detail::Run>(detail::input_of(a, Side::kA, landmarks, options),
+                                         detail::input_of(b, Side::kB, landmarks, options),
+                                         landmarks, options, false)) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&& other) noexcept = default;
 Solver& Solver::operator=(Solver&& other) noexcept = default;

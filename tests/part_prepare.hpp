@@ -339,6 +339,129 @@ TEST_CASE("meshes that were damaged in many ways are mended") {
   }
 }
 
+// ---- maps of what was prepared ----
+
+namespace {
+
+/// A mesh with a vertex that is not used in front, and with defects behind; ids are one more.
+TriangleMesh damaged(const TriangleMesh& clean) {
+  TriangleMesh mesh;
+  mesh.vertices.resize(clean.vertices.rows() + 1, 3);
+  mesh.vertices.row(0) << 7, 7, 7;
+  mesh.vertices.bottomRows(clean.vertices.rows()) = clean.vertices;
+  mesh.triangles = clean.triangles.array() + 1;
+  for (int f : {4, 9, 20}) turn(mesh, f);
+  add_triangle(mesh, mesh.triangles(5, 1), mesh.triangles(5, 2), mesh.triangles(5, 0));
+  add_triangle(mesh, 3, 3, 8);
+  return mesh;
+}
+
+ism::Options some_iterations() {
+  ism::Options options;
+  options.threads = 1;
+  options.max_iterations = 6;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("a damaged mesh is mapped as the clean one, with landmarks and constraints in its ids") {
+  Rng rng(31);
+  Disk a = shapes::random_disk(7, 7, rng), b = shapes::random_disk(6, 8, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.4);
+  const TriangleMesh given = damaged(a.mesh);
+  const std::vector<ism::LandmarkPoint> on_a = {10, 50, ism::SurfacePoint{9, {0.2, 0.3, 0.5}}};
+  std::vector<ism::Landmark> landmarks, of_given;
+  for (int i = 0; i < 3; ++i) {
+    const ism::LandmarkPoint& l = on_a[static_cast<std::size_t>(i)];
+    landmarks.push_back({l, 12 + 20 * i});
+    of_given.push_back({l.vertex < 0 ? l : ism::LandmarkPoint(l.vertex + 1), 12 + 20 * i});
+  }
+  ism::Options options = some_iterations(), options_of_given = options;
+  SUBCASE("landmarks") {}
+  SUBCASE("exact landmarks") { options.exact_landmarks = options_of_given.exact_landmarks = true; }
+  SUBCASE("pins") {
+    options.pins_a = {50};
+    options_of_given.pins_a = {51};
+  }
+  SUBCASE("held boundaries") {
+    options.boundary = options_of_given.boundary = ism::Boundary::kSlide;
+  }
+  // The damage turns triangle 9, whose corners then have another order.
+  TriangleMesh clean = a.mesh;
+  for (int f : {4, 9, 20}) CHECK(clean.triangles.row(f) != given.triangles.row(f));
+  std::swap(of_given[2].a.point.barycentric[1], of_given[2].a.point.barycentric[2]);
+  const ism::Result expected = ism::compute_map(clean, b.mesh, landmarks, options);
+  const ism::Result r = ism::compute_map(given, b.mesh, of_given, options_of_given);
+  CAPTURE(r.message);
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.status == expected.status);
+  CHECK(r.start.a->vertices == expected.start.a->vertices);
+  CHECK(r.f == expected.f);
+  CHECK(r.g == expected.g);
+  CHECK(r.start.prepared_a->repairs.size() == 4);
+  CHECK(r.start.prepared_b->repairs.empty());
+  CHECK(ism::SurfaceMap(r).status() == ism::Status::kDone);
+
+  ism::Solver solver(given, b.mesh, of_given, options_of_given);
+  for (int i = 0; i < 200 && solver.phase() != ism::Phase::kOptimization; ++i) solver.step();
+  ism::Solver other(given, b.mesh, of_given, options_of_given);
+  REQUIRE(other.restore(solver.state()));
+  while (other.step()) {
+  }
+  CHECK(other.result().f == expected.f);
+  of_given[0].b = 13;
+  CHECK(other.change(of_given, options_of_given).status == ism::Status::kDone);
+  CHECK(ism::is_usable(other.result().status));
+}
+
+TEST_CASE("what is wrong with constraints on a prepared mesh is said in the ids given") {
+  const Disk a = shapes::grid(6, 6), b = shapes::grid(6, 6);
+  const TriangleMesh given = damaged(a.mesh);
+  ism::Options options = some_iterations();
+  ism::Result r = ism::compute_map(given, b.mesh, {{0, 3}}, options);
+  CHECK(r.status == ism::Status::kInvalidLandmarks);
+  CHECK(r.message == "landmark 0 3: vertex 0 of A was dropped when the mesh was prepared");
+  CHECK(r.ids == shapes::Ids{shapes::of_a(0)});
+  r = ism::compute_map(given, b.mesh, {{50, 3}}, options);
+  CHECK(r.message == "landmark 50 3: mesh A has no vertex 50, it has 50 vertices, counted from 0");
+  options.fixed_a = {0};
+  r = ism::compute_map(given, b.mesh, {}, options);
+  CHECK(r.message == "vertex 0 of A is to be fixed, but it was dropped when the mesh was prepared");
+  options.fixed_a = {8};
+  options.pins_a = {8};
+  r = ism::compute_map(given, b.mesh, {}, options);
+  CHECK(r.message == "vertex 8 of A is to be pinned, but it is fixed already");
+  CHECK(r.ids == shapes::Ids{shapes::of_a(8)});
+  options = some_iterations();
+  options.pins_a = {24};  // which the start puts close to each other
+  options.pins_b = {25};
+  r = ism::compute_map(b.mesh, given, {{0, 1}, {6, 7}, {48, 49}}, options);
+  CHECK(r.status == ism::Status::kInvalidPins);
+  for (const ism::ElementId& id : r.ids)
+    if (id.side == ism::Side::kB)
+      CHECK(r.message.find("vertex " + std::to_string(id.id) + " of B") != std::string::npos);
+  options = some_iterations();
+  options.prepare = false;
+  r = ism::compute_map(given, b.mesh, {}, options);
+  CHECK(r.status == ism::Status::kInvalidMesh);
+}
+
+TEST_CASE("given positions belong to the vertices given") {
+  const Disk a = shapes::grid(6, 6), b = shapes::grid(5, 6);
+  const TriangleMesh given = damaged(a.mesh);
+  ism::Options options = some_iterations();
+  options.initial_f.resize(50, 2);
+  options.initial_f.row(0) << 100, 100;
+  options.initial_f.bottomRows(49) = a.plane;
+  options.initial_g = b.plane;
+  const ism::Result r = ism::compute_map(given, b.mesh, {}, options);
+  CAPTURE(r.message);
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.start.f == a.plane);
+}
+
 }  // namespace prepare_tests
 
 #endif  // ISM_TESTS_PART_PREPARE_HPP
