@@ -326,8 +326,7 @@ struct Repair {
 struct Prepared {
   SharedMesh mesh = std::make_shared<TriangleMesh>();  // as it was given, if nothing was wrong
   std::vector<Repair> repairs;                         // what was done
-  std::vector<Problem>
-      problems;  // what is left, with ids of the mesh given; empty: it can be mapped
+  std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
   /// first; corner k of triangle f is 3 f + k.
   std::vector<int> given_vertex, given_corner;
@@ -2067,8 +2066,8 @@ inline int count_components(const HalfEdgeMesh& m) {
 /// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
 /// [Eppstein 2003].
 inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
-  Array<int> to_parent(m.n_vertices, -1), depth(m.n_vertices, -1),
-      queue;  // half-edge to the parent
+  Array<int> to_parent(m.n_vertices, -1);  // a half-edge
+  Array<int> depth(m.n_vertices, -1), queue;
   const int root = m.tail[0];
   depth[root] = 0;
   queue.push_back(root);
@@ -2221,10 +2220,9 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
 // ---- preparation ----
 //
 // Purpose:    makes a clean surface of a mesh with problems.
-// Method:     triangles are glued along edges: first where two of them lie at one place, then,
-// where
-//             there are more, two of a component, or else those that bend least. Corners that are
-//             glued around a place are one vertex; so what is not glued is cut.
+// Method:     triangles are glued along edges: first where two of them lie at one place; of more,
+//             two of a component, or else those that bend least. Corners that are glued around a
+//             place are one vertex; so what is not glued is cut.
 // Invariants: triangles keep their order; a component has one orientation, unless it has one side.
 // Fails:      with the problems that are left.
 
@@ -2255,8 +2253,10 @@ class Preparer {
   }
 
  private:
+  /// Says why the mesh stays what it is.
   void add_problem(Problem::Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
+    result_.repairs.clear();
   }
 
   /// Notes what was done to some vertices or triangles, if there are any.
@@ -2478,24 +2478,13 @@ class Preparer {
 
   /// The component with most landmarks, of several the largest; -1 if there is none.
   int choose_component(const std::vector<LandmarkPoint>& landmarks) const {
-    Array<int> n_landmarks(members_.size(), 0), counted(members_.size(), -1);
-    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i) {
-      const LandmarkPoint& l = landmarks[static_cast<std::size_t>(i)];
-      for (int h = 0; h < corner_.size(); ++h) {
-        const bool is_here = l.vertex >= 0 ? vertex(h) == l.vertex : corner_[h] / 3 == l.point.face;
-        int& last = counted[component_[h / 3]];
-        if (!is_here || last == i) continue;
-        last = i;
-        ++n_landmarks[component_[h / 3]];
-      }
-    }
+    const Array<int> n_landmarks = count_landmarks(landmarks);
     int best = -1;
     double largest = -1;
     for (int c = 0; c < members_.size(); ++c) {
       if (members_[c].empty()) continue;
       double area = 0;
-      for (int f : members_[c])
-        area += norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
+      for (int f : members_[c]) area += double_area(f);
       if (best >= 0 && (n_landmarks[c] < n_landmarks[best] ||
                         (n_landmarks[c] == n_landmarks[best] && area <= largest)))
         continue;
@@ -2505,14 +2494,32 @@ class Preparer {
     return best;
   }
 
+  /// Per component, the vertices and triangles on it that have landmarks.
+  Array<int> count_landmarks(const std::vector<LandmarkPoint>& landmarks) const {
+    const int n = static_cast<int>(given_.vertices.rows());
+    Array<char> is_at(n + static_cast<int>(F_.rows()), 0);  // vertices, then triangles
+    for (const LandmarkPoint& l : landmarks) {
+      const int at = l.vertex >= 0 ? l.vertex : n + l.point.face;
+      if (l.vertex < n && at >= 0 && at < is_at.size()) is_at[at] = 1;
+    }
+    Array<std::array<int, 2>> found;
+    for (int h = 0; h < corner_.size(); ++h)
+      for (int at : {vertex(h), n + corner_[h] / 3})
+        if (is_at[at]) found.push_back({component_[h / 3], at});
+    std::sort(found.begin(), found.end());
+    Array<int> count(members_.size(), 0);
+    for (int i = 0; i < found.size(); ++i) count[found[i][0]] += i == 0 || found[i] != found[i - 1];
+    return count;
+  }
+
+  double double_area(int f) const {
+    return norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
+  }
+
   /// Gives the component that is kept the orientation of most of its area.
   void turn(int kept) {
     double turned = 0;
-    for (int f : members_[kept]) {
-      const double area =
-          norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
-      turned += turned_[f] ? area : -area;
-    }
+    for (int f : members_[kept]) turned += turned_[f] ? double_area(f) : -double_area(f);
     for (int f : members_[kept]) turned_[f] ^= turned > 0;
   }
 
@@ -2663,7 +2670,7 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   bool is_clean = true, is_readable = true;
   for (const Problem& p : result.problems) {
     is_clean = is_clean && is_of_topology(p);
-    is_readable = is_readable && p.kind > Problem::Kind::kNonFiniteCoordinate;
+    is_readable = is_readable && p.kind > Problem::Kind::kNonFiniteCoordinate;  // the first kinds
   }
   if (!is_clean && is_readable) Preparer(*given, result).run(landmarks);
   return result;
