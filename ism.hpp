@@ -1,7 +1,7 @@
 // ism.hpp - distortion-minimizing injective maps between surfaces
 //
-// Given two triangle meshes A and B, disks or disks with openings, computes a map Φ from A to B
-// that is continuous, injective, symmetric in A and B, and of low distortion. It implements
+// Given two triangle meshes A and B, closed or with boundaries, computes a map Φ from A to B that
+// is continuous, injective, symmetric in A and B, and of low distortion. It implements
 //
 //   Patrick Schmidt, Janis Born, Marcel Campen, Leif Kobbelt:
 //   Distortion-Minimizing Injective Maps Between Surfaces.
@@ -27,20 +27,20 @@
 //     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
 //   }
 //
-// INPUT      Each mesh is a manifold, consistently oriented surface: one component with at least
-//            one boundary loop, no handles. validate() names what is wrong; what prepare() can mend
-//            is mended. Cut a hole into a closed mesh. Of several loops one is the outline
-//            (Options::outer_a), the others are openings, eyes and mouths; what lies over one is
-//            not covered. Meshes are read where they are: float or double, interleaved or not
-//            (MeshView).
+// INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
+//            validate() names what is wrong; what prepare() can mend is mended. Closed surfaces
+//            are cut open, and where both are closed, so is their map at the end. Of several
+//            boundary loops one is the outline (Options::outer_a), the others are openings, eyes
+//            and mouths; what lies over one is not covered. Meshes are read where they are: float
+//            or double, interleaved or not (MeshView).
 // STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
 //            on after landmarks and options were changed.
 // PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
 //            f and g are positive, angles around interior vertices add up to 2π, boundaries are
 //            simple. Exact predicates decide this on the very coordinates that are returned.
 // NOT KEPT   The result is a local minimum; where A and B overlap in the plane is where they are
-//            mapped, the rest is not covered (IterationLog::coverage_a), unless Options::boundary
-//            lays one on the other. Landmarks guide the start only, unless
+//            mapped, the rest is not covered (IterationLog::coverage_a), unless both are closed, or
+//            Options::boundary lays one on the other. Landmarks guide the start only, unless
 //            Options::exact_landmarks is set.
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
@@ -53,7 +53,7 @@
 //            the ids of offending elements. Exceptions of allocations and of callbacks, in any
 //            thread, reach the caller, and nothing is leaked; what was begun then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [17]
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [18]
 //            ISM_NO_THREADS       there: builds without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
@@ -63,7 +63,8 @@
 //            [10] objective and its quadratic model                [11] constraints
 //            [12] scaffold, step bound and line search             [13] the loop (Algorithm 1)
 //            [14] initial embedding          [15] map evaluation and meta mesh
-//            [16] applications               [17] entry points
+//            [16] applications               [17] closed surfaces
+//            [18] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -274,7 +275,6 @@ struct Problem {
     kUnreferencedVertex,
     kSeveralComponents,
     kNotOrientable,
-    kClosed,
     kHandles
   };
   Kind kind;
@@ -285,7 +285,7 @@ struct Problem {
 
 /// Lists everything that keeps a mesh from being a clean surface; empty means valid. Checks:
 /// indices, finite coordinates, degenerate and repeated triangles, edge and vertex manifoldness,
-/// orientation, unreferenced vertices, one component, a boundary, no handles; and at most 2^24
+/// orientation, unreferenced vertices, one component, no handles; and at most 2^24
 /// vertices and triangles, so that an int counts all that is made of them. Cost O(#F log #F).
 /// Reports at most 20 problems of each kind. Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
@@ -537,6 +537,7 @@ struct Options {
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
   bool prepare = true;  // meshes with problems are prepared; false: they are refused
+  bool close = true;    // maps of two closed surfaces are closed; false: the surfaces stay cut open
   Tuning tuning;
 
   /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
@@ -547,7 +548,9 @@ struct Options {
 };
 
 /// Where a vertex was added to a mesh: on an edge, of which the third corner is -1, or in a
-/// triangle, as the mean of its corners with positive weights that add up to 1.
+/// triangle, as the mean of its corners with positive weights that add up to 1. A copy of a vertex
+/// has that one corner: a closed surface was cut open there, and the copies belong to other sides
+/// of the cut.
 struct AddedVertex {
   Eigen::Vector3i corners = {-1, -1, -1};
   Eigen::Vector3d weights = {0, 0, 0};
@@ -562,11 +565,14 @@ struct Embedding : Outcome {
   std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
                                   prepared_b = prepared_a;
   /// The meshes that were embedded: the prepared ones, and where a constraint needs it, meshes with
-  /// vertices added behind theirs. The surfaces are the same.
+  /// vertices added behind theirs. The surfaces are the same; closed ones are cut, with copies of
+  /// vertices for the other side of the cut.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   /// The added vertices in order. Those of exact landmarks that were points come first, in their
   /// order, if they were given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
+  /// Where closed surfaces were cut open, vertices; -1: the surface has a boundary.
+  int opening_a = -1, opening_b = -1;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
@@ -577,11 +583,13 @@ struct Embedding : Outcome {
 /// The outcome of compute_map(). Positions are valid if is_usable(status), else there are none.
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
-  Points2 f, g;                   // final planar positions of the vertices of *start.a and *start.b
-  Embedding start;                // what the optimisation started from
-  IterationLog initial;           // the energies of the start (iteration 0, no step)
-  std::vector<IterationLog> log;  // one entry per iteration
-  double seconds = 0;             // of the optimisation; those of the start are in start.seconds
+  Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
+  Embedding start;       // what the optimisation started from
+  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  /// One entry per iteration. Where the map of closed surfaces is closed, that is an entry, too; E
+  /// is from there on that of the whole, and may begin higher.
+  std::vector<IterationLog> log;
+  double seconds = 0;  // of the optimisation; those of the start are in start.seconds
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
   const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
 };
@@ -589,15 +597,23 @@ struct Result : Outcome {
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
 /// kNumericalFailure names the vertex for which rounding leaves no room. With fewer than two
 /// landmarks, rotations of one plane against the other are tried by some iterations of the
-/// optimisation. Where an outline is in its own way or a surface is folded sharply, the boundary
-/// unfolds from a circle, which may strain the result. Statuses: kDone, kInvalidMesh,
-/// kInvalidLandmarks, kInvalidOptions, kNoMapYet, kNumericalFailure. Thread-safe.
+/// optimisation. Closed surfaces are cut open: where landmarks are alike and nothing is far; with
+/// fewer than three landmarks, four pairs of places are tried. Where an outline is in its own way
+/// or a surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
+/// Statuses: kDone, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kNoMapYet, kNumericalFailure.
+/// Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
 
 /// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
+///
+/// Two closed surfaces are cut open, mapped, and then cut in two along a curve on either, the seam:
+/// what is inside is mapped as it was, and what is outside, a small part, anew, with the seam held.
+/// The result is then the embedding of two disks for each surface, side by side in the plane, which
+/// agree on the seam: a homeomorphism. A run that ends before that has the map of the open
+/// surfaces, as have pairs of which one surface is closed.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -737,8 +753,8 @@ struct MapData;
 class SurfaceMap {
  public:
   SurfaceMap();  // maps nothing; its status is kNoMapYet
-  /// Overlays two embeddings. The coordinates of the meshes are used as given, not scaled.
-  /// Cost: linear in the number of meta mesh polygons.
+  /// Overlays two embeddings of surfaces with boundaries. The coordinates of the meshes are used as
+  /// given, not scaled. Cost: linear in the number of meta mesh polygons.
   SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g);
   /// The map that compute_map() found, with the meshes it was found on, which may have more
   /// vertices than those given. Where it found none, the status is that of the result.
@@ -749,6 +765,8 @@ class SurfaceMap {
   Status status() const;
   const std::string& message() const;
   const TriangleMesh& mesh(Side side) const;
+  /// True for a map of two closed surfaces that is closed: every point has an image, both ways.
+  bool is_closed() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
   MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
@@ -764,7 +782,8 @@ class SurfaceMap {
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
   /// The same of a curve, given by points of A. Points without a common triangle are joined by a
-  /// straight line of the plane. A point whose face is out of range interrupts the curve.
+  /// straight line of the plane, and not at all across the seam of closed surfaces. A point whose
+  /// face is out of range interrupts the curve.
   std::vector<Polyline> forward_curve(const Polyline& points) const;
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the units of the mesh given; NaN if there is no such face, as
@@ -1608,21 +1627,66 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
-/// Lists the boundary of a connected surface.
+/// Which connected surface a face belongs to, per face; they are counted from 0.
+inline Array<int> components_of(const HalfEdgeMesh& m) {
+  Array<int> component(m.n_faces, -1), stack;
+  int components = 0;
+  for (int seed = 0; seed < m.n_faces; ++seed) {
+    if (component[seed] >= 0) continue;
+    component[seed] = components;
+    stack.push_back(seed);
+    while (!stack.empty()) {
+      const int f = stack.back();
+      stack.pop_back();
+      for (int h = 3 * f; h < 3 * f + 3; ++h) {
+        const int t = m.twin[h];
+        if (t < 0 || component[t / 3] >= 0) continue;
+        component[t / 3] = components;
+        stack.push_back(t / 3);
+      }
+    }
+    ++components;
+  }
+  return component;
+}
+
+inline int count_components(const HalfEdgeMesh& m) {
+  const Array<int> component = components_of(m);
+  return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
+}
+
+/// Lists the boundaries of all connected surfaces, one after the other.
 inline void trace_boundary(HalfEdgeMesh& m) {
+  const Array<int> component = components_of(m);
   Array<char> seen(m.tail.size(), 0);
+  Array<int> starts;
+  for (int start = 0; start < m.tail.size(); ++start)
+    if (m.twin[start] < 0) starts.push_back(start);
+  std::sort(starts.begin(), starts.end(), [&](int h, int t) {
+    const int c = component[h / 3], d = component[t / 3];
+    return c != d ? c < d : h < t;
+  });
   m.boundary.clear();
   m.loop.assign(1, 0);
-  for (int start = 0; start < m.tail.size(); ++start) {
-    if (m.twin[start] >= 0 || seen[start]) continue;
+  m.component.assign(1, 0);
+  int current = 0;
+  for (int start : starts) {
+    if (seen[start]) continue;
+    for (; current < component[start / 3]; ++current) m.component.push_back(m.loops());
     for (int h = start; m.twin[h] < 0 && !seen[h]; h = m.out[m.tip(h)]) {
       seen[h] = 1;
       m.boundary.push_back(h);
     }
     m.loop.push_back(m.boundary.size());
   }
-  m.component.assign(1, 0);
   m.component.push_back(m.loops());
+}
+
+/// Finds a half-edge of every vertex, that of the boundary if there is one.
+inline void find_outgoing(HalfEdgeMesh& m) {
+  m.out.assign(m.n_vertices, -1);
+  for (int h = m.tail.size() - 1; h >= 0; --h)
+    if (m.out[m.tail[h]] < 0 || m.twin[h] < 0) m.out[m.tail[h]] = h;
 }
 
 inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
@@ -1638,9 +1702,7 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
     m.twin[uses[begin].half_edge] = uses[begin + 1].half_edge;
     m.twin[uses[begin + 1].half_edge] = uses[begin].half_edge;
   });
-  m.out.assign(n_vertices, -1);
-  for (int h = 3 * m.n_faces - 1; h >= 0; --h)
-    if (m.out[m.tail[h]] < 0 || m.twin[h] < 0) m.out[m.tail[h]] = h;
+  find_outgoing(m);
   trace_boundary(m);
   return m;
 }
@@ -1704,7 +1766,15 @@ inline void split_triangle(HalfEdgeMesh& m, int h) {
   m.out.push_back(rest);
 }
 
-inline bool is_on_edge(const AddedVertex& p) { return p.corners[2] < 0; }
+inline bool is_copy(const AddedVertex& p) { return p.corners[1] < 0; }
+inline bool is_on_edge(const AddedVertex& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
+
+inline AddedVertex copy_of(int v) {
+  AddedVertex copy;
+  copy.corners[0] = v;
+  copy.weights[0] = 1;
+  return copy;
+}
 
 /// A half-edge of the edge or triangle in which a vertex is to be added; -1 if there is none.
 inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
@@ -1815,8 +1885,9 @@ Points with_added(const Points& vertices, const std::vector<AddedVertex>& added)
   std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
   for (const AddedVertex& p : added) {
     for (int c = 0; c < all.cols(); ++c) {
-      all(v, c) = p.weights[0] * all(p.corners[0], c) + p.weights[1] * all(p.corners[1], c);
-      if (!is_on_edge(p)) all(v, c) += p.weights[2] * all(p.corners[2], c);
+      all(v, c) = p.weights[0] * all(p.corners[0], c);
+      for (int k = 1; k < 3 && p.corners[k] >= 0; ++k)
+        all(v, c) += p.weights[k] * all(p.corners[k], c);
     }
     ++v;
   }
@@ -1836,6 +1907,32 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   s.added.insert(s.added.end(), added.begin(), added.end());
   compute_rest_frames(s);
   return true;
+}
+
+/// Cuts a surface along inner edges, given by half-edges: at the tail of each, the side on its left
+/// keeps the vertex, and the other sides get copies, in that order.
+inline void cut_along(const Array<int>& edges, Surface& s) {
+  HalfEdgeMesh& m = s.mesh;
+  Array<char> is_cut(m.tail.size(), 0), is_split(m.n_vertices, 0);
+  for (int h : edges) is_cut[h] = is_cut[m.twin[h]] = 1;
+  std::vector<AddedVertex> copies;
+  for (int h : edges) {
+    const int v = m.tail[h];
+    if (v >= is_split.size() || is_split[v]++) continue;  // another edge at the same vertex
+    for (int e = m.turn(h), id = v; e != h; e = m.turn(e)) {
+      if (is_cut[e]) {
+        copies.push_back(copy_of(v));
+        id = m.n_vertices++;
+      }
+      m.tail[e] = id;
+    }
+  }
+  for (int h = 0; h < m.twin.size(); ++h)
+    if (is_cut[h]) m.twin[h] = -1;
+  find_outgoing(m);
+  trace_boundary(m);
+  s.vertices = with_added(s.vertices, copies);
+  s.added.insert(s.added.end(), copies.begin(), copies.end());
 }
 
 // ---- two surfaces, and both as one ----
@@ -1890,7 +1987,9 @@ inline JointSurface join(const SurfacePair& pair) {
   for (int h : b.mesh.out) m.out.push_back(first + h);
   for (int h : b.mesh.boundary) m.boundary.push_back(first + h);
   for (int i = 1; i <= b.mesh.loops(); ++i) m.loop.push_back(s.boundary_a + b.mesh.loop[i]);
-  m.component.push_back(m.loops());
+  const int loops_a = a.mesh.loops();
+  for (int i = 1; i < b.mesh.component.size(); ++i)
+    m.component.push_back(loops_a + b.mesh.component[i]);
   s.vertices = stacked(a.vertices, b.vertices);
   s.area.append(b.area.data(), b.area.size());
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
@@ -2038,29 +2137,6 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   }
 }
 
-inline int count_components(const HalfEdgeMesh& m) {
-  Array<char> seen(m.n_faces, 0);
-  Array<int> stack;
-  int components = 0;
-  for (int seed = 0; seed < m.n_faces; ++seed) {
-    if (seen[seed]) continue;
-    ++components;
-    seen[seed] = 1;
-    stack.push_back(seed);
-    while (!stack.empty()) {
-      const int f = stack.back();
-      stack.pop_back();
-      for (int k = 0; k < 3; ++k) {
-        const int t = m.twin[3 * f + k];
-        if (t < 0 || seen[t / 3]) continue;
-        seen[t / 3] = 1;
-        stack.push_back(t / 3);
-      }
-    }
-  }
-  return components;
-}
-
 /// A short cycle of edges that does not bound, as vertices in order; none on a surface without
 /// handles. A tree of shortest paths spans the vertices, and a tree of faces, in which an opening
 /// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
@@ -2131,7 +2207,6 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   if (components > 1)
     list.add(Problem::Kind::kSeveralComponents,
              {"the mesh has ", components, " components, 1 is needed"});
-  if (m.loops() == 0) list.add(Problem::Kind::kClosed, {"the mesh is closed; cut a hole into it"});
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
@@ -2643,11 +2718,6 @@ class Preparer {
   Array<Uses> crowded_;        // places of more than two half-edges
 };
 
-/// True for problems that are no defects of a mesh.
-inline bool is_of_topology(const Problem& p) {
-  return p.kind == Problem::Kind::kClosed || p.kind == Problem::Kind::kHandles;
-}
-
 /// A mesh, and what is wrong with it.
 inline Prepared as_given(const SharedMesh& mesh) {
   const auto identity = [](Eigen::Index n) {
@@ -2669,7 +2739,7 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   Prepared result = as_given(given);
   bool is_clean = true, is_readable = true;
   for (const Problem& p : result.problems) {
-    is_clean = is_clean && is_of_topology(p);
+    is_clean = is_clean && p.kind == Problem::Kind::kHandles;
     is_readable = is_readable && p.kind > Problem::Kind::kNonFiniteCoordinate;  // the first kinds
   }
   if (!is_clean && is_readable) Preparer(*given, result).run(landmarks);
@@ -5398,6 +5468,7 @@ inline bool tidy(Place& p) {
 inline void follow(const AddedVertex& added, int id, Place& p) {
   int at[3], last = -1;
   double least = kInfinity;
+  if (is_copy(added)) return;
   const int n = is_on_edge(added) ? 2 : 3;
   for (int k = 0; k < n; ++k) {
     for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
@@ -8065,6 +8136,17 @@ inline bool move_to_level(const Level& level, int first, Place& p) {
   return tidy(p);
 }
 
+/// Mean distortion divided by coverage; infinite without an overlap.
+inline double badness(const JointSurface& s, const Points2& positions) {
+  Iterate x;
+  x.x = positions;
+  const DistortionMeasure measure = symmetric_dirichlet();
+  evaluate(s, Weights{0, 1, 1, &measure}, x);
+  const double coverage = x.area_a / s.area_a + x.area_b / s.area_b;
+  const double value = x.map_energy / (x.area_a + x.area_b) / coverage;
+  return value < kInfinity ? value : kInfinity;  // NaN, too
+}
+
 class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free.
@@ -8445,17 +8527,6 @@ class PairEmbedder {
     a_->move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
   }
 
-  /// Mean distortion divided by coverage; infinite without an overlap.
-  double badness(const JointSurface& s, const Points2& positions) const {
-    Iterate x;
-    x.x = positions;
-    const DistortionMeasure measure = symmetric_dirichlet();
-    evaluate(s, Weights{0, 1, 1, &measure}, x);
-    const double coverage = x.area_a / s.area_a + x.area_b / s.area_b;
-    const double value = x.map_energy / (x.area_a + x.area_b) / coverage;
-    return value < kInfinity ? value : kInfinity;  // NaN, too
-  }
-
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
   /// step.
   bool relax_both(double weight) {
@@ -8819,6 +8890,23 @@ struct DeepestFace {
   }
 };
 
+/// What a corner of a polygon is: a vertex (kind 0), a crossing of two edges, each named by the
+/// smaller of its half-edges (kind 1), or a vertex of the seam, by its place there (kind 2).
+struct CornerKey {
+  int kind, first, second;
+  bool operator<(const CornerKey& o) const {
+    if (kind != o.kind) return kind < o.kind;
+    return first != o.first ? first < o.first : second < o.second;
+  }
+  bool operator!=(const CornerKey& o) const { return *this < o || o < *this; }
+};
+
+/// A vertex of the seam of two closed surfaces, which lies at one place in four ways: on A and on
+/// B, and on the other side of the seam as copies of these.
+struct SeamVertex {
+  int a, copy_a, b, copy_b;
+};
+
 /// Two embedded meshes and their overlay. Vertices and faces have their ids in A ⊔ B, so that Φ and
 /// Φ⁻¹ are one function: from the faces of either mesh to those of the other one.
 struct EmbeddedPair {
@@ -8826,12 +8914,99 @@ struct EmbeddedPair {
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
+  Array<int> across;         // per half-edge, its twin, or that beyond the seam; or -1
+  Array<int> place_on_seam;  // per vertex, or -1
 
   EmbeddedPair() = default;
-  EmbeddedPair(JointSurface surface, Points2 positions)
-      : s(std::move(surface)), x(std::move(positions)) {
+  EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
+      : s(std::move(surface)), x(std::move(positions)), across(s.mesh.twin) {
     compute_overlay(s, x, overlay);
+    sew(seam);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
+  }
+
+  bool is_closed() const { return !seam_.empty(); }
+
+  /// What corner i of a polygon is. At the seam, vertices of A and B coincide; what the symbolic
+  /// perturbation has between them is no corner of its own.
+  CornerKey corner_key(const OverlayPolygon& p, int i) const {
+    const HalfEdgeMesh& m = s.mesh;
+    const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
+    const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
+    if (same_triangle(before, e)) {
+      const int v = m.tail[half_edge(e)];
+      return place_on_seam[v] < 0 ? CornerKey{0, v, 0} : CornerKey{2, place_on_seam[v], 0};
+    }
+    const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
+    int common = -1;
+    for (int u : {m.tail[h], m.tip(h)})
+      for (int v : {m.tail[t], m.tip(t)}) {
+        const int place = place_on_seam[u];
+        if (place >= 0 && place == place_on_seam[v] && (common < 0 || place < common))
+          common = place;
+      }
+    if (common >= 0) return {2, common, 0};
+    const auto id = [&](int k) { return m.twin[k] < 0 ? k : (std::min)(k, m.twin[k]); };
+    return {1, id(h), id(t)};
+  }
+
+  /// All there are of a vertex, which is one of them; -1 is none.
+  Array<int> copies_of(int v) const {
+    Array<int> copies(1, v);
+    const int place = v < 0 ? -1 : place_on_seam[v];
+    if (place < 0) return copies;
+    const SeamVertex& at = seam_[place];
+    const int first = v < s.n_a ? at.a : s.n_a + at.b;
+    const int second = v < s.n_a ? at.copy_a : s.n_a + at.copy_b;
+    copies.push_back(v == first ? second : first);
+    return copies;
+  }
+
+  /// False for a triangle of the body and one of the cap.
+  bool are_in_one_part(int face, int other) const {
+    return part_.empty() || part_[face] == part_[other];
+  }
+
+  /// At the seam, the vertex of the body.
+  int original(int v) const {
+    const int place = place_on_seam[v];
+    if (place < 0) return v;
+    return v < s.n_a ? seam_[place].a : s.n_a + seam_[place].b;
+  }
+
+  /// The vertex of a face that has a place on the seam, as one of its corners; or -1.
+  int corner_on_seam(int face, int place) const {
+    for (int k = 0; k < 3; ++k)
+      if (place_on_seam[s.mesh.corner(face, k)] == place) return k;
+    return -1;
+  }
+
+  /// Takes out what the perturbation has put between vertices of the seam, which has no area.
+  void sew(const Array<SeamVertex>& seam) {
+    seam_ = seam;
+    place_on_seam.assign(s.mesh.n_vertices, -1);
+    if (seam.empty()) return;
+    part_ = components_of(s.mesh);
+    for (int i = 0; i < seam.size(); ++i)
+      for (int v : {seam[i].a, seam[i].copy_a, s.n_a + seam[i].b, s.n_a + seam[i].copy_b})
+        place_on_seam[v] = i;
+    const auto join_edges = [&](int u, int v, int copy_u, int copy_v) {
+      const int h = find_edge(s.mesh, u, v), t = find_edge(s.mesh, copy_v, copy_u);
+      across[h] = t, across[t] = h;
+    };
+    for (int i = 0; i < seam.size(); ++i) {
+      const SeamVertex &p = seam[i], &q = seam[(i + 1) % seam.size()];
+      join_edges(p.a, q.a, p.copy_a, q.copy_a);
+      join_edges(s.n_a + p.b, s.n_a + q.b, s.n_a + p.copy_b, s.n_a + q.copy_b);
+    }
+    Array<OverlayPolygon> kept;
+    for (const OverlayPolygon& p : overlay.polygons) {
+      int corners = 0;
+      for (int i = 0; i < p.count; ++i)
+        corners += corner_key(p, i) != corner_key(p, i > 0 ? i - 1 : p.count - 1);
+      if (corners >= 3) kept.push_back(p);
+    }
+    overlay.polygons.swap(kept);
   }
 
   /// Calls visit(face of the other mesh) for every polygon in a face.
@@ -8854,41 +9029,61 @@ struct EmbeddedPair {
     for_each_target(face, [&](int t) { best.consider(t, barycentric(s.mesh, x, t, p)); });
   }
 
+  /// Of closed surfaces, every point has an image, whatever rounding says.
+  DeepestFace any_face() const {
+    DeepestFace best;
+    if (is_closed()) best.least = -kInfinity;
+    return best;
+  }
+
   MappedPoint image(const DeepestFace& best, Vec2 p) const {
     if (best.face < 0) return {};
     return {true, closest_in_face(s.mesh, x, best.face, p)};
   }
 
   MappedPoint map(const SurfacePoint& point) const {
-    DeepestFace best;
+    DeepestFace best = any_face();
     const Vec2 p = planar_position(point);
     consider_face(point.face, p, best);
     return image(best, p);
   }
 
   MappedPoint map_vertex(int v) const {
-    DeepestFace best;
+    DeepestFace best = any_face();
     s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
     return image(best, row2(x, v));
   }
+
+ private:
+  Array<SeamVertex> seam_;
+  Array<int> part_;  // per face, body or cap of its surface; empty without a seam
 };
 
 // ---- curves ----
 
-/// The faces a point lies in: one, or those around its edge or vertex.
-inline Array<int> faces_around(const HalfEdgeMesh& m, const SurfacePoint& s) {
-  Array<int> faces;
-  for (int k = 0; k < 3; ++k)
-    if (s.barycentric[k] == 1) {
-      m.for_each_outgoing(m.corner(s.face, k), [&](int h) { faces.push_back(h / 3); });
-      return faces;
-    }
-  faces.push_back(s.face);
-  for (int k = 0; k < 3; ++k) {  // corner k does not count: the point is on the edge behind it
-    const int twin = m.twin[next(3 * s.face + k)];
-    if (s.barycentric[k] == 0 && twin >= 0) faces.push_back(twin / 3);
+/// A point as a point of every face it lies in: one, or those around its edge or vertex, also
+/// beyond a seam. As it was given, it comes first.
+inline Array<SurfacePoint> everywhere(const EmbeddedPair& pair, const SurfacePoint& p) {
+  const HalfEdgeMesh& m = pair.s.mesh;
+  Array<SurfacePoint> all(1, p);
+  const auto add = [&](int h, double tail, double tip) {
+    Vec3 weights;
+    weights[h % 3] = tail;
+    weights[next(h) % 3] = tip;
+    if (h / 3 != p.face) all.push_back(surface_point(h / 3, weights));
+  };
+  for (int k = 0; k < 3; ++k) {
+    if (p.barycentric[k] != 1) continue;
+    const int v = m.corner(p.face, k);
+    for (int copy : pair.copies_of(v)) m.for_each_outgoing(copy, [&](int h) { add(h, 1, 0); });
+    return all;
   }
-  return faces;
+  for (int k = 0; k < 3; ++k) {  // corner k does not count: the point is on the edge behind it
+    const int h = next(3 * p.face + k), beyond = pair.across[h];
+    if (p.barycentric[k] == 0 && beyond >= 0)
+      add(beyond, p.barycentric[next(h) % 3], p.barycentric[h % 3]);
+  }
+  return all;
 }
 
 /// The part of a segment of the plane in one triangle, from parameter s to t.
@@ -8913,14 +9108,23 @@ class CurveMapper {
   /// A path along edges.
   std::vector<Polyline> map_path(const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
-      const int u = vertices[i], v = vertices[i + 1], h = find_edge(m_, u, v);
+      int h = -1;
+      bool is_forward = true;
+      for (int u : pair_.copies_of(vertices[i]))
+        for (int v : pair_.copies_of(vertices[i + 1]))
+          if (h < 0) {
+            h = find_edge(m_, u, v);
+            is_forward = h >= 0 && m_.tail[h] == u;
+          }
       Array<int> faces;
       if (h >= 0) faces.push_back(h / 3);
       if (h >= 0 && m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
-      if (h >= 0)
-        add_segment(row2(pair_.x, u), row2(pair_.x, v), faces);
-      else
+      if (h < 0) {
         interrupt();
+        continue;
+      }
+      const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
+      add_segment(is_forward ? tail : tip, is_forward ? tip : tail, faces);
     }
     return std::move(polylines_);
   }
@@ -8932,9 +9136,21 @@ class CurveMapper {
         interrupt();
         continue;
       }
-      Array<int> faces = faces_around(m_, points[i]);
-      for (int f : faces_around(m_, points[i + 1])) faces.push_back(f);
-      add_segment(pair_.planar_position(points[i]), pair_.planar_position(points[i + 1]), faces);
+      const Array<SurfacePoint> from = everywhere(pair_, points[i]);
+      const Array<SurfacePoint> to = everywhere(pair_, points[i + 1]);
+      int k = 0, l = 0;  // in one triangle, if there is one
+      for (int at_k = from.size() - 1; at_k >= 0; --at_k)
+        for (int at_l = to.size() - 1; at_l >= 0; --at_l)
+          if (from[at_k].face == to[at_l].face) k = at_k, l = at_l;
+      if (!pair_.are_in_one_part(from[k].face, to[l].face)) {
+        interrupt();
+        continue;
+      }
+      Array<int> faces;
+      for (const Array<SurfacePoint>* ends : {&from, &to})
+        for (const SurfacePoint& p : *ends)
+          if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
+      add_segment(pair_.planar_position(from[k]), pair_.planar_position(to[l]), faces);
     }
     return std::move(polylines_);
   }
@@ -9059,6 +9275,11 @@ struct MapData : Outcome {  // kDone if the pair is there
     return polylines;
   }
 
+  /// The vertex of a mesh that another one is a copy of at the seam, or itself.
+  int original(int v, Side side) const {
+    return pair.original(first_vertex(side) + v) - first_vertex(side);
+  }
+
   MappedPoint map(const SurfacePoint& point, Side from) const {
     const SurfacePoint p = joint(point, from);
     return p.face < 0 ? MappedPoint() : own(pair.map(p));
@@ -9104,16 +9325,6 @@ struct MapData : Outcome {  // kDone if the pair is there
 };
 
 // ---- meta mesh ----
-
-/// What a corner of a polygon is: a vertex (kind 0), or a crossing of two edges, each named by the
-/// smaller of its half-edges (kind 1).
-struct CornerKey {
-  int kind, first, second;
-  bool operator<(const CornerKey& o) const {
-    if (kind != o.kind) return kind < o.kind;
-    return first != o.first ? first < o.first : second < o.second;
-  }
-};
 
 /// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
@@ -9167,56 +9378,59 @@ class MetaMeshBuilder {
       set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
       set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
     }
-    int next = 0;
     for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
       mesh.face_a.push_back(p.ta);
       mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
-      for (int i = 0; i < p.count; ++i) mesh.corners.push_back(id_[next++]);
-      mesh.offsets.push_back(next);
     }
+    for (int id : id_) mesh.corners.push_back(id);
+    for (int end : ends_) mesh.offsets.push_back(end);
   }
-
-  int edge_id(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
 
   static Vec3 on_edge(int k, double t) { return (1 - t) * unit3(k) + t * unit3((k + 1) % 3); }
 
   void add_polygon(const OverlayPolygon& p) {
-    const SixPoints x = six_points(m_, data_.pair.x, p);
+    const EmbeddedPair& pair = data_.pair;
+    const SixPoints x = six_points(m_, pair.x, p);
     const PolygonShape shape = polygon_shape(p, x);
-    for (int i = 0; i < p.count; ++i) {
-      const Piece &before = shape[(i + p.count - 1) % p.count], &piece = shape[i];
-      if (same_triangle(before.e, piece.e))
-        add_vertex(p, piece.e, x);
-      else
-        add_crossing(p, before, piece);
+    for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
+      const CornerKey key = pair.corner_key(p, i);
+      if (!(key != pair.corner_key(p, last))) continue;  // at the seam
+      const Piece &before = shape[last], &piece = shape[i];
+      Corner c =
+          same_triangle(before.e, piece.e) ? vertex(p, piece.e, x) : crossing(p, before, piece);
+      if (key.kind == 2) {
+        const int k = pair.corner_on_seam(p.ta, key.first),
+                  l = pair.corner_on_seam(p.tb, key.first);
+        if (k >= 0) c.on_a = surface_point(p.ta, unit3(k));
+        if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
+      }
+      c.key = key;
+      c.on_b = data_.own(c.on_b);
+      corners_.push_back(c);
     }
+    ends_.push_back(corners_.size());
   }
 
-  void add_corner(const CornerKey& key, const OverlayPolygon& p, const Vec3& on_a,
-                  const Vec3& on_b) {
-    corners_.push_back({key, surface_point(p.ta, on_a), data_.own(surface_point(p.tb, on_b))});
-  }
-
-  void add_vertex(const OverlayPolygon& p, int e, const SixPoints& x) {
+  Corner vertex(const OverlayPolygon& p, int e, const SixPoints& x) const {
     const bool of_a = e < 3;
     const int k = of_a ? e : e - 3;
     const Vec3 on_a = of_a ? unit3(k) : barycentric(x[e], x[0], x[1], x[2]);
     const Vec3 on_b = of_a ? barycentric(x[e], x[3], x[4], x[5]) : unit3(k);
-    add_corner({0, m_.corner(of_a ? p.ta : p.tb, k), 0}, p, on_a, on_b);
+    return {{}, surface_point(p.ta, on_a), surface_point(p.tb, on_b)};
   }
 
-  void add_crossing(const OverlayPolygon& p, const Piece& before, const Piece& piece) {
+  static Corner crossing(const OverlayPolygon& p, const Piece& before, const Piece& piece) {
     const bool a_first = before.e < 3;
     const int edge_a = a_first ? before.e : piece.e, edge_b = (a_first ? piece.e : before.e) - 3;
     const double t = a_first ? before.t : piece.s, mu = a_first ? piece.s : before.t;
-    add_corner({1, edge_id(3 * p.ta + edge_a), edge_id(3 * p.tb + edge_b)}, p, on_edge(edge_a, t),
-               on_edge(edge_b, mu));
+    return {{}, surface_point(p.ta, on_edge(edge_a, t)), surface_point(p.tb, on_edge(edge_b, mu))};
   }
 
   const MapData& data_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
-  Array<int> id_;  // of every corner, that of its vertex
+  Array<int> ends_;  // per polygon, of its corners
+  Array<int> id_;    // of every corner, that of its vertex
 };
 
 // ---- distortion ----
@@ -9270,6 +9484,7 @@ inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
   const HalfEdgeMesh& m = pair.s.mesh;
   const int part = side == Side::kA ? 0 : 1, first = side == Side::kA ? 0 : pair.s.n_a;
   OpeningInsides insides;
+  if (pair.is_closed()) return insides;
   Scaffold none;
   none.n_vertices = m.n_vertices;
   Array<int> corners, vertices;
@@ -9324,6 +9539,7 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
 const TriangleMesh& SurfaceMap::mesh(Side side) const { return data_->mesh(side); }
+bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
 MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
@@ -9508,15 +9724,23 @@ struct Refinement {
   HalfEdgeMesh mesh;
   Array<int> parent;  // per triangle
   Array<Vec3> place;  // per corner, barycentric coordinates
+  Array<int> vertex;  // per vertex of the refined mesh that was given; copies are one vertex here
 };
 
 /// Adds the same vertices once more; false if the edge or triangle of one is not there.
 inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
+  for (int v = 0; v < r.mesh.n_vertices; ++v) r.vertex.push_back(v);
   for (int f = 0; f < r.mesh.n_faces; ++f) {
     r.parent.push_back(f);
     for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
   }
-  for (const AddedVertex& p : added) {
+  for (AddedVertex p : added) {
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      if (p.corners[k] >= r.vertex.size()) return false;
+      p.corners[k] = r.vertex[p.corners[k]];
+    }
+    r.vertex.push_back(is_copy(p) ? p.corners[0] : r.mesh.n_vertices);
+    if (is_copy(p)) continue;
     const int h = find_place(r.mesh, p);
     if (h < 0) return false;
     const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
@@ -9600,9 +9824,12 @@ Transfer refine(const MeshView& mesh, const MeshView& refined,
   const TriangleMesh coarse = detail::copied(mesh), fine = detail::copied(refined);
   detail::Refinement r;
   Transfer result;
+  const auto is_same_corner = [&](int v, int w) {
+    return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
+  };
   if (!detail::find_problems(coarse, r.mesh).empty() || !detail::add_again(added, r) ||
-      r.mesh.n_vertices != fine.vertices.rows() || r.mesh.n_faces != fine.triangles.rows() ||
-      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), fine.triangles.data())) {
+      r.vertex.size() != fine.vertices.rows() || r.mesh.n_faces != fine.triangles.rows() ||
+      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), fine.triangles.data(), is_same_corner)) {
     detail::fail(result, Status::kInvalidAttributes,
                  {"the refined mesh is not the mesh with these vertices added"});
     return result;
@@ -9662,13 +9889,14 @@ Remesh remesh(const SurfaceMap& map, Side side) {
     detail::set_row(result.mesh.vertices, v,
                     image.covered ? data.position(image.point, detail::other(side)) : first);
   }
-  detail::Array<int> corners;
+  detail::Array<int> corners;  // copies of vertices are in no triangle
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     bool is_covered = true;
     for (int k = 0; k < 3; ++k)
       is_covered =
           is_covered && result.covered[static_cast<std::size_t>(mesh.triangles(f, k))] != 0;
-    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(mesh.triangles(f, k));
+    for (int k = 0; k < 3 && is_covered; ++k)
+      corners.push_back(data.original(mesh.triangles(f, k), side));
   }
   result.mesh.triangles = detail::triangles_from(corners);
   return result;
@@ -9681,7 +9909,950 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
   return x;
 }
 
-// ==== [17] ENTRY POINTS ==========================================================================
+// ==== [17] CLOSED SURFACES =======================================================================
+//
+// Purpose:    maps of closed surfaces, which the paper leaves out: opens them for Algorithm 1, and
+//             closes the map again, to a homeomorphism.
+// Method:     A closed surface is cut along a small cross of edges; nothing is removed. Where both
+//             are closed, the crosses are at places that correspond. When Algorithm 1 has ended,
+//             the crosses are sewn, and both surfaces are cut in two along one closed curve in the
+//             overlap, the seam: a loop of edges of A, which become edges of B. The map inside of
+//             it, of the body, stays as it is. What is outside, the cap, is a disk on either
+//             surface: both caps are embedded in one square with the seam as its outline, and
+//             Algorithm 1 finds the map between them with that boundary held.
+// Invariants: the seam has the same vertices on A and B, at the same positions; so f(A) and g(B)
+//             are the same part of the plane, body and cap, and what body and cap say of an edge of
+//             the seam is the same.
+// Fails:      with kStalled and the map of the open surfaces, where rounding leaves no room for a
+//             seam.
+
+namespace detail {
+
+// ---- where to open ----
+
+/// Lengths of the shortest paths along edges from some vertices [Dijkstra 1959].
+inline Array<double> edge_distances(const Surface& s, const Array<int>& from) {
+  struct Reached {
+    double distance;
+    int vertex;
+    bool operator<(const Reached& o) const { return distance > o.distance; }
+  };
+  Array<double> distance(s.mesh.n_vertices, kInfinity);
+  Array<Reached> heap;
+  const auto reach = [&](int v, double d) {
+    if (d >= distance[v]) return;
+    distance[v] = d;
+    heap.push_back({d, v});
+    std::push_heap(heap.begin(), heap.end());
+  };
+  for (int v : from) reach(v, 0);
+  while (!heap.empty()) {
+    std::pop_heap(heap.begin(), heap.end());
+    const Reached at = heap.back();
+    heap.pop_back();
+    if (at.distance > distance[at.vertex]) continue;
+    s.mesh.for_each_outgoing(at.vertex, [&](int h) {
+      for (int e : {h, prev(h)})
+        reach(e == h ? s.mesh.tip(e) : s.mesh.tail[e], at.distance + s.edge_length(e));
+    });
+  }
+  return distance;
+}
+
+/// Where a surface may be opened, with what tells such places apart; lengths are in units of the
+/// root of its area. A surface with a boundary is open there, and has that place only, vertex -1.
+struct Sites {
+  Array<int> samples;                // spread evenly
+  Array<double> remoteness;          // per vertex, mean distance from the samples
+  Array<Array<double>> to_landmark;  // per landmark and vertex; at the end, from the boundary
+
+  double distance(int landmark, int v) const {
+    const Array<double>& d = to_landmark[landmark];
+    return v < 0 ? d.back() : d[v];
+  }
+  double distance_to_landmarks(int v) const {
+    double least = kInfinity;
+    for (int i = 0; i < to_landmark.size(); ++i) least = (std::min)(least, distance(i, v));
+    return least;
+  }
+};
+
+inline Sites find_sites(const Surface& s, const Array<Place>& landmarks) {
+  constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
+  const double unit = 1 / std::sqrt(s.total_area);
+  const int n = s.mesh.n_vertices;
+  const int n_samples = (std::min)(n, std::clamp(kVisits / n, int{kLeast}, int{kMost}));
+  Sites sites;
+  for (int i = 0; i < (std::min)(landmarks.size(), int{kMostLandmarks}); ++i) {
+    Array<double> d = edge_distances(s, Array<int>(1, landmarks[i].corners[0]));
+    d.push_back(kInfinity);
+    for (int h : s.mesh.boundary) d.back() = (std::min)(d.back(), d[s.mesh.tail[h]]);
+    for (double& length : d) length *= unit;
+    sites.to_landmark.push_back(std::move(d));
+  }
+  if (!s.mesh.boundary.empty()) {
+    sites.samples.push_back(-1);
+    return sites;
+  }
+  sites.remoteness.assign(n, 0);
+  Array<double> nearest(n, kInfinity);
+  int farthest = 0;
+  while (sites.samples.size() < n_samples) {
+    sites.samples.push_back(farthest);
+    const Array<double> d = edge_distances(s, Array<int>(1, farthest));
+    for (int v = 0; v < n; ++v) {
+      sites.remoteness[v] += unit * d[v] / n_samples;
+      nearest[v] = (std::min)(nearest[v], d[v]);
+      if (nearest[v] > nearest[farthest]) farthest = v;
+    }
+  }
+  return sites;
+}
+
+/// A place on A and one on B, of which closed ones are opened there; -1 for a surface that is open.
+struct OpeningPair {
+  int a = -1, b = -1;
+};
+
+inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the area
+
+/// Finds where two surfaces are to be opened: where they unfold with little strain, as seen from
+/// there nothing is far, and where both are as far from their landmarks; or at a landmark, if that
+/// only guides the start. Fewer than three landmarks do not tell places apart: there is then more
+/// than one pair, to be tried.
+class OpeningFinder {
+ public:
+  /// `is_bound`: per landmark, whether it has to stay where it is.
+  OpeningFinder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
+                const Array<char>& is_bound) {
+    Array<Place> a, b;
+    for (const PlacedLandmark& l : landmarks) a.push_back(l.a), b.push_back(l.b);
+    a_ = find_sites(pair.a, a);
+    b_ = find_sites(pair.b, b);
+    for (int i = 0; i < landmarks.size(); ++i)
+      if (!is_bound[i] && vertex_at(a[i]) >= 0 && vertex_at(b[i]) >= 0)
+        at_landmarks_.push_back({vertex_at(a[i]), vertex_at(b[i])});
+  }
+
+  Array<OpeningPair> find() const {
+    constexpr int kTrials = 4, kEnough = 3;
+    const Array<int> a = clear_of_landmarks(a_), b = clear_of_landmarks(b_);
+    if (a_.to_landmark.size() < kEnough) return trials(a, b, kTrials);
+    OpeningPair best;
+    double least = kInfinity;
+    const auto consider = [&](int v, int w) {
+      const double value = strain(v, w) + mismatch(v, w);
+      if (value < least) least = value, best = {v, w};
+    };
+    for (int v : a)
+      for (int w : b) consider(v, w);
+    const OpeningPair coarse = best;  // samples are spread too thin to match well
+    for (int w = 0; w < b_.remoteness.size(); ++w)
+      if (is_clear(b_, w)) consider(coarse.a, w);
+    for (int v = 0; v < a_.remoteness.size() && coarse.b < 0; ++v)
+      if (is_clear(a_, v)) consider(v, coarse.b);
+    const bool are_closed = coarse.a >= 0 && coarse.b >= 0;
+    for (int i = 0; i < at_landmarks_.size() && are_closed; ++i) {
+      constexpr double kLoss = 0.05;  // a landmark less guides the start
+      const double value = strain(at_landmarks_[i].a, at_landmarks_[i].b) + kLoss;
+      if (value < least) least = value, best = at_landmarks_[i];
+    }
+    return Array<OpeningPair>(1, best);
+  }
+
+ private:
+  static bool is_clear(const Sites& sites, int v) {
+    return v < 0 || sites.distance_to_landmarks(v) > 3 * kArm;
+  }
+
+  static Array<int> clear_of_landmarks(const Sites& sites) {
+    Array<int> clear;
+    for (int v : sites.samples)
+      if (is_clear(sites, v)) clear.push_back(v);
+    return clear.empty() ? sites.samples : clear;
+  }
+
+  double strain(int v, int w) const {
+    const auto squared_remoteness = [](const Sites& sites, int at) {
+      return at < 0 ? 0 : sites.remoteness[at] * sites.remoteness[at];
+    };
+    return squared_remoteness(a_, v) + squared_remoteness(b_, w);
+  }
+
+  double mismatch(int v, int w) const {
+    constexpr double kWeight = 10;
+    double sum = 0;
+    for (int i = 0; i < a_.to_landmark.size(); ++i) {
+      const double difference = a_.distance(i, v) - b_.distance(i, w);
+      sum += difference * difference;
+    }
+    return kWeight * sum / a_.to_landmark.size();
+  }
+
+  /// The best place on A, or if that is open, on B, with several on the other one.
+  Array<OpeningPair> trials(Array<int> a, Array<int> b, int most) const {
+    const auto sort = [](const Sites& sites, Array<int>& places) {
+      if (places[0] >= 0)
+        std::sort(places.begin(), places.end(), [&](int v, int w) {
+          const double d = sites.remoteness[v] - sites.remoteness[w];
+          return d != 0 ? d < 0 : v < w;
+        });
+    };
+    sort(a_, a);
+    sort(b_, b);
+    Array<OpeningPair> pairs;
+    for (int i = 0; i < (std::min)(most, (std::max)(a.size(), b.size())); ++i) {
+      const int v = b[0] < 0 ? a[(std::min)(i, a.size() - 1)] : a[0];
+      const int w = b[0] < 0 ? -1 : b[(std::min)(i, b.size() - 1)];
+      pairs.push_back({v, w});
+    }
+    return pairs;
+  }
+
+  Sites a_, b_;
+  Array<OpeningPair> at_landmarks_;
+};
+
+/// Four paths of edges from a vertex of a closed surface, or as many as it has edges; straight on
+/// at every vertex, until they are as long as an arm or meet.
+inline Array<int> cross_at(const Surface& s, int center) {
+  const HalfEdgeMesh& m = s.mesh;
+  const double length = kArm * std::sqrt(s.total_area);
+  const auto outgoing_from = [&](int h) {
+    Array<int> spokes;
+    for (int e = h; spokes.empty() || e != h; e = m.turn(e)) spokes.push_back(e);
+    return spokes;
+  };
+  const Array<int> spokes = outgoing_from(m.out[center]);
+  const int arms = (std::min)(4, spokes.size());
+  Array<char> is_taken(m.n_vertices, 0);
+  is_taken[center] = 1;
+  Array<int> edges, tips;
+  for (int i = 0; i < arms; ++i) {
+    edges.push_back(spokes[i * spokes.size() / arms]);
+    is_taken[m.tip(edges.back())] = 1;
+  }
+  for (int i = 0; i < arms; ++i) {
+    int h = edges[i];
+    for (double way = s.edge_length(h); way < length; way += s.edge_length(h)) {
+      const Array<int> around = outgoing_from(m.twin[h]);
+      h = around[around.size() / 2];
+      if (is_taken[m.tip(h)]) break;
+      is_taken[m.tip(h)] = 1;
+      edges.push_back(h);
+    }
+  }
+  return edges;
+}
+
+/// A surface as it is optimised: closed ones are cut open.
+inline Surface opened(Surface s, int vertex) {
+  if (vertex >= 0) cut_along(cross_at(s, vertex), s);
+  return s;
+}
+
+// ---- the seam ----
+
+/// An embedded surface to which vertices are added.
+struct Sheet {
+  HalfEdgeMesh mesh;
+  Array<Vec2> x;
+  std::vector<AddedVertex> added;
+
+  bool is_positive(int u, int v, Vec2 p) const { return orient2d(x[u], x[v], p) > 0; }
+
+  /// May the edge of h be cut in two at a place p of the plane, which is on it or next to it?
+  bool may_split(int h, Vec2 p) const {
+    for (int e : {h, mesh.twin[h]})
+      if (e < 0 || !is_positive(mesh.tip(e), mesh.tail[prev(e)], p) ||
+          !is_positive(mesh.tail[prev(e)], mesh.tail[e], p))
+        return false;
+    return true;
+  }
+
+  /// Adds a vertex to an edge, at t of the way along h.
+  int split(int h, double t, Vec2 p) {
+    constexpr double kLeast = 1e-6;
+    t = (std::min)((std::max)(t, kLeast), 1 - kLeast);
+    AddedVertex on_edge(mesh.tail[h], mesh.tip(h));
+    on_edge.weights[0] = 1 - t;
+    on_edge.weights[1] = t;
+    return add(h, on_edge, p);
+  }
+
+  /// Adds a vertex in a triangle; -1 if it is not inside.
+  int insert(int f, Vec2 p) {
+    const int u = mesh.corner(f, 0), v = mesh.corner(f, 1), w = mesh.corner(f, 2);
+    const Vec3 at = barycentric(p, x[u], x[v], x[w]);
+    if (!is_positive(u, v, p) || !is_positive(v, w, p) || !is_positive(w, u, p)) return -1;
+    AddedVertex inside;
+    inside.corners = Eigen::Vector3i(u, v, w);
+    inside.weights = Eigen::Vector3d(at.x, at.y, at.z);
+    constexpr double kLeast = 1e-6;
+    return (std::min)({at.x, at.y, at.z}) > kLeast ? add(3 * f, inside, p) : -1;
+  }
+
+  int add(int h, const AddedVertex& vertex, Vec2 p) {
+    add_vertex(mesh, h, vertex);
+    added.push_back(vertex);
+    x.push_back(p);
+    return mesh.n_vertices - 1;
+  }
+
+  /// May a vertex be moved?
+  bool may_move(int v, Vec2 p) const {
+    bool may = !mesh.on_boundary(v);
+    mesh.for_each_outgoing(
+        v, [&](int h) { may = may && is_positive(mesh.tip(h), mesh.tail[prev(h)], p); });
+    return may;
+  }
+
+  int edge_between(int u, int v) const {
+    const int h = find_edge(mesh, u, v);
+    return h >= 0 && mesh.tail[h] == u ? h : -1;
+  }
+};
+
+/// The seam as vertices of A and of B, counter-clockwise in the plane: pairs lie at the same place.
+struct Seam {
+  Array<int> a, b;
+};
+
+/// Makes a loop of edges of A one of B, too: its vertices are added to B, and then, where one of
+/// its edges crosses one of B, there is a new vertex of both. Where a place is next to a vertex or
+/// an edge that is there, that is taken, and what was straight is bent a little: without that,
+/// slivers arise.
+class SeamTracer {
+ public:
+  SeamTracer(Sheet& a, Sheet& b) : a_(a), b_(b), is_taken_(b.mesh.n_vertices, 0) {}
+
+  /// `faces_near[i]`: a triangle of B near vertex i of the loop. False if rounding leaves no room.
+  bool trace(const Array<int>& loop, const Array<int>& faces_near, Seam& seam) {
+    Array<int> on_b;
+    for (int i = 0; i < loop.size(); ++i) {
+      on_b.push_back(insert(loop[i], faces_near[i]));
+      if (on_b.back() < 0) return false;
+    }
+    for (int i = 0; i < loop.size(); ++i) {
+      const int j = i + 1 < loop.size() ? i + 1 : 0;
+      if (!follow_edge(loop[i], loop[j], on_b[i], on_b[j], seam)) return false;
+    }
+    while (seam.a.size() < 4)
+      if (!halve_last(seam)) return false;
+    return true;
+  }
+
+ private:
+  static constexpr double kNear = 0.02;  // of the height of a triangle, of the length of an edge
+
+  bool take(int v) {
+    if (is_taken_.size() < b_.mesh.n_vertices) is_taken_.resize(b_.mesh.n_vertices);
+    return !is_taken_[v]++;
+  }
+  bool is_free(int v) const {
+    return (v >= is_taken_.size() || !is_taken_[v]) && !b_.mesh.on_boundary(v);
+  }
+
+  /// The triangle of B in which a place lies.
+  int locate(Vec2 p, int face) const {
+    const HalfEdgeMesh& m = b_.mesh;
+    for (int steps = 0; steps < m.n_faces; ++steps) {
+      int across = -1;
+      for (int h = 3 * face; h < 3 * face + 3 && across < 0; ++h)
+        if (!(orient2d(b_.x[m.tail[h]], b_.x[m.tip(h)], p) >= 0)) across = h;
+      if (across < 0) return face;
+      if (m.twin[across] < 0) break;
+      face = m.twin[across] / 3;
+    }
+    for (int f = 0; f < m.n_faces; ++f) {
+      bool is_inside = true;
+      for (int h = 3 * f; h < 3 * f + 3; ++h)
+        is_inside = is_inside && orient2d(b_.x[m.tail[h]], b_.x[m.tip(h)], p) >= 0;
+      if (is_inside) return f;
+    }
+    return -1;
+  }
+
+  /// The vertex of B at a vertex of A; -1 if there is no room for it.
+  int insert(int u, int face) {
+    const Vec2 p = a_.x[u];
+    const int f = locate(p, face);
+    if (f < 0) return -1;
+    const HalfEdgeMesh& m = b_.mesh;
+    const Vec3 at =
+        barycentric(p, b_.x[m.corner(f, 0)], b_.x[m.corner(f, 1)], b_.x[m.corner(f, 2)]);
+    for (int k = 0; k < 3; ++k) {
+      const int w = m.corner(f, k);
+      if (!(at[k] > 1 - kNear) || !is_free(w) || !(b_.x[w] == p || a_.may_move(u, b_.x[w])))
+        continue;
+      a_.x[u] = b_.x[w];
+      take(w);
+      return w;
+    }
+    for (int k = 0; k < 3; ++k) {  // the edge opposite to a corner
+      const int h = next(3 * f + k);
+      if (!(at[k] < kNear) || !b_.may_split(h, p)) continue;
+      const double s = at[(k + 1) % 3], t = at[(k + 2) % 3];
+      const int v = b_.split(h, t / (s + t), p);
+      take(v);
+      return v;
+    }
+    const int v = b_.insert(f, p);
+    if (v >= 0) take(v);
+    return v;
+  }
+
+  /// From u to v along an edge of A, and from w to z through B. Adds all but the end to the seam.
+  bool follow_edge(int u, int v, int w, int z, Seam& seam) {
+    for (int steps = 0; steps < b_.mesh.n_faces; ++steps) {
+      seam.a.push_back(u);
+      seam.b.push_back(w);
+      if (b_.edge_between(w, z) >= 0) return true;
+      const int h = a_.edge_between(u, v);
+      if (h < 0 || !advance(h, z, u, w)) return false;
+    }
+    return false;
+  }
+
+  /// The next vertex on the way to z, along half-edge h of A.
+  bool advance(int h, int z, int& u, int& w) {
+    const HalfEdgeMesh& m = b_.mesh;
+    const Vec2 p = b_.x[w], q = b_.x[z];
+    int into = -1;  // the triangle that the way leads into, as an outgoing half-edge
+    m.for_each_outgoing(w, [&](int e) {
+      if (orient2d(p, b_.x[m.tip(e)], q) >= 0 && orient2d(p, b_.x[m.tail[prev(e)]], q) < 0)
+        into = e;
+    });
+    if (into < 0) return false;
+    const int e = next(into), r = m.tail[e], l = m.tip(e);
+    const double right = -cross(q - p, b_.x[r] - p), left = cross(q - p, b_.x[l] - p);
+    const double t = right / (right + left);
+    if (t < kNear && pass_vertex(h, r, u, w)) return true;
+    if (t > 1 - kNear && pass_vertex(h, l, u, w)) return true;
+    const Vec2 at = flush_tiny((1 - t) * b_.x[r] + t * b_.x[l]);
+    if (a_.may_split(h, at) && m.twin[e] >= 0 && b_.may_split(e, at)) {
+      u = a_.split(h, part_of(h, at), at);
+      w = b_.split(e, t, at);
+      return take(w);
+    }
+    return pass_vertex(h, t < 0.5 ? r : l, u, w);
+  }
+
+  bool pass_vertex(int h, int vertex, int& u, int& w) {
+    const Vec2 at = b_.x[vertex];
+    if (!is_free(vertex) || !a_.may_split(h, at)) return false;
+    u = a_.split(h, part_of(h, at), at);
+    w = vertex;
+    return take(vertex);
+  }
+
+  /// How far along a half-edge of A a place is.
+  double part_of(int h, Vec2 at) const {
+    const Vec2 p = a_.x[a_.mesh.tail[h]], way = a_.x[a_.mesh.tip(h)] - p;
+    return dot(at - p, way) / squared_norm(way);
+  }
+
+  /// Adds a vertex between the last one and the first one.
+  bool halve_last(Seam& seam) {
+    const int h = a_.edge_between(seam.a.back(), seam.a[0]);
+    const int e = b_.edge_between(seam.b.back(), seam.b[0]);
+    if (h < 0 || e < 0) return false;
+    const Vec2 at = flush_tiny(0.5 * (a_.x[seam.a.back()] + a_.x[seam.a[0]]));
+    if (!a_.may_split(h, at) || !b_.may_split(e, at)) return false;
+    seam.a.push_back(a_.split(h, 0.5, at));
+    seam.b.push_back(b_.split(e, 0.5, at));
+    return true;
+  }
+
+  Sheet &a_, &b_;
+  Array<char> is_taken_;  // vertices of B, by the seam
+};
+
+// ---- body and cap ----
+
+/// Leaves the largest connected part of some triangles, and of that, what does not meet itself at a
+/// vertex only. True if there may be more to leave out.
+inline bool make_disk(const HalfEdgeMesh& m, Array<char>& is_in) {
+  HalfEdgeMesh parts = m;
+  for (int h = 0; h < m.twin.size(); ++h)
+    if (m.twin[h] >= 0 && (!is_in[h / 3] || !is_in[m.twin[h] / 3])) parts.twin[h] = -1;
+  const Array<int> part = components_of(parts);
+  Array<int> size(m.n_faces, 0);
+  int largest = -1;
+  for (int f = 0; f < m.n_faces; ++f)
+    if (is_in[f] && (++size[part[f]], largest < 0 || size[part[f]] > size[largest]))
+      largest = part[f];
+  for (int f = 0; f < m.n_faces; ++f) is_in[f] = is_in[f] && part[f] == largest;
+  bool has_changed = false;
+  for (int v = 0; v < m.n_vertices; ++v) {
+    int borders = 0;
+    m.for_each_outgoing(v, [&](int h) {
+      const int t = m.twin[h];
+      borders += is_in[h / 3] != (t >= 0 && is_in[t / 3]);
+    });
+    if (borders <= 2) continue;
+    m.for_each_outgoing(v, [&](int h) { is_in[h / 3] = 0; });
+    has_changed = true;
+  }
+  return has_changed;
+}
+
+/// The triangles of A inside of the seam: those that B covers, and that have some distance from
+/// what it does not cover, and from where either surface is open; as a disk. Empty if there are
+/// none.
+inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, double margin) {
+  const HalfEdgeMesh &m = a.mesh, &both = pair.s.mesh;
+  const auto is_at_boundary = [&](int f) {
+    return both.on_boundary(both.corner(f, 0)) || both.on_boundary(both.corner(f, 1)) ||
+           both.on_boundary(both.corner(f, 2));
+  };
+  Array<char> is_body(m.n_faces, 1);
+  Array<int> open;
+  for (int f = 0; f < m.n_faces; ++f) {
+    bool is_open = is_at_boundary(f) || pair.by_face.start[f] == pair.by_face.start[f + 1];
+    pair.for_each_target(f, [&](int t) { is_open = is_open || is_at_boundary(t); });
+    if (!is_open) continue;
+    is_body[f] = 0;
+    for (int k = 0; k < 3; ++k) open.push_back(m.corner(f, k));
+  }
+  const Array<double> distance = edge_distances(a, open);
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (distance[m.tail[h]] < margin) is_body[h / 3] = 0;
+  while (make_disk(m, is_body)) {
+  }
+  return is_body;
+}
+
+/// The vertices around some triangles that form a disk, counter-clockwise; empty if they do not.
+inline Array<int> loop_around(const HalfEdgeMesh& m, const Array<char>& is_in) {
+  const auto is_border = [&](int h) {
+    return is_in[h / 3] && !(m.twin[h] >= 0 && is_in[m.twin[h] / 3]);
+  };
+  int first = -1, borders = 0;
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (is_border(h)) first = h, ++borders;
+  Array<int> loop;
+  if (first < 0) return loop;
+  for (int h = first; loop.size() < borders;) {
+    loop.push_back(m.tail[h]);
+    for (h = next(h); !is_border(h);) h = next(m.twin[h]);
+    if (h == first) break;
+  }
+  if (loop.size() != borders) loop.clear();
+  return loop;
+}
+
+/// The half-edges of a closed path, given by its vertices.
+inline Array<int> edges_along(const HalfEdgeMesh& m, const Array<int>& loop) {
+  Array<int> edges;
+  for (int i = 0; i < loop.size(); ++i) {
+    const int v = loop[i + 1 < loop.size() ? i + 1 : 0];
+    m.for_each_outgoing(loop[i], [&](int h) {
+      if (m.tip(h) == v) edges.push_back(h);
+    });
+  }
+  return edges;
+}
+
+/// A closed surface in two parts, with the same ids of vertices as if it were in one, and copies of
+/// the seam behind them, for the cap.
+struct CutSurface {
+  Surface surface;
+  Points2 x;           // rows of the body
+  Array<int> seam;     // vertices of the body; those of the cap are the last ones of the surface
+  Array<char> is_cap;  // per triangle
+};
+
+/// Halves the edges on the right of a closed path that join two of its vertices.
+inline void halve_chords(const Array<int>& loop, Surface& s) {
+  HalfEdgeMesh parts = s.mesh;
+  const Array<int> edges = edges_along(s.mesh, loop);
+  Array<char> is_on_loop(s.mesh.n_vertices, 0);
+  for (int v : loop) is_on_loop[v] = 1;
+  for (int h : edges) parts.twin[h] = parts.twin[s.mesh.twin[h]] = -1;
+  const Array<int> part = components_of(parts);
+  std::vector<AddedVertex> chords;
+  for (int h = 0; h < s.mesh.tail.size(); ++h) {
+    const int v = s.mesh.tail[h], w = s.mesh.tip(h);
+    if (parts.twin[h] < h || part[h / 3] == part[edges[0] / 3]) continue;
+    if (is_on_loop[v] && is_on_loop[w]) chords.push_back({v, w});
+  }
+  add_vertices(chords, s);
+}
+
+/// Sews the cross of an opened surface, to which vertices have been added since, and cuts it along
+/// the seam. Edges of the cap that join two vertices of the seam are halved, or they would lie in
+/// its outline. False if `closed` does not fit.
+inline bool cut_in_two(const Surface& closed, const Surface& open, const Sheet& sheet,
+                       const Array<int>& seam, CutSurface& cut) {
+  Surface& s = cut.surface = closed;
+  const int n = closed.mesh.n_vertices;
+  std::vector<AddedVertex> all = open.added, added;
+  all.insert(all.end(), sheet.added.begin(), sheet.added.end());
+  Array<int> id;  // of every vertex of the sheet, once the cross is sewn
+  Array<Vec2> x;
+  for (int v = 0; v < n; ++v) id.push_back(v), x.push_back(sheet.x[v]);
+  for (AddedVertex p : all) {
+    for (int k = 0; k < 3; ++k)
+      if (p.corners[k] >= 0) p.corners[k] = id[p.corners[k]];
+    const int v = id.size();
+    id.push_back(is_copy(p) ? p.corners[0] : x.size());
+    if (is_copy(p)) continue;
+    added.push_back(p);
+    x.push_back(sheet.x[v]);
+  }
+  if (!add_vertices(added, s)) return false;
+  for (int v : seam) cut.seam.push_back(id[v]);
+  halve_chords(cut.seam, s);
+  const Array<int> edges = edges_along(s.mesh, cut.seam);
+  if (edges.size() != cut.seam.size()) return false;
+  cut_along(edges, s);
+  const Array<int> part = components_of(s.mesh);
+  for (int f = 0; f < s.mesh.n_faces; ++f) cut.is_cap.push_back(part[f] != part[edges[0] / 3]);
+  cut.x.setZero(s.mesh.n_vertices, 2);
+  for (int v = 0; v < x.size(); ++v) set_row(cut.x, v, x[v]);
+  return true;
+}
+
+/// Some triangles of a surface as a surface of their own.
+struct Patch {
+  Surface surface;
+  Array<int> vertex;  // per vertex, its id in the whole
+  Array<int> place;   // and back, or -1
+};
+
+inline Patch patch_of(const Surface& s, const Array<char>& is_in) {
+  Patch patch;
+  patch.place.assign(s.mesh.n_vertices, -1);
+  Array<int> corners;
+  for (int f = 0; f < s.mesh.n_faces; ++f)
+    for (int k = 0; k < 3 && is_in[f]; ++k) {
+      corners.push_back(s.mesh.corner(f, k));
+      patch.place[corners.back()] = 0;
+    }
+  for (int v = 0; v < s.mesh.n_vertices; ++v) {
+    if (patch.place[v] < 0) continue;
+    patch.place[v] = patch.vertex.size();
+    patch.vertex.push_back(v);
+  }
+  for (int& v : corners) v = patch.place[v];
+  Points3 vertices(patch.vertex.size(), 3);
+  for (int i = 0; i < patch.vertex.size(); ++i)
+    set_row(vertices, i, row3(s.vertices, patch.vertex[i]));
+  patch.surface =
+      build_surface(build_half_edges(patch.vertex.size(), triangles_from(corners)), vertices, true);
+  for (int v : patch.vertex) patch.surface.given.push_back(s.given_id(v));
+  return patch;
+}
+
+/// The seam along the sides of a square, by its length on both surfaces.
+inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>& seam_a,
+                               const Array<int>& seam_b) {
+  const int n = seam_a.size();
+  Array<double> arc(1, 0);
+  const auto length = [](const Patch& p, const Array<int>& seam, int i) {
+    const int v = seam[i], w = seam[(i + 1) % seam.size()];
+    return norm(row3(p.surface.vertices, w) - row3(p.surface.vertices, v));
+  };
+  double whole_a = 0, whole_b = 0;
+  for (int i = 0; i < n; ++i) {
+    whole_a += length(a, seam_a, i);
+    whole_b += length(b, seam_b, i);
+  }
+  for (int i = 0; i < n; ++i)
+    arc.push_back(arc[i] + 0.5 * (length(a, seam_a, i) / whole_a + length(b, seam_b, i) / whole_b));
+  int corner[5] = {0, 0, 0, 0, n};
+  for (int k = 1; k < 4; ++k) {
+    corner[k] = corner[k - 1] + 1;
+    while (corner[k] < n - 4 + k && arc[corner[k]] < k / 4.0) ++corner[k];
+  }
+  OutlinePair outlines;
+  outlines.a.half_side = outlines.b.half_side =
+      0.5 * std::sqrt(0.5 * (a.surface.total_area + b.surface.total_area));
+  outlines.a.u.assign(a.vertex.size(), -1);
+  outlines.b.u.assign(b.vertex.size(), -1);
+  for (int k = 0; k < 4; ++k) {
+    const double from = arc[corner[k]], to = arc[corner[k + 1]];
+    outlines.a.corner[k] = seam_a[corner[k]];
+    outlines.b.corner[k] = seam_b[corner[k]];
+    for (int i = corner[k]; i < corner[k + 1]; ++i)
+      outlines.a.u[seam_a[i]] = outlines.b.u[seam_b[i]] = k + (arc[i] - from) / (to - from);
+  }
+  return outlines;
+}
+
+/// Closes the map of two closed surfaces that were opened, in steps.
+class Closer {
+ public:
+  Closer(const SurfacePair& closed, const SurfacePair& open, const Array<PlacedLandmark>& landmarks,
+         const Array<Follower>& followers, const Options& options, const Executor& executor)
+      : closed_(closed),
+        open_(open),
+        landmarks_(landmarks),
+        held_(followers),
+        options_(options),
+        executor_(executor) {
+    options_.boundary = Boundary::kFixed;
+    options_.exact_landmarks = false;
+    for (std::vector<int>* list :
+         {&options_.pins_a, &options_.pins_b, &options_.fixed_a, &options_.fixed_b})
+      list->clear();
+  }
+
+  /// Cuts the surfaces along a seam; x are the positions of the opened ones.
+  void begin(const Points2& x, int max_iterations) {
+    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};  // in roots of the area
+    options_.max_iterations = (std::max)(0, max_iterations);
+    const EmbeddedPair pair(join(open_), x);
+    for (double margin : kMargins)
+      if (cut_around_body(pair, margin * std::sqrt(open_.a.total_area))) return;
+    if (!cut_in_polygon(pair)) status_ = Status::kStalled;
+  }
+
+  /// False after the last step.
+  bool step() {
+    if (status_ != Status::kUnfinished) return false;
+    if (!optimizer_) return embed();
+    const bool has_more = optimizer_->iterate(result_);
+    if (result_.log.size() > told_) {
+      told_ = result_.log.size();
+      log_.push_back(whole(result_.log.back()));
+    }
+    status_ = result_.status;
+    return has_more;
+  }
+
+  bool has_map() const { return optimizer_ != nullptr; }
+  bool has_failed() const { return !has_map() && status_ != Status::kUnfinished; }
+  Status status() const { return status_; }
+  /// Of the whole surfaces; the first entry is what cutting and embedding the caps came to.
+  const std::vector<IterationLog>& log() const { return log_; }
+  const SurfacePair& surfaces() const { return cut_pair_; }
+
+  /// The positions of both surfaces.
+  Points2 positions() const {
+    Points2 x = x_;
+    const Points2& y = optimizer_->positions();
+    const int n_a = a_.vertex.size();
+    for (int i = 0; i < n_a; ++i) set_row(x, a_.vertex[i], row2(y, i) + offset_);
+    for (int i = 0; i < b_.vertex.size(); ++i)
+      set_row(x, cut_pair_.a.mesh.n_vertices + b_.vertex[i], row2(y, n_a + i) + offset_);
+    return x;
+  }
+
+ private:
+  static Sheet sheet_of(const Surface& s, const Points2& x, int first) {
+    Sheet sheet;
+    sheet.mesh = s.mesh;
+    for (int v = 0; v < s.mesh.n_vertices; ++v) sheet.x.push_back(row2(x, first + v));
+    return sheet;
+  }
+
+  /// Cuts around the triangles that choose_body() chooses, if what is pinned or exact is inside.
+  bool cut_around_body(const EmbeddedPair& pair, double margin) {
+    const HalfEdgeMesh& m = open_.a.mesh;
+    const Array<char> is_body = choose_body(pair, open_.a, margin);
+    const Array<int> loop = loop_around(m, is_body);
+    for (const Follower& follower : held_)
+      if (!is_inside(pair, is_body, follower)) return false;
+    Array<int> faces_near;
+    for (int v : loop) {
+      int near = 0;
+      m.for_each_outgoing(v, [&](int h) {
+        pair.for_each_target(h / 3, [&](int t) { near = t - pair.s.faces_a; });
+      });
+      faces_near.push_back(near);
+    }
+    Sheet a = sheet_of(open_.a, pair.x, 0), b = sheet_of(open_.b, pair.x, pair.s.n_a);
+    return !loop.empty() && cut(loop, faces_near, a, b);
+  }
+
+  /// True if the seam around some triangles of A stays away from those at a follower; the edges of
+  /// the triangle in which a pin lies are not to be bent either.
+  static bool is_inside(const EmbeddedPair& pair, const Array<char>& is_body,
+                        const Follower& follower) {
+    const Vec3& w = follower.weight;
+    const bool is_pin = (std::max)({w.x, w.y, w.z}) < 1;
+    bool is = true;
+    const auto check = [&](int f) { is = is && (f >= pair.s.faces_a || is_body[f]); };
+    pair.s.mesh.for_each_outgoing(follower.row, [&](int h) {
+      check(h / 3);
+      if (is_pin)
+        pair.for_each_target(h / 3, [&](int t) {
+          check(t);
+          pair.for_each_target(t, check);
+        });
+    });
+    return is;
+  }
+
+  /// Where triangles are so coarse that none is inside, a new one in the largest polygon of the
+  /// overlay is the body.
+  bool cut_in_polygon(const EmbeddedPair& pair) {
+    constexpr double kParts[] = {0.1, 0.01, 0.001};  // of a triangle of A
+    const OverlayPolygon* largest = nullptr;
+    double most = 0;
+    for (const OverlayPolygon& p : pair.overlay.polygons) {
+      const SixPoints x = six_points(pair.s.mesh, pair.x, p);
+      const double area = polygon_area(polygon_shape(p, x), x);
+      if (area > most) most = area, largest = &p;
+    }
+    if (largest == nullptr || !held_.empty()) return false;
+    const Array<int> faces_near(3, largest->tb - pair.s.faces_a);
+    for (double part : kParts) {
+      Sheet a = sheet_of(open_.a, pair.x, 0), b = sheet_of(open_.b, pair.x, pair.s.n_a);
+      const Array<int> loop = small_triangle(largest->ta, center_of(pair, *largest), part, a);
+      if (loop.size() == 3 && cut(loop, faces_near, a, b)) return true;
+    }
+    return false;
+  }
+
+  static Vec2 center_of(const EmbeddedPair& pair, const OverlayPolygon& p) {
+    const SixPoints x = six_points(pair.s.mesh, pair.x, p);
+    const PolygonShape shape = polygon_shape(p, x);
+    Vec2 sum;
+    for (int i = 0; i < shape.count; ++i) {
+      const Piece& q = shape[i];
+      sum += (1 - q.s) * x[edge_start(q.e)] + q.s * x[edge_end(q.e)];
+    }
+    return 1.0 / shape.count * sum;
+  }
+
+  /// Adds three vertices that form a triangle: the first in a face, the second in a face at that
+  /// one, and the third in a face at both.
+  static Array<int> small_triangle(int face, Vec2 center, double part, Sheet& s) {
+    Array<int> corners(1, s.insert(face, center));
+    if (corners[0] < 0) return {};
+    const int h = s.mesh.out[corners[0]], u = s.mesh.tip(h), v = s.mesh.tail[prev(h)];
+    const Vec2 to_u = part * (s.x[u] - center), to_v = part * (s.x[v] - center);
+    corners.push_back(s.insert(h / 3, center + to_u + 0.5 * to_v));
+    const int t = corners[1] < 0 ? -1 : s.edge_between(corners[0], corners[1]);
+    if (t < 0) return {};
+    corners.push_back(s.insert(t / 3, center + 0.5 * to_u + to_v));
+    if (corners[2] < 0) return {};
+    return corners;
+  }
+
+  /// Cuts both surfaces along a loop of edges of A.
+  bool cut(const Array<int>& loop, const Array<int>& faces_near, Sheet& a, Sheet& b) {
+    Seam seam;
+    CutSurface cut_a, cut_b;
+    if (!SeamTracer(a, b).trace(loop, faces_near, seam) ||
+        !cut_in_two(closed_.a, open_.a, a, seam.a, cut_a) ||
+        !cut_in_two(closed_.b, open_.b, b, seam.b, cut_b))
+      return false;
+    cut_pair_ = {cut_a.surface, cut_b.surface};
+    x_ = stacked(cut_a.x, cut_b.x);
+    a_ = patch_of(cut_a.surface, cut_a.is_cap);
+    b_ = patch_of(cut_b.surface, cut_b.is_cap);
+    outlines_ = outlines_of(a_, b_, copies_of(seam.a.size(), a_), copies_of(seam.b.size(), b_));
+    caps_ = {a_.surface, b_.surface};
+    embedder_ = std::make_unique<PairEmbedder>(caps_, landmarks_on_caps(), options_, executor_,
+                                               Approach::kConnectivity, &outlines_);
+    return true;
+  }
+
+  /// The seam in the ids of a cap, which has the last vertices of its surface; counter-clockwise as
+  /// seen from there.
+  static Array<int> copies_of(int n, const Patch& cap) {
+    Array<int> seam;
+    for (int i = 1; i <= n; ++i) seam.push_back(cap.vertex.size() - i);
+    return seam;
+  }
+
+  Array<PlacedLandmark> landmarks_on_caps() const {
+    const auto move = [](const Patch& cap, Place& p) {
+      for (int k = 0; k < 3; ++k) {
+        if (p.corners[k] < 0) continue;
+        p.corners[k] = cap.place[p.corners[k]];
+        if (p.corners[k] < 0) return false;
+      }
+      return true;
+    };
+    Array<PlacedLandmark> there;
+    for (PlacedLandmark l : located(landmarks_, cut_pair_))
+      if (move(a_, l.a) && move(b_, l.b)) there.push_back(l);
+    return there;
+  }
+
+  /// A step of the embedding of the caps; then begins to optimise them.
+  bool embed() {
+    if (embedder_->step(embedding_) || executor_.is_stopped()) return true;
+    embedder_.reset();
+    if (embedding_.status != Status::kDone) return status_ = Status::kStalled, false;
+    s_ = join(caps_);
+    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
+    optimizer_->start(stacked(embedding_.f, embedding_.g), result_);
+    offset_ = {beside_body(), 0};
+    measure_body();
+    status_ = result_.status;
+    return status_ == Status::kUnfinished;
+  }
+
+  /// Where caps go so that they are apart from the bodies.
+  double beside_body() const {
+    const std::array<Vec2, 2> box = bounding_box(x_);
+    return box[1].x + 1.5 * 2 * outlines_.a.half_side;
+  }
+
+  /// E of the body is what that of the whole has more than that of the cap.
+  void measure_body() {
+    const JointSurface s = join(cut_pair_);
+    Iterate x;
+    x.x = positions();
+    evaluate(s, weights_of(options_), x);
+    describe(s, followers_, x, start_);
+    body_ = start_;
+    log_.push_back(start_);
+    area_a_ = s.area_a, area_b_ = s.area_b;
+    const IterationLog& cap = result_.initial;
+    body_.energy -= cap.energy;
+    body_.map_energy -= cap.map_energy;
+    body_.energy_f -= cap.energy_f;
+    body_.energy_g -= cap.energy_g;
+    body_.polygons -= cap.polygons;
+  }
+
+  /// What an iteration on the caps means for the whole.
+  IterationLog whole(IterationLog log) const {
+    log.energy += body_.energy;
+    log.map_energy += body_.map_energy;
+    log.energy_f += body_.energy_f;
+    log.energy_g += body_.energy_g;
+    log.polygons += body_.polygons;
+    log.coverage_a = start_.coverage_a;
+    log.coverage_b = start_.coverage_b;
+    log.mean_distortion = log.map_energy / (log.coverage_a * area_a_ + log.coverage_b * area_b_);
+    return log;
+  }
+
+  const SurfacePair &closed_, &open_;
+  const Array<PlacedLandmark>& landmarks_;
+  const Array<Follower>& held_;  // pins and exact landmarks
+  Options options_;
+  const Executor& executor_;
+  SurfacePair cut_pair_;
+  Points2 x_;  // of both, rows of the bodies
+  Patch a_, b_;
+  SurfacePair caps_;
+  OutlinePair outlines_;
+  std::unique_ptr<PairEmbedder> embedder_;
+  Embedding embedding_;
+  JointSurface s_;                        // of the caps
+  const Array<Follower> followers_ = {};  // none
+  std::unique_ptr<Optimizer> optimizer_;
+  Result result_;  // of the caps
+  std::size_t told_ = 0;
+  std::vector<IterationLog> log_;
+  IterationLog start_, body_;
+  double area_a_ = 0, area_b_ = 0;
+  Vec2 offset_;
+  Status status_ = Status::kUnfinished;
+};
+
+}  // namespace detail
+
+// ==== [18] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -9772,8 +10943,12 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
                 {"outer_", side == Side::kA ? "a" : "b", ": vertex ", given,
                  " is on no boundary of ", letter(side)},
                 {vertex_id(side, given)});
-  return options.boundary == Boundary::kFree || m.loops() == 1 ||
-         fail(outcome, Status::kInvalidOptions,
+  if (options.boundary == Boundary::kFree || m.loops() == 1) return true;
+  if (m.loops() == 0)
+    return fail(
+        outcome, Status::kInvalidOptions,
+        {"boundaries cannot be held where there is none, and ", letter(side), " is closed"});
+  return fail(outcome, Status::kInvalidOptions,
               {"boundaries cannot be held where a surface has openings, and ", letter(side),
                " has ", m.loops() - 1});
 }
@@ -10187,6 +11362,7 @@ void exchange_list(Archive& io, List& list) {
 /// All there is in a state.
 struct SavedRun {
   int status = 0;
+  int opening_a = -1, opening_b = -1;  // as OpeningPair
   std::vector<AddedVertex> added_a, added_b;
   Points2 f, g;  // the start
   double scale = 1;
@@ -10199,7 +11375,7 @@ struct SavedRun {
 
 template <class Archive>
 void exchange(Archive& io, SavedRun& run) {
-  io(run.status);
+  for (int* value : {&run.status, &run.opening_a, &run.opening_b}) io(*value);
   exchange_list(io, run.added_a);
   exchange_list(io, run.added_b);
   for (Points2* x : {&run.f, &run.g, &run.memory.x}) exchange(io, *x);
@@ -10290,14 +11466,13 @@ class Run {
     if (only_start) executor_.set_embedding_share(1);
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       result_.status = Status::kNoMapYet;
-      if (!has_positions())
-        embedder_ = std::make_unique<Embedder>(pair_, placed_, options_, executor_);
+      whole_ = pair_;
     } else {
       result_.start.status = result_.status;
     }
   }
 
-  Result& result() { return result_; }
+  Result& result() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
   double fraction() const { return executor_.fraction(); }
 
@@ -10357,6 +11532,8 @@ class Run {
       embed();
     else if (puller_)
       bring_together();
+    else if (optimizer_ && is_to_be_closed())
+      close();
     else if (optimizer_)
       optimizer_->iterate(result_);
     tell_iteration();
@@ -10364,8 +11541,15 @@ class Run {
     if (is_embedding()) wait();
     if (optimizer_) hand_over();
     if (optimizer_) result_.seconds += timer.lap();
+    if (closer_ && closer_->has_map()) hand_over_closed();
+    if (closer_ && closer_->has_failed()) {
+      result_.status = Status::kStalled;
+      result_.message =
+          "the map could not be closed: where the surfaces were cut open they still are";
+    }
     executor_.pause();
-    const bool has_more = is_embedding() || result_.status == Status::kUnfinished;
+    const bool has_more = is_embedding() || result_.status == Status::kUnfinished ||
+                          (optimizer_ && is_to_be_closed());
     if (!has_more && !is_stopped) executor_.finish();
     return has_more && !is_stopped;
   }
@@ -10378,6 +11562,8 @@ class Run {
     run.status = static_cast<int>(result_.status);
     if (!optimizer_) return run;
     const Embedding& start = result_.start;
+    run.opening_a = opening_.a;
+    run.opening_b = opening_.b;
     run.added_a = start.added_a;
     run.added_b = start.added_b;
     run.f = start.f;
@@ -10391,8 +11577,10 @@ class Run {
   }
 
   bool restore(SavedRun& saved) {
-    if (!add_vertices(saved.added_a, pair_.a) || !add_vertices(saved.added_b, pair_.b))
-      return false;
+    opening_ = {saved.opening_a, saved.opening_b};
+    if (!fits(opening_.a, whole_.a) || !fits(opening_.b, whole_.b)) return false;
+    open();
+    if (!add_others(saved.added_a, pair_.a) || !add_others(saved.added_b, pair_.b)) return false;
     const int n_a = pair_.a.mesh.n_vertices, n = n_a + pair_.b.mesh.n_vertices;
     const auto is_embedding_of_both = [&](const Points2& x) {
       return x.rows() == n && is_injective(pair_.a.mesh, rows_between(x, 0, n_a)) &&
@@ -10426,6 +11614,17 @@ class Run {
     }
     if (optimizer_) hand_over();
     return optimizer_ != nullptr;
+  }
+
+  static bool fits(int opening, const Surface& s) {
+    return is_closed(s) ? opening >= 0 && opening < s.mesh.n_vertices : opening == -1;
+  }
+
+  /// Adds those that a surface does not have from the start, as copies at a cross.
+  static bool add_others(const std::vector<AddedVertex>& all, Surface& s) {
+    const std::size_t n = s.added.size();
+    return all.size() >= n &&
+           add_vertices({all.begin() + static_cast<std::ptrdiff_t>(n), all.end()}, s);
   }
 
   /// Of all vertices, rows begin to end - 1, in the unit that positions were given in.
@@ -10531,14 +11730,71 @@ class Run {
   }
 
   void embed() {
+    if (!embedder_ && !has_positions()) return begin_embedding();
     if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
     Embedding& start = result_.start;
-    if (embedder_)
-      start = std::move(embedder_->result());
-    else
+    if (!embedder_)
       take_positions(pair_, options_, start);
-    embedder_.reset();
+    else if (!take_best())
+      return;
     accept_start();
+  }
+
+  /// Begins with the next of the openings that are tried, of closed surfaces.
+  void begin_embedding() {
+    if (openings_.empty()) find_openings();
+    opening_ = openings_[tried_];
+    open();
+    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), options_, executor_);
+  }
+
+  void find_openings() {
+    openings_.resize(1);
+    if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
+    executor_.tell(Phase::kEmbedding, 0, {"looking where to open closed surfaces"}, nullptr);
+    openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
+  }
+
+  /// Per landmark, whether it has to stay where it is.
+  Array<char> bound_landmarks() const {
+    const auto has = [](const std::vector<int>& ids, int v) {
+      return std::find(ids.begin(), ids.end(), v) != ids.end();
+    };
+    Array<char> is_bound;
+    for (const PlacedLandmark& l : placed_)
+      is_bound.push_back(options_.exact_landmarks || has(options_.pins_a, vertex_at(l.a)) ||
+                         has(options_.pins_b, vertex_at(l.b)));
+    return is_bound;
+  }
+
+  /// The landmarks without that at which the surfaces are opened.
+  Array<PlacedLandmark> landmarks_apart() const {
+    Array<PlacedLandmark> apart;
+    for (const PlacedLandmark& l : placed_)
+      if (opening_.a < 0 || vertex_at(l.a) != opening_.a) apart.push_back(l);
+    return apart;
+  }
+
+  void open() { pair_ = {opened(whole_.a, opening_.a), opened(whole_.b, opening_.b)}; }
+
+  /// Keeps the start with the least distortion for its coverage; false if there is one more to try.
+  bool take_best() {
+    Embedding& found = embedder_->result();
+    const bool is_only = openings_.size() == 1;
+    const double value = is_only || found.status != Status::kDone
+                             ? kInfinity
+                             : badness(join(pair_), stacked(found.f, found.g));
+    found.seconds += best_.start.seconds;
+    if (tried_ == 0 || value < best_.badness)
+      best_ = {value, opening_, pair_, std::move(found)};
+    else
+      best_.start.seconds = found.seconds;
+    embedder_.reset();
+    if (++tried_ < openings_.size()) return false;
+    opening_ = best_.opening;
+    pair_ = std::move(best_.pair);
+    result_.start = std::move(best_.start);
+    return true;
   }
 
   void accept_start() {
@@ -10583,10 +11839,11 @@ class Run {
   }
 
   void tell_iteration() {
-    if (told_ == result_.log.size()) return;
-    told_ = result_.log.size();
+    const std::vector<IterationLog>& log = result().log;
+    if (told_ == log.size()) return;
+    told_ = log.size();
     executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
-                   &result_.log.back());
+                   &log.back());
   }
 
   /// Status, sentence and positions, if the caller goes no further.
@@ -10603,11 +11860,67 @@ class Run {
     }
   }
 
+  // ---- closed surfaces ----
+
+  static bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
+
+  /// The map of two surfaces that were opened has been optimised, and not been closed yet.
+  bool is_to_be_closed() const {
+    if (only_start_ || !options_.close || !is_closed(whole_.a) || !is_closed(whole_.b))
+      return false;
+    if (closer_) return closer_->status() == Status::kUnfinished;
+    return result_.status == Status::kConverged || result_.status == Status::kIterationLimit ||
+           result_.status == Status::kStalled;
+  }
+
+  void close() {
+    if (closer_) {
+      closer_->step();
+      if (closer_->has_map()) take_closed_log();
+      return;
+    }
+    const int done = static_cast<int>(result_.log.size());
+    closer_ = std::make_unique<Closer>(whole_, pair_, placed_, followers_, options_, executor_);
+    closer_->begin(optimizer_->positions(), options_.max_iterations - done);
+  }
+
+  /// What is new of the iterations since the surfaces were cut in two.
+  void take_closed_log() {
+    std::vector<IterationLog>& log = closed_result_.log;
+    if (log.empty()) log = result_.log;
+    for (std::size_t i = log.size() - result_.log.size(); i < closer_->log().size(); ++i) {
+      log.push_back(closer_->log()[i]);
+      log.back().iteration = static_cast<int>(log.size());
+    }
+  }
+
+  void hand_over_closed() {
+    Result& r = closed_result_;
+    const bool is_first = r.f.size() == 0;
+    r.seconds = result_.seconds;
+    r.status = closer_->status();
+    if (r.status == Status::kUnfinished) r.status = executor_.stop_status();
+    if (r.status == Status::kConverged) r.status = result_.status;
+    r.message = words_of(r.status).sentence;
+    const Points2 x = closer_->positions();
+    const SurfacePair& pair = closer_->surfaces();
+    r.f = rows_between(x, 0, pair.a.mesh.n_vertices);
+    r.g = rows_between(x, pair.a.mesh.n_vertices, rows_of(x));
+    if (!is_first) return;
+    r.initial = result_.initial;
+    r.start = result_.start;
+    r.start.f = r.f;
+    r.start.g = r.g;
+    return_meshes(a_->mesh, b_->mesh, pair, r.start);
+  }
+
   /// What the result says of the meshes given.
   void return_input() {
     Embedding& start = result_.start;
     start.prepared_a = a_;
     start.prepared_b = b_;
+    start.opening_a = opening_.a;
+    start.opening_b = opening_.b;
     start.a = a_->mesh;
     start.b = b_->mesh;
   }
@@ -10618,8 +11931,20 @@ class Run {
   Options options_;  // with ids of the prepared meshes
   const bool only_start_;
   Executor executor_;
-  SurfacePair pair_;
+  SurfacePair whole_;             // the surfaces as they are prepared,
+  SurfacePair pair_;              // and as they are optimised
   Array<PlacedLandmark> placed_;  // the landmarks on the meshes as given
+  Array<OpeningPair> openings_;   // to be tried
+  int tried_ = 0;
+  OpeningPair opening_;  // that of pair_
+  struct {
+    double badness = kInfinity;
+    OpeningPair opening;
+    SurfacePair pair;
+    Embedding start;
+  } best_;  // of those tried
+  std::unique_ptr<Closer> closer_;
+  Result closed_result_;
   Result result_;
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;
@@ -10636,20 +11961,45 @@ class Run {
 // ---- what a SurfaceMap is made of ----
 
 inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const Points2& f,
-                                               const Points2& g) {
+                                               const Points2& g, const Array<SeamVertex>& seam) {
   auto data = std::make_shared<MapData>();
   HalfEdgeMesh m, n;
-  if (!check_mesh(*a, Side::kA, m, *data)) return data;
+  const auto check = [&](const TriangleMesh& mesh, Side side, HalfEdgeMesh& half_edges) {
+    std::vector<Problem> problems = find_problems(mesh, half_edges);
+    if (!seam.empty() && problems.size() == 1 &&
+        problems[0].kind == Problem::Kind::kSeveralComponents)
+      problems.clear();  // body and cap
+    return check_problems(problems, side, *data);
+  };
+  if (!check(*a, Side::kA, m)) return data;
   data->a = std::move(a);
-  if (!check_mesh(*b, Side::kB, n, *data)) return data;
+  if (!check(*b, Side::kB, n)) return data;
   data->b = std::move(b);
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
   const SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
                             build_surface(std::move(n), data->b->vertices, false)};
-  data->pair = EmbeddedPair(join(pair), stacked(f, g));
+  data->pair = EmbeddedPair(join(pair), stacked(f, g), seam);
   if (data->pair.overlay.polygons.empty())
     fail(*data, Status::kNoOverlap, {words_of(Status::kNoOverlap).sentence});
   return data;
+}
+
+/// The seam of two closed surfaces, where a map of them was closed: the copies were added last, on
+/// A and B in the same order. A surface that is open only has copies as well.
+inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Points2& g) {
+  const std::vector<AddedVertex>&a = e.added_a, &b = e.added_b;
+  const int most = static_cast<int>((std::min)(a.size(), b.size()));
+  const auto last = [](const std::vector<AddedVertex>& added, int k) {
+    return added.data()[static_cast<int>(added.size()) - k];
+  };
+  int n = 0;
+  while (n < most && is_copy(last(a, n + 1)) && is_copy(last(b, n + 1)) &&
+         row2(f, rows_of(f) - n - 1) == row2(g, rows_of(g) - n - 1))
+    ++n;
+  Array<SeamVertex> seam;
+  for (int k = n; k > 0; --k)
+    seam.push_back({last(a, k).corners[0], rows_of(f) - k, last(b, k).corners[0], rows_of(g) - k});
+  return seam;
 }
 
 inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
@@ -10758,11 +12108,12 @@ SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
 
 SurfaceMap::SurfaceMap(const Result& result)
     : data_(is_usable(result.status)
-                ? detail::map_data(result.start.a, result.start.b, result.f, result.g)
+                ? detail::map_data(result.start.a, result.start.b, result.f, result.g,
+                                   detail::seam_of(result.start, result.f, result.g))
                 : detail::no_map(result)) {}
 
 SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g)
-    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g)) {}
+    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g, {})) {}
 
 }  // namespace ISM_ABI
 }  // namespace ism

@@ -39,8 +39,10 @@ constexpr int kBadInput = 2;
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
 Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF or PLY files of
-surfaces with a boundary and no handles; polygons are cut into triangles. The longest boundary loop
-is the outline, the others are openings.
+surfaces without handles, closed or with boundaries; polygons are cut into triangles. Of several
+boundary loops the longest is the outline, the others are openings. Meshes with defects are made
+surfaces first: vertices at one place are welded, triangles turned, of several parts that with the
+landmarks is taken; what was done is printed.
 
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
@@ -61,6 +63,7 @@ is the outline, the others are openings.
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
+  --no-prepare       refuse meshes with defects
   --set NAME=VALUE   any numeric option that report.json lists; can be repeated
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
@@ -74,8 +77,9 @@ is the outline, the others are openings.
   --help             print this
 
 Files in OUT:
-  A.obj B.obj            the triangulated input; the vt of a vertex is its place in the plane;
-                         vertices that constraints need are added behind those of the input
+  A.obj B.obj            the triangulated input as it was mapped; vt is the place in the plane. Ids
+                         of vertices are those of the input; what constraints need, and the seams of
+                         closed surfaces, is added behind
   A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
                          without an image are in no face
   A_edges_on_B.obj       the edges of A's polygons, not of the triangles they are cut into, as
@@ -149,6 +153,8 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("tolerance", o.tolerance);
   visit("window", o.tuning.window);
   visit("keep_scale", o.keep_scale);
+  visit("prepare", o.prepare);
+  visit("close", o.close);
   visit("exact_landmarks", o.exact_landmarks);
   visit("scaffold", o.tuning.scaffold);
   visit("outer_a", o.outer_a);
@@ -221,6 +227,7 @@ bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--pin-landmarks") return args.pin_landmarks = true;
   if (flag == "--exact-landmarks") return args.options.exact_landmarks = true;
   if (flag == "--keep-scale") return args.options.keep_scale = true;
+  if (flag == "--no-prepare") return args.options.prepare = false, true;
   if (flag == "--picture") return args.picture = true;
   if (flag == "--heat") return args.heat = true;
   if (flag == "--transfer-uv") return args.transfer_uv = true;
@@ -298,10 +305,10 @@ struct Input {
 };
 
 /// Every function of this part returns an error sentence, or an empty string.
-std::string read_surface(const std::string& path, mesh_io::ReadResult& file) {
-  file = mesh_io::read_mesh(path);
-  if (!file.ok) return file.error;
-  const std::vector<ism::Problem> problems = ism::validate(file.mesh);
+std::string check_surface(const std::string& path, const ism::TriangleMesh& mesh,
+                          const std::vector<ism::LandmarkPoint>& landmarks, bool prepare) {
+  const std::vector<ism::Problem> problems =
+      prepare ? ism::prepare(mesh, landmarks).problems : ism::validate(mesh);
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
   if (problems.size() > 1) error += " (problem 1 of " + std::to_string(problems.size()) + ")";
@@ -349,10 +356,10 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
 }
 
 std::string read_meshes(const Arguments& args, Input& input) {
-  mesh_io::ReadResult a, b;
-  std::string error = read_surface(args.a, a);
-  if (error.empty()) error = read_surface(args.b, b);
-  if (!error.empty()) return error;
+  mesh_io::ReadResult a = mesh_io::read_mesh(args.a);
+  if (!a.ok) return a.error;
+  mesh_io::ReadResult b = mesh_io::read_mesh(args.b);
+  if (!b.ok) return b.error;
   if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
     return "--transfer-uv: neither A nor B has a vt at every corner of its faces";
   input = {std::move(a.mesh),
@@ -363,6 +370,15 @@ std::string read_meshes(const Arguments& args, Input& input) {
            {},
            {}};
   return {};
+}
+
+/// Are A and B surfaces, once they are prepared?
+std::string check_surfaces(const Arguments& args, const Input& input) {
+  std::vector<ism::LandmarkPoint> ends_a, ends_b;
+  for (const ism::Landmark& l : input.landmarks) ends_a.push_back(l.a), ends_b.push_back(l.b);
+  const std::string error = check_surface(args.a, input.a, ends_a, args.options.prepare);
+  if (!error.empty()) return error;
+  return check_surface(args.b, input.b, ends_b, args.options.prepare);
 }
 
 std::string read_texture(const std::string& path, render::Image& texture) {
@@ -426,6 +442,7 @@ std::string read_input(Arguments& args, Input& input) {
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/B.obj", input.b, args.options.initial_g);
+  if (error.empty()) error = check_surfaces(args, input);
   if (error.empty()) error = check_output(args);
   return error;
 }
@@ -486,7 +503,86 @@ class ProgressLine {
   double last_time_ = -10;
 };
 
-// ==== [4] REPORT =================================================================================
+// ==== [4] IDS ====================================================================================
+
+/// The meshes of a result have ids of the prepared mesh; these are those that are written: of the
+/// input, with what is new behind. Copies of vertices, where closed surfaces were cut, are one.
+struct WrittenIds {
+  int size = 0;         // of all vertices
+  std::vector<int> id;  // per vertex of the mesh of the result
+};
+
+WrittenIds written_ids(const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added) {
+  WrittenIds ids;
+  ids.size = static_cast<int>(prepared.new_vertex.size());
+  for (std::size_t v = 0; v < prepared.given_vertex.size(); ++v) {
+    const int given = prepared.given_vertex[v];
+    const bool is_first =
+        prepared.new_vertex[static_cast<std::size_t>(given)] == static_cast<int>(v);
+    ids.id.push_back(is_first ? given : ids.size++);
+  }
+  for (const ism::AddedVertex& p : added)
+    ids.id.push_back(p.corners[1] < 0 ? ids.id[static_cast<std::size_t>(p.corners[0])]
+                                      : ids.size++);
+  return ids;
+}
+
+bool has_copies(const std::vector<ism::AddedVertex>& added) {
+  for (const ism::AddedVertex& p : added)
+    if (p.corners[1] < 0) return true;
+  return false;
+}
+
+/// Rows of the vertices of a result as rows by written ids; those without one keep theirs.
+template <class Rows>
+Rows by_written_ids(const WrittenIds& ids, const Rows& rows, Rows result) {
+  for (std::size_t v = 0; v < ids.id.size(); ++v)
+    result.row(ids.id[v]) = rows.row(static_cast<Eigen::Index>(v));
+  return result;
+}
+
+ism::Triangles by_written_ids(const WrittenIds& ids, ism::Triangles triangles) {
+  for (Eigen::Index i = 0; i < triangles.size(); ++i)
+    triangles.data()[i] = ids.id[static_cast<std::size_t>(triangles.data()[i])];
+  return triangles;
+}
+
+/// The vertex of the prepared mesh; -1 if it was dropped.
+int prepared_id(const ism::Prepared& prepared, int given) {
+  return prepared.new_vertex[static_cast<std::size_t>(given)];
+}
+
+/// The landmarks in ids of the prepared meshes.
+std::vector<ism::Landmark> prepared_landmarks(const Input& input, const ism::Embedding& start) {
+  std::vector<ism::Landmark> landmarks;
+  for (const ism::Landmark& l : input.landmarks)
+    landmarks.push_back(
+        {prepared_id(*start.prepared_a, l.a.vertex), prepared_id(*start.prepared_b, l.b.vertex)});
+  return landmarks;
+}
+
+/// The texture coordinates of the corners of the prepared mesh.
+ism::Points2 prepared_uv(const ism::Points2& uv, const ism::Prepared& prepared) {
+  ism::Points2 rows(uv.rows() > 0 ? static_cast<Eigen::Index>(prepared.given_corner.size()) : 0, 2);
+  for (Eigen::Index c = 0; c < rows.rows(); ++c)
+    rows.row(c) = uv.row(prepared.given_corner[static_cast<std::size_t>(c)]);
+  return rows;
+}
+
+/// The edges of A's polygons in ids of the prepared mesh, each once.
+std::vector<std::array<int, 2>> prepared_edges(const Input& input, const ism::Prepared& prepared) {
+  std::vector<std::array<int, 2>> edges;
+  for (const std::array<int, 2>& edge : input.edges_a) {
+    const int u = prepared_id(prepared, edge[0]), v = prepared_id(prepared, edge[1]);
+    if (u >= 0 && v >= 0 && u != v) edges.push_back({std::min(u, v), std::max(u, v)});
+  }
+  if (prepared.repairs.empty()) return input.edges_a;
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
+
+// ==== [5] REPORT =================================================================================
 
 /// How far landmarks end from where they belong, in diagonals of the bounding box of B.
 struct LandmarkError {
@@ -495,12 +591,13 @@ struct LandmarkError {
   int uncovered = 0;  // without an image
 };
 
-LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
+LandmarkError landmark_error(const Input& input, const ism::Embedding& start,
+                             const ism::SurfaceMap& map) {
   const ism::Points3& b = input.b.vertices;
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
+    const ism::MappedPoint image = map.forward_vertex(prepared_id(*start.prepared_a, l.a.vertex));
     result.uncovered += !image.covered;
     if (!image.covered) continue;
     const Eigen::Vector3d target = b.row(l.b.vertex);
@@ -511,6 +608,13 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
   }
   return result;
 }
+
+/// What is said of a map besides what its result says.
+struct Findings {
+  LandmarkError landmarks;
+  std::vector<ism::Opening> openings;
+  bool is_closed = false;
+};
 
 std::string quoted(const std::string& text) {
   std::string result = "\"";
@@ -592,14 +696,23 @@ std::string json_iteration(const ism::IterationLog& it) {
 }
 
 std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
-                      const std::vector<ism::AddedVertex>& added) {
-  std::string midpoints;
+                      const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added,
+                      int opening) {
+  const WrittenIds ids = written_ids(prepared, added);
+  std::string midpoints, repairs;
   for (const ism::AddedVertex& p : added)
-    midpoints += (midpoints.empty() ? "" : ", ") + format("[%d, %d]", p.corners[0], p.corners[1]);
+    if (p.corners[1] >= 0)
+      midpoints += (midpoints.empty() ? "" : ", ") +
+                   format("[%d, %d]", ids.id[static_cast<std::size_t>(p.corners[0])],
+                          ids.id[static_cast<std::size_t>(p.corners[1])]);
+  for (const ism::Repair& repair : prepared.repairs)
+    repairs += (repairs.empty() ? "" : ", ") + quoted(repair.message);
   return Json()
       .add("file", path)
-      .add("vertices", static_cast<int>(mesh.vertices.rows()))
+      .add("vertices", ids.size)
       .add("triangles", static_cast<int>(mesh.triangles.rows()))
+      .raw("prepared", "[" + repairs + "]")
+      .add("opened_at", opening < 0 ? -1 : ids.id[static_cast<std::size_t>(opening)])
       .raw("added_midpoints", "[" + midpoints + "]")
       .text();
 }
@@ -632,12 +745,11 @@ std::string json_openings(const std::vector<ism::Opening>& openings) {
 }
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
-                        const LandmarkError& landmarks, const std::vector<ism::Opening>& openings,
-                        const Seconds& s) {
+                        const Findings& found, const Seconds& s) {
   Json start, final;
   start.add("landmark_distance", result.start.landmark_distance);
   final.add("iterations", static_cast<int>(result.log.size()));
-  final.add("landmark_distance", landmarks.largest);
+  final.add("landmark_distance", found.landmarks.largest);
   add_state(result.initial, start);
   add_state(result.final_state(), final);
   const std::string seconds = Json()
@@ -656,11 +768,14 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   return Json(",\n  ")
              .add("status", ism::to_string(result.status))
              .add("message", result.message)
-             .raw("a", json_mesh(args.a, *result.start.a, result.start.added_a))
-             .raw("b", json_mesh(args.b, *result.start.b, result.start.added_b))
+             .raw("a", json_mesh(args.a, *result.start.a, *result.start.prepared_a,
+                                 result.start.added_a, result.start.opening_a))
+             .raw("b", json_mesh(args.b, *result.start.b, *result.start.prepared_b,
+                                 result.start.added_b, result.start.opening_b))
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .add("memory_estimate", ism::memory_estimate(input.a, input.b, args.options))
-             .raw("openings", json_openings(openings))
+             .add("is_closed", found.is_closed)
+             .raw("openings", json_openings(found.openings))
              .raw("options", json_options(args))
              .raw("start", start.text())
              .raw("final", final.text())
@@ -670,14 +785,15 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
          '\n';
 }
 
-// ==== [5] RESULTS ================================================================================
+// ==== [6] RESULTS ================================================================================
 
 /// The edges of A's polygons as polylines on B.
 std::string edges_text(const Input& input, const ism::Embedding& start,
                        const ism::SurfaceMap& map) {
   std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
-  for (const auto& path : ism::edge_paths(input.edges_a, *start.a, start.added_a))
+  const std::vector<std::array<int, 2>> edges = prepared_edges(input, *start.prepared_a);
+  for (const auto& path : ism::edge_paths(edges, *start.a, start.added_a))
     for (const ism::Polyline& polyline : map.forward_path(path)) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
@@ -691,21 +807,61 @@ std::string edges_text(const Input& input, const ism::Embedding& start,
   return mesh_io::obj_text("edges of the polygons of A on B", vertices, lines, 'l');
 }
 
+/// Vertices by written ids, with those of the input that were dropped.
+ism::Points3 written_vertices(const ism::TriangleMesh& given, const ism::TriangleMesh& mesh,
+                              const WrittenIds& ids) {
+  ism::Points3 vertices = ism::Points3::Zero(ids.size, 3);
+  vertices.topRows(given.vertices.rows()) = given.vertices;
+  return by_written_ids(ids, mesh.vertices, std::move(vertices));
+}
+
+/// A mesh of the result by written ids, with texture coordinates per corner.
+std::string corners_text(const char* comment, const ism::TriangleMesh& given,
+                         const ism::TriangleMesh& mesh, const WrittenIds& ids,
+                         const Eigen::MatrixXd& uv, const char* material) {
+  return mesh_io::obj_text(comment, written_vertices(given, mesh, ids),
+                           mesh_io::polygons_of(by_written_ids(ids, mesh.triangles)), uv, material);
+}
+
+/// A mesh of the result with its places in the plane; at copies of vertices, corners have their
+/// own.
+std::string planar_text(const char* comment, const ism::TriangleMesh& given,
+                        const ism::TriangleMesh& mesh, const ism::Points2& plane,
+                        const std::vector<ism::AddedVertex>& added, const WrittenIds& ids) {
+  if (!has_copies(added))
+    return mesh_io::obj_text(
+        comment, written_vertices(given, mesh, ids), by_written_ids(ids, mesh.triangles),
+        by_written_ids(ids, plane, ism::Points2(ism::Points2::Zero(ids.size, 2))));
+  Eigen::MatrixXd corners(mesh.triangles.size(), 2);
+  for (Eigen::Index c = 0; c < corners.rows(); ++c)
+    corners.row(c) = plane.row(mesh.triangles.data()[c]);
+  return corners_text(comment, given, mesh, ids, corners, "");
+}
+
+/// The mesh on one side on the other one, by written ids.
+std::string remesh_text(const char* comment, const ism::SurfaceMap& map, ism::Side side,
+                        const WrittenIds& ids) {
+  const ism::TriangleMesh mesh = ism::remesh(map, side).mesh;
+  const ism::Points3 vertices =
+      by_written_ids(ids, mesh.vertices, ism::Points3(mesh.vertices.row(0).replicate(ids.size, 1)));
+  return mesh_io::obj_text(comment, vertices, by_written_ids(ids, mesh.triangles));
+}
+
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
                                             const ism::SurfaceMap& map, const ism::MetaMesh& meta) {
-  const ism::TriangleMesh a_on_b = ism::remesh(map, ism::Side::kA).mesh;
-  const ism::TriangleMesh b_on_a = ism::remesh(map, ism::Side::kB).mesh;
-  const ism::TriangleMesh &a = *result.start.a, &b = *result.start.b;
+  const ism::Embedding& start = result.start;
+  const WrittenIds ids_a = written_ids(*start.prepared_a, start.added_a);
+  const WrittenIds ids_b = written_ids(*start.prepared_b, start.added_b);
+  const char* const on_other =
+      "mesh on the other surface; vertices without an image are in no face";
   return {
-      {"A.obj", mesh_io::obj_text("mesh A; vt: planar position of the vertex", a.vertices,
-                                  a.triangles, result.f)},
-      {"B.obj", mesh_io::obj_text("mesh B; vt: planar position of the vertex", b.vertices,
-                                  b.triangles, result.g)},
-      {"A_on_B.obj", mesh_io::obj_text("mesh A on B; vertices without an image are in no face",
-                                       a_on_b.vertices, a_on_b.triangles)},
-      {"B_on_A.obj", mesh_io::obj_text("mesh B on A; vertices without an image are in no face",
-                                       b_on_a.vertices, b_on_a.triangles)},
-      {"A_edges_on_B.obj", edges_text(input, result.start, map)},
+      {"A.obj", planar_text("mesh A; vt: place in the plane", input.a, *start.a, result.f,
+                            start.added_a, ids_a)},
+      {"B.obj", planar_text("mesh B; vt: place in the plane", input.b, *start.b, result.g,
+                            start.added_b, ids_b)},
+      {"A_on_B.obj", remesh_text(on_other, map, ism::Side::kA, ids_a)},
+      {"B_on_A.obj", remesh_text(on_other, map, ism::Side::kB, ids_b)},
+      {"A_edges_on_B.obj", edges_text(input, start, map)},
       {"meta_A.obj",
        mesh_io::obj_text("common refinement, on A", meta.on_a, mesh_io::polygons_of(meta))},
       {"meta_B.obj",
@@ -735,8 +891,8 @@ std::string heat_ply(const picture::Scene& scene, ism::Side side) {
 Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result) {
   const ism::Embedding& start = result.start;
   if (input.uv_a.rows() > 0)
-    return ism::refine(input.a, *start.a, start.added_a, ism::Element::kCorner)
-        .apply(input.uv_a)
+    return ism::refine(*start.prepared_a->mesh, *start.a, start.added_a, ism::Element::kCorner)
+        .apply(prepared_uv(input.uv_a, *start.prepared_a))
         .values;
   const Eigen::RowVector2d lo = result.f.colwise().minCoeff();
   const double size = (result.f.colwise().maxCoeff() - lo).maxCoeff();
@@ -747,7 +903,7 @@ Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& resul
 }
 
 /// A with a texture, B to which the map carries it, and both with the distortion of the map.
-std::string picture_png(const Input& input, const picture::Scene& scene,
+std::string picture_png(const std::vector<ism::Landmark>& landmarks, const picture::Scene& scene,
                         const picture::Texture& texture) {
   constexpr double kWidth = 232, kHeight = 430, kTop = 50;
   render::Canvas canvas(1000, 560);
@@ -759,7 +915,7 @@ std::string picture_png(const Input& input, const picture::Scene& scene,
         picture::draw_heat(scene, side, panel, canvas);
       else
         picture::draw_texture(scene, side, texture, panel, canvas);
-      picture::draw_landmarks(scene, side, panel, input.landmarks, canvas);
+      picture::draw_landmarks(scene, side, panel, landmarks, canvas);
       left += kWidth + 10;
     }
     left += 20;
@@ -778,10 +934,10 @@ void add_textured(const Input& input, const ism::Result& result, const ism::Meta
                   std::vector<mesh_io::TextFile>& files) {
   const Eigen::MatrixXd uv = texture_coordinates(input, result);
   const ism::Attributes on_b = ism::to_meta(meta, ism::Side::kA, ism::Element::kCorner).apply(uv);
-  const ism::TriangleMesh& a = *result.start.a;
-  files.push_back(
-      {"A_textured.obj", mesh_io::obj_text("mesh A with its texture", a.vertices,
-                                           mesh_io::polygons_of(a.triangles), uv, "textured.mtl")});
+  const ism::Embedding& start = result.start;
+  files.push_back({"A_textured.obj", corners_text("mesh A with its texture", input.a, *start.a,
+                                                  written_ids(*start.prepared_a, start.added_a), uv,
+                                                  "textured.mtl")});
   files.push_back({"B_textured.obj",
                    mesh_io::obj_text("common refinement on B with the texture of A", meta.on_b,
                                      mesh_io::polygons_of(meta), on_b.values, "textured.mtl")});
@@ -790,7 +946,8 @@ void add_textured(const Input& input, const ism::Result& result, const ism::Meta
 }
 
 /// The mesh on the other side with texture coordinates from this one.
-std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const Eigen::MatrixXd& uv) {
+std::string uv_text(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
+                    ism::Side from, const Eigen::MatrixXd& uv) {
   const bool from_a = from == ism::Side::kA;
   ism::Attributes carried =
       ism::transfer(meta, from, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
@@ -798,9 +955,11 @@ std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const Eigen::Matr
     if (!carried.covered[c])
       carried.values.row(static_cast<Eigen::Index>(c))
           .setConstant(std::numeric_limits<double>::quiet_NaN());
-  const ism::TriangleMesh& mesh = from_a ? *meta.b : *meta.a;
-  return mesh_io::obj_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
-                           mesh.vertices, mesh_io::polygons_of(mesh.triangles), carried.values, "");
+  const WrittenIds ids = from_a ? written_ids(*start.prepared_b, start.added_b)
+                                : written_ids(*start.prepared_a, start.added_a);
+  return corners_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
+                      from_a ? input.b : input.a, from_a ? *meta.b : *meta.a, ids, carried.values,
+                      "");
 }
 
 void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
@@ -808,13 +967,15 @@ void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh
   constexpr ism::Element kCorner = ism::Element::kCorner;
   if (input.uv_a.rows() > 0) {
     const ism::Attributes uv =
-        ism::refine(input.a, *start.a, start.added_a, kCorner).apply(input.uv_a);
-    files.push_back({"B_uv.obj", uv_text(meta, ism::Side::kA, uv.values)});
+        ism::refine(*start.prepared_a->mesh, *start.a, start.added_a, kCorner)
+            .apply(prepared_uv(input.uv_a, *start.prepared_a));
+    files.push_back({"B_uv.obj", uv_text(input, start, meta, ism::Side::kA, uv.values)});
   }
   if (input.uv_b.rows() > 0) {
     const ism::Attributes uv =
-        ism::refine(input.b, *start.b, start.added_b, kCorner).apply(input.uv_b);
-    files.push_back({"A_uv.obj", uv_text(meta, ism::Side::kB, uv.values)});
+        ism::refine(*start.prepared_b->mesh, *start.b, start.added_b, kCorner)
+            .apply(prepared_uv(input.uv_b, *start.prepared_b));
+    files.push_back({"A_uv.obj", uv_text(input, start, meta, ism::Side::kB, uv.values)});
   }
 }
 
@@ -849,7 +1010,8 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
       texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
                                     .apply(texture_coordinates(input, result))
                                     .values};
-    files.push_back({"picture.png", picture_png(input, scene, texture)});
+    files.push_back(
+        {"picture.png", picture_png(prepared_landmarks(input, result.start), scene, texture)});
   }
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
@@ -880,19 +1042,37 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
                 error.worst.a.vertex, error.worst.b.vertex);
 }
 
+/// What was done to a mesh, a line for each thing.
+void print_preparation(const ism::Prepared& prepared, int opening) {
+  for (const ism::Repair& repair : prepared.repairs)
+    std::printf("             %s\n", repair.message.c_str());
+  if (opening >= 0)
+    std::printf("             closed: opened at vertex %d\n",
+                prepared.given_vertex[static_cast<std::size_t>(opening)]);
+}
+
+/// Without copies.
+int count_added(const std::vector<ism::AddedVertex>& added) {
+  int n = 0;
+  for (const ism::AddedVertex& p : added) n += p.corners[1] >= 0;
+  return n;
+}
+
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
-                   const LandmarkError& landmarks, const std::vector<ism::Opening>& openings,
-                   const Seconds& s) {
+                   const Findings& found, const Seconds& s) {
   const ism::IterationLog &first = result.initial, &last = result.final_state();
   const auto size = [](const ism::TriangleMesh& m) {
     return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
            " triangles";
   };
   std::printf("A            %s: %s\n", args.a.c_str(), size(input.a).c_str());
+  print_preparation(*result.start.prepared_a, result.start.opening_a);
   std::printf("B            %s: %s\n", args.b.c_str(), size(input.b).c_str());
-  const std::size_t added_a = result.start.added_a.size(), added_b = result.start.added_b.size();
+  print_preparation(*result.start.prepared_b, result.start.opening_b);
+  const int added_a = count_added(result.start.added_a),
+            added_b = count_added(result.start.added_b);
   if (added_a + added_b > 0)
-    std::printf("added        %zu vertices to A, %zu to B, behind those given, on their edges\n",
+    std::printf("added        %d vertices to A, %d to B, behind those given, on their edges\n",
                 added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
@@ -901,11 +1081,12 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
-  for (const ism::Opening& o : openings)
+  if (found.is_closed) std::printf("closed       the map has been closed along a seam\n");
+  for (const ism::Opening& o : found.openings)
     std::printf("opening      of %s at vertex %d, %d edges: %.2f%% of %s lie over it\n",
                 o.side == ism::Side::kA ? "A" : "B", o.vertex, o.edges, 100 * o.over,
                 o.side == ism::Side::kA ? "B" : "A");
-  if (!input.landmarks.empty()) print_landmarks(input, result, landmarks);
+  if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
               s.embedding, s.optimization, s.derivatives);
@@ -926,7 +1107,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("\n");
 }
 
-// ==== [6] MAIN ===================================================================================
+// ==== [7] MAIN ===================================================================================
 
 int fail(int code, const std::string& error) {
   std::fprintf(stderr, "ism_map: %s\n", error.c_str());
@@ -982,18 +1163,18 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const LandmarkError landmarks = landmark_error(input, map);
-  const std::vector<ism::Opening> openings = map.openings();
+  const Findings found = {landmark_error(input, result.start, map), map.openings(),
+                          map.is_closed()};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
-  files.push_back({"report.json", json_report(args, input, result, landmarks, openings, seconds)});
+  files.push_back({"report.json", json_report(args, input, result, found, seconds)});
   error = write_files(args.out, std::move(files));
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);
-  if (!args.quiet) print_summary(args, input, result, landmarks, openings, seconds);
+  if (!args.quiet) print_summary(args, input, result, found, seconds);
   return 0;
 }
 

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cmath>
+#include <map>
 
 namespace picture {
 
@@ -41,6 +42,28 @@ Eigen::Vector3d along_axis(const Eigen::Vector3d& up, const Eigen::Vector3d& fro
       best = k == 1 ? Eigen::Vector3d(sign * seen) : seen;
     }
   return best;
+}
+
+}  // namespace
+
+namespace {
+
+/// Per vertex, the first one at the same place.
+std::vector<int> first_at_place(const ism::Points3& vertices) {
+  std::map<std::array<double, 3>, int> at;
+  std::vector<int> first;
+  for (int v = 0; v < vertices.rows(); ++v)
+    first.push_back(at.insert({{vertices(v, 0), vertices(v, 1), vertices(v, 2)}, v}).first->second);
+  return first;
+}
+
+/// A mesh of which copies of vertices, where it was cut, are one again.
+ism::TriangleMesh sewn(const ism::TriangleMesh& mesh) {
+  const std::vector<int> first = first_at_place(mesh.vertices);
+  ism::TriangleMesh result = mesh;
+  for (Eigen::Index i = 0; i < result.triangles.size(); ++i)
+    result.triangles.data()[i] = first[static_cast<std::size_t>(mesh.triangles.data()[i])];
+  return result;
 }
 
 }  // namespace
@@ -95,21 +118,33 @@ Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
 
 Scene scene_of(const ism::SurfaceMap& map, bool keep_scale) {
   Scene scene = scene_of(map, Axes{}, keep_scale);
-  scene.axes.a = front_axes(*scene.meta.a);
+  scene.axes.a = front_axes(map.is_closed() ? sewn(*scene.meta.a) : *scene.meta.a);
   scene.axes.b = scene.axes.a * rotation_between(scene.meta.on_b, scene.meta.on_a);
   return scene;
 }
 
 namespace {
 
+/// The normals of the vertices on one side, smooth across a seam.
+Eigen::MatrixXd normals_of(const Scene& scene, ism::Side side) {
+  const ism::TriangleMesh& mesh = scene.mesh(side);
+  if (!scene.map.is_closed())
+    return render::smooth_normals(mesh.vertices, mesh.triangles).rowwise().normalized();
+  const std::vector<int> first = first_at_place(mesh.vertices);
+  const Eigen::MatrixXd normals =
+      render::smooth_normals(mesh.vertices, sewn(mesh).triangles).rowwise().normalized();
+  Eigen::MatrixXd result(normals.rows(), 3);
+  for (Eigen::Index v = 0; v < result.rows(); ++v)
+    result.row(v) = normals.row(first[static_cast<std::size_t>(v)]);
+  return result;
+}
+
 /// The covered part of the surface on one side, shaded as the mesh.
 render::Shape covered_part(const Scene& scene, ism::Side side) {
   render::Shape shape;
   shape.vertices = side == ism::Side::kA ? scene.meta.on_a : scene.meta.on_b;
   shape.triangles = scene.fans.triangles;
-  const ism::TriangleMesh& mesh = scene.mesh(side);
-  const Eigen::MatrixXd normals =
-      render::smooth_normals(mesh.vertices, mesh.triangles).rowwise().normalized();
+  const Eigen::MatrixXd normals = normals_of(scene, side);
   shape.corner_normals = scene.fans.at_corners(
       ism::to_meta(scene.meta, side, ism::Element::kVertex).apply(normals).values);
   return shape;

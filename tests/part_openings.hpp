@@ -73,7 +73,7 @@ TEST_CASE("openings of all kinds are closed without thin triangles") {
   for (int n : {1, 2, 3, 7, 40}) {
     CAPTURE(n);
     for (double height : {1.0, 1e-3, 0.0}) {  // down to a slit
-      if (height == 0 && n < 3) continue;  // there is nothing beside such a slit
+      if (height == 0 && n < 3) continue;     // there is nothing beside such a slit
       Disk disk = shapes::frame(n + 4, 2);
       REQUIRE(half_edges(disk.mesh).loops() == 2);
       for (int v = 0; v < disk.mesh.vertices.rows(); ++v) {

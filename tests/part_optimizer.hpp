@@ -232,12 +232,13 @@ TriangleMesh moved_in_space(const TriangleMesh& mesh, double scale, double angle
   return result;
 }
 
-TriangleMesh tetrahedron() {
+/// Two triangles with one corner in common.
+TriangleMesh bow_tie() {
   TriangleMesh mesh;
-  mesh.vertices.resize(4, 3);
-  mesh.vertices << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
-  mesh.triangles.resize(4, 3);
-  mesh.triangles << 0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3;
+  mesh.vertices.resize(5, 3);
+  mesh.vertices << 0, 0, 0, 1, 0, 0, 0, 1, 0, -1, 0, 0, 0, -1, 0;
+  mesh.triangles.resize(2, 3);
+  mesh.triangles << 0, 1, 2, 0, 3, 4;
   return mesh;
 }
 
@@ -1062,17 +1063,19 @@ TEST_CASE("the estimate of memory grows with meshes and history, and of nothing 
   CHECK(std::isfinite(estimate(2e9, 2000000000)));
 }
 
-TEST_CASE("meshes that are no disks are refused by name") {
+TEST_CASE("meshes that are no surfaces are refused by name") {
   const TriangleMesh good = shapes::grid(2, 2).mesh;
-  check_refused(ism::compute_map(tetrahedron(), good), Status::kInvalidMesh, "mesh A");
-  check_refused(ism::compute_map(good, tetrahedron()), Status::kInvalidMesh, "mesh B");
+  ism::Options as_given;
+  as_given.prepare = false;
+  check_refused(ism::compute_map(bow_tie(), good, {}, as_given), Status::kInvalidMesh, "mesh A");
+  check_refused(ism::compute_map(good, bow_tie(), {}, as_given), Status::kInvalidMesh, "mesh B");
   TriangleMesh bad = good;
   bad.triangles(1, 1) = 99;
   const Result result = ism::compute_map(good, bad);
   check_refused(result, Status::kInvalidMesh, "mesh B");
   CHECK(result.ids == Ids{{ism::Side::kB, ism::Element::kFace, 1}});
   check_refused(ism::compute_map(TriangleMesh(), good), Status::kInvalidMesh, "mesh A");
-  CHECK(ism::initial_embedding(good, tetrahedron()).status == Status::kInvalidMesh);
+  CHECK(ism::initial_embedding(good, bow_tie(), {}, as_given).status == Status::kInvalidMesh);
 }
 
 TEST_CASE("landmarks out of range or used twice are refused with the vertex") {

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -231,6 +232,55 @@ inline Disk spherical_cap(int rings, int sectors, double angle) {
     disk.mesh.vertices.row(v) << stretch * disk.plane.row(v), std::cos(rho);
   }
   return disk;
+}
+
+inline ism::TriangleMesh tetrahedron() {
+  ism::TriangleMesh mesh = {ism::Points3(4, 3), ism::Triangles(4, 3)};
+  mesh.vertices << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  mesh.triangles << 0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3;
+  return mesh;
+}
+
+/// An octahedron, of which every triangle is cut in four some times, on the unit sphere.
+inline ism::TriangleMesh sphere(int times) {
+  ism::TriangleMesh mesh = {ism::Points3(6, 3), ism::Triangles(8, 3)};
+  mesh.vertices << 1, 0, 0, 0, 1, 0, 0, 0, 1, -1, 0, 0, 0, -1, 0, 0, 0, -1;
+  mesh.triangles << 0, 1, 2, 1, 3, 2, 3, 4, 2, 4, 0, 2, 1, 0, 5, 3, 1, 5, 4, 3, 5, 0, 4, 5;
+  for (; times > 0; --times) {
+    const Eigen::Index n = mesh.vertices.rows(), m = mesh.triangles.rows();
+    ism::Points3 vertices(n + 3 * m / 2, 3);
+    ism::Triangles triangles(4 * m, 3);
+    vertices.topRows(n) = mesh.vertices;
+    std::map<std::pair<int, int>, int> middle;
+    for (int f = 0; f < m; ++f) {
+      int corner[3], half[3];
+      for (int k = 0; k < 3; ++k) {
+        const int u = corner[k] = mesh.triangles(f, k), v = mesh.triangles(f, (k + 1) % 3);
+        const int next = static_cast<int>(n) + static_cast<int>(middle.size());
+        half[k] = middle.insert({{std::min(u, v), std::max(u, v)}, next}).first->second;
+        vertices.row(half[k]) = (vertices.row(u) + vertices.row(v)).normalized();
+      }
+      triangles.row(4 * f) << corner[0], half[0], half[2];
+      triangles.row(4 * f + 1) << half[0], corner[1], half[1];
+      triangles.row(4 * f + 2) << half[2], half[1], corner[2];
+      triangles.row(4 * f + 3) << half[0], half[1], half[2];
+    }
+    mesh = {vertices, triangles};
+  }
+  return mesh;
+}
+
+/// A sphere with bumps, turned: all points of the unit sphere go to others, without folds.
+inline ism::TriangleMesh blob(int times, double bumps, std::uint64_t seed) {
+  Rng rng(seed);
+  ism::TriangleMesh mesh = sphere(times);
+  const double a = rng.uniform(1, 3), b = rng.uniform(1, 3), c = rng.uniform(0, 6);
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
+    const Eigen::Vector3d p = mesh.vertices.row(v);
+    const double bump = std::sin(a * p.x() + c) * std::cos(b * p.y() + c) + 0.5 * p.z();
+    mesh.vertices.row(v) = ((1 + bumps * bump) * p).transpose();
+  }
+  return mesh;
 }
 
 /// A ring 1 ≤ r ≤ 2 of n × 3 quads, slit along the x axis. Its ends are `gap` apart (radians) in

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs ism_map over all pairs of a folder and prints a Markdown table of the results.
 
-A pair is a folder with A.obj, B.obj and, if there are any, landmarks.txt. All options of ism_map
+A pair is a folder with A and B as OBJ, OFF or PLY and, if there are any, landmarks.txt. All options of ism_map
 can be passed through:  table.py --extra "--kappa 0 --iterations 50" --only hand_0
 (write --extra=--exact-landmarks for a single one)
 """
@@ -20,7 +20,7 @@ PROJECT = pathlib.Path(__file__).resolve().parent.parent
 COLUMNS = ["pair", "triangles A / B", "iterations", "to 1%", "status", "distortion", "coverage A",
            "coverage B", "start landmarks", "end landmarks", "vertices added", "embedding s",
            "derivatives s", "assembly s", "solve s", "search s", "total s",
-           "peak MB", "estimated MB"]
+           "peak MB", "estimated MB", "done to A", "done to B"]
 
 
 def read_arguments():
@@ -41,8 +41,14 @@ def read_arguments():
     return args
 
 
+def find_mesh(pair, name):
+    """The file of A or B of a pair; None if there is none."""
+    files = (pair / (name + ending) for ending in (".obj", ".off", ".ply"))
+    return next((f for f in files if f.exists()), None)
+
+
 def find_pairs(args):
-    pairs = sorted(p.parent for p in args.meshes.glob("*/A.obj") if (p.parent / "B.obj").exists())
+    pairs = sorted(p for p in args.meshes.glob("*") if find_mesh(p, "A") and find_mesh(p, "B"))
     if args.only:
         unknown = set(args.only) - {p.name for p in pairs}
         if unknown:
@@ -55,7 +61,8 @@ def find_pairs(args):
 
 def run(pair, folder, args):
     """The report of one run; {"error": sentence} if there is none."""
-    command = [args.program.resolve(), pair / "A.obj", pair / "B.obj", "-o", folder, "--quiet"]
+    command = [args.program.resolve(), find_mesh(pair, "A"), find_mesh(pair, "B"), "-o", folder,
+               "--quiet"]
     if (pair / "landmarks.txt").exists() and not args.no_landmarks:
         command += ["--landmarks", pair / "landmarks.txt"]
     command += shlex.split(args.extra)
@@ -93,6 +100,14 @@ def to_one_percent(report):
     return str(next(i for i, e in enumerate(energies) if e <= 1.01 * energies[-1]))
 
 
+def done_to(mesh):
+    """What was done to a mesh before it was mapped."""
+    done = list(mesh["prepared"])
+    if mesh["opened_at"] >= 0:
+        done.append(f'opened at vertex {mesh["opened_at"]}')
+    return "; ".join(done)
+
+
 def row(name, report):
     if "error" in report:
         return [name, "", "", "", report["error"]] + [""] * (len(COLUMNS) - 5)
@@ -105,7 +120,8 @@ def row(name, report):
             number(final["coverage_a"], 4), number(final["coverage_b"], 4),
             number(start["landmark_distance"], 4), number(final["landmark_distance"], 4),
             added] + [number(seconds[p], 1) for p in phases] + \
-        [number(report[m] / 1e6, 0) for m in ("peak_memory", "memory_estimate")]
+        [number(report[m] / 1e6, 0) for m in ("peak_memory", "memory_estimate")] + \
+        [done_to(report[mesh]) for mesh in "ab"]
 
 
 def print_row(cells):

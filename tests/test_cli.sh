@@ -88,14 +88,12 @@ invalid() {
   [ ! -e out ] || fail "an output folder appeared: $*"
 }
 
-printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n' >closed.obj
-invalid "closed.obj: .*(closed|boundary)" a.obj closed.obj
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 0 -1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n' >fan.obj
-invalid "fan.obj: .*0-1.*0, 1, 2" fan.obj b.obj
+invalid "fan.obj: .*0-1.*0, 1, 2" fan.obj b.obj --no-prepare
 printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n' >flat.obj
-invalid "flat.obj: .*0" flat.obj b.obj
+invalid "flat.obj: no triangle is left" flat.obj b.obj
 { cat a.obj && echo "v 9 9 9"; } >loose.obj
-invalid "loose.obj: .*81" loose.obj b.obj
+invalid "loose.obj: .*81" loose.obj b.obj --no-prepare
 
 # refused_marks TEXT SENTENCE: a landmarks file with this text is refused with this sentence.
 refused_marks() {
@@ -158,6 +156,28 @@ if command -v python3 >/dev/null; then
 assert r["status"] and r["iterations"][0]["iteration"] == 0
 assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.json"
 fi
+
+# What is not welded is welded, and told; results have the ids of the input.
+awk '/^v / { v[++n] = $0; next } /^f / { for (i = 2; i <= 5; ++i) print v[$i]; m += 4
+  print "f", m - 3, m - 2, m - 1, m }' a.obj >soup.obj
+echo "0 0
+255 120 # the last corner" >soup.txt
+"$ism_map" soup.obj b.obj -o out/soup --landmarks soup.txt --iterations 2 >stdout.txt 2>stderr.txt ||
+  fail "triangle soup: $(cat stderr.txt)"
+grep -q "^             welded 256 vertices to 81$" stdout.txt || fail "soup: $(cat stdout.txt)"
+[ "$(grep -c '^v ' out/soup/A_on_B.obj)" = 256 ] || fail "the ids of the soup are lost"
+[ "$(grep -c '^f' out/soup/A.obj)" = 128 ] || fail "soup: the faces"
+code=0
+"$ism_map" soup.obj b.obj -o out/soup --no-prepare >stdout.txt 2>stderr.txt || code=$?
+[ "$code" = 2 ] && grep -q "soup.obj: the mesh has 64 components" stderr.txt ||
+  fail "--no-prepare: $(cat stderr.txt)"
+
+# Closed surfaces are opened, and the map is closed again.
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n' >closed.obj
+"$ism_map" closed.obj closed.obj -o out/closed --iterations 3 --picture --heat >stdout.txt \
+  2>stderr.txt || fail "closed surfaces: $(cat stderr.txt)"
+[ "$(grep -c "closed: opened at vertex [0-3]$" stdout.txt)" = 2 ] || fail "$(cat stdout.txt)"
+grep -q "^coverage     100.00% of A, 100.00% of B" stdout.txt || fail "$(cat stdout.txt)"
 
 # Textures, colours, pictures, frames. A has texture coordinates, B has none.
 awk 'BEGIN { printf "P6\n32 32\n255\n"

@@ -5,6 +5,7 @@
 #include "ism.hpp"
 
 #include "part_applications.hpp"
+#include "part_closed.hpp"
 #include "part_embedding.hpp"
 #include "part_landmarks.hpp"
 #include "part_map.hpp"

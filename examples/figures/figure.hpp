@@ -14,6 +14,7 @@
 #include "render.hpp"
 
 #include <array>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,8 @@ int fig14_quad_template(int argc, char** argv);
 int fig15_textures(int argc, char** argv);
 int sec6_complexity(int argc, char** argv);
 int sec7_boundaries(int argc, char** argv);
+int openings(int argc, char** argv);
+int closed_surfaces(int argc, char** argv);
 
 namespace figure {
 

@@ -1,4 +1,5 @@
-// figures: redraws the figures of the paper. Each is a function in the file of its name.
+// figures: redraws the figures of the paper, and some of what goes beyond it. Each is a function in
+// the file of its name.
 //
 //   figures NAME [PAIR ...] [-o PICTURE] [--small] [--iterations N]
 //
@@ -35,6 +36,8 @@ const Figure kFigures[] = {
     {"fig15_textures", fig15_textures, "textures carried between three shapes"},
     {"sec6_complexity", sec6_complexity, "polygons of the meta mesh per triangle"},
     {"sec7_boundaries", sec7_boundaries, "free, fixed and sliding boundaries"},
+    {"openings", openings, "surfaces with openings"},
+    {"closed_surfaces", closed_surfaces, "closed surfaces, from their front and at the seam"},
 };
 
 void list_figures(std::FILE* out) {

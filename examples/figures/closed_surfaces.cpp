@@ -1,0 +1,109 @@
+// Beyond the paper: closed surfaces. Every pair is drawn twice, seen from its front and from where
+// it was cut open: the texture of A on both, and the distortion, with the seam as a line. Closed
+// pairs are named; without, those of data/ are closed by a fan of triangles.
+
+#include "figure.hpp"
+
+#include <Eigen/Geometry>
+
+namespace {
+
+/// A mesh with one boundary, closed by triangles around its middle; a closed one stays.
+ism::TriangleMesh closed(ism::TriangleMesh mesh) {
+  const std::set<int> rim = picture::boundary_vertices(mesh);
+  if (rim.empty()) return mesh;
+  const int n = static_cast<int>(mesh.vertices.rows());
+  std::vector<std::array<int, 2>> edges;  // of the boundary, with the mesh on their left
+  std::set<std::array<int, 2>> all;
+  for (int pass = 0; pass < 2; ++pass)
+    for (int f = 0; f < mesh.triangles.rows(); ++f)
+      for (int k = 0; k < 3; ++k) {
+        const int u = mesh.triangles(f, k), v = mesh.triangles(f, (k + 1) % 3);
+        if (pass == 0)
+          all.insert({u, v});
+        else if (all.count({v, u}) == 0)
+          edges.push_back({u, v});
+      }
+  Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+  for (int v : rim) middle += mesh.vertices.row(v) / static_cast<double>(rim.size());
+  ism::Triangles triangles(mesh.triangles.rows() + static_cast<Eigen::Index>(edges.size()), 3);
+  triangles.topRows(mesh.triangles.rows()) = mesh.triangles;
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    triangles.row(mesh.triangles.rows() + static_cast<Eigen::Index>(i)) << edges[i][1], edges[i][0],
+        n;
+  ism::Points3 vertices(n + 1, 3);
+  vertices << mesh.vertices, middle;
+  return {vertices, triangles};
+}
+
+/// The same direction to look along at B as at A, from another side: that of the cut.
+picture::Axes from_the_cut(const picture::Scene& front, const ism::Result& result) {
+  const ism::TriangleMesh& a = *result.start.prepared_a->mesh;
+  Eigen::Vector3d towards = Eigen::Vector3d::Zero();
+  for (int f = 0; f < a.triangles.rows(); ++f)
+    if ((a.triangles.row(f).array() == result.start.opening_a).any()) {
+      const Eigen::Vector3d p = a.vertices.row(a.triangles(f, 0));
+      towards += (a.vertices.row(a.triangles(f, 1)).transpose() - p)
+                     .cross(a.vertices.row(a.triangles(f, 2)).transpose() - p);
+    }
+  towards.normalize();
+  const Eigen::Matrix3d& axes = front.axes.a;
+  Eigen::Vector3d up = axes.row(1);
+  if (std::abs(up.dot(towards)) > 0.8) up = axes.row(2);
+  up = (up - up.dot(towards) * towards).normalized();
+  picture::Axes result_axes;
+  result_axes.a << up.cross(towards).transpose(), up.transpose(), towards.transpose();
+  result_axes.b = result_axes.a * axes.transpose() * front.axes.b;
+  return result_axes;
+}
+
+/// The vertices that have copies, in order.
+figure::Lines seam(const ism::TriangleMesh& mesh, const std::vector<ism::AddedVertex>& added) {
+  figure::Lines lines(1);
+  for (const ism::AddedVertex& p : added)
+    if (p.corners[1] < 0) lines[0].push_back(mesh.vertices.row(p.corners[0]));
+  if (!lines[0].empty()) lines[0].push_back(lines[0][0]);
+  return lines;
+}
+
+}  // namespace
+
+int closed_surfaces(int argc, char** argv) {
+  const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
+  constexpr double kWidth = 250, kHeight = 300, kRow = 360;
+  const int n = static_cast<int>(args.pairs.size());
+  render::Canvas canvas(1060, static_cast<int>(kRow) * 2 * n + 60);
+  for (int i = 0; i < 2 * n; i += 2) {
+    figure::Pair pair = figure::read_pair(args.pairs[static_cast<std::size_t>(i / 2)]);
+    pair.a = closed(std::move(pair.a));
+    pair.b = closed(std::move(pair.b));
+    const ism::Result r = figure::optimize(pair, args.options);
+    const ism::SurfaceMap map = figure::map_of(r);
+    const picture::Scene front = picture::scene_of(map);
+    const picture::Scene below = picture::scene_of(map, from_the_cut(front, r));
+    const picture::Texture texture = picture::front_texture(front);
+    const picture::Texture from_below = picture::front_texture(below);
+    for (int row = i; row < i + 2; ++row)
+      for (int column = 0; column < 4; ++column) {
+        const ism::Side side = column % 2 == 0 ? ism::Side::kA : ism::Side::kB;
+        const render::Rect panel = {10 + (kWidth + 10) * column, 50 + kRow * row, kWidth, kHeight};
+        const picture::Scene& scene = row == i ? front : below;
+        if (column < 2) {
+          picture::draw_texture(scene, side, row == i ? texture : from_below, panel, canvas);
+          continue;
+        }
+        picture::draw_heat(scene, side, panel, canvas);
+        const figure::Lines lines = side == ism::Side::kA ? seam(*r.start.a, r.start.added_a)
+                                                          : seam(*r.start.b, r.start.added_b);
+        figure::draw_lines(scene.view(side, panel), lines, 1.5, figure::kBlue, canvas);
+      }
+    canvas.text({20, 32 + kRow * i}, 12,
+                figure::format("%s: distortion %.3f, below %.2f on 95%% of the area",
+                               pair.name.c_str(), r.final_state().mean_distortion,
+                               ism::summarize(front.distortion).p95));
+    canvas.text({20, 32 + kRow * (i + 1)}, 12, "the same, from where they were cut open");
+  }
+  picture::draw_heat_legend({730, 2 * kRow * n + 20, 300, 14}, canvas);
+  figure::save(args, canvas);
+  return 0;
+}

@@ -1,0 +1,290 @@
+// Closed surfaces: cut open, mapped, and closed again.
+
+#ifndef ISM_TESTS_PART_CLOSED_HPP
+#define ISM_TESTS_PART_CLOSED_HPP
+
+#include "closed.hpp"
+#include "ism.hpp"
+#include "runs.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace closed_tests {
+namespace {
+
+using namespace ism::detail;
+using ism::Landmark;
+using ism::Options;
+using ism::Result;
+using ism::Side;
+using ism::Status;
+using ism::SurfaceMap;
+using ism::TriangleMesh;
+using runs::on_one_thread;
+
+/// The map is a homeomorphism of both surfaces.
+void check_closed(const TriangleMesh& a, const TriangleMesh& b, const Result& r) {
+  CAPTURE(r.message);
+  REQUIRE(ism::is_usable(r.status));
+  const HalfEdgeMesh m = shapes::half_edges(*r.start.a), n = shapes::half_edges(*r.start.b);
+  CHECK(m.component.size() == 3);
+  CHECK(n.component.size() == 3);
+  CHECK(is_injective(m, r.f));
+  CHECK(is_injective(n, r.g));
+  CHECK(r.final_state().coverage_a == doctest::Approx(1).epsilon(1e-12));
+  CHECK(r.final_state().coverage_b == doctest::Approx(1).epsilon(1e-12));
+  for (int v = 0; v < a.vertices.rows(); ++v)
+    CHECK(r.start.a->vertices.row(v) == a.vertices.row(v));
+  const SurfaceMap map(r);
+  REQUIRE(map.status() == Status::kDone);
+  CHECK(closed::round_trip(map) < 1e-9);
+  const ism::MetaMesh meta = map.meta_mesh();
+  const closed::Topology topology = closed::topology(meta);
+  CHECK(topology.is_manifold);
+  CHECK(topology.euler == 2);
+  CHECK(closed::area(meta, meta.on_a) == doctest::Approx(closed::area(a)).epsilon(1e-12));
+  CHECK(closed::area(meta, meta.on_b) == doctest::Approx(closed::area(b)).epsilon(1e-12));
+  CHECK(static_cast<int>(map.distortion().size()) == meta.n_polygons());
+}
+
+}  // namespace
+
+TEST_CASE("the smallest closed surfaces are mapped") {
+  const TriangleMesh shapes[] = {shapes::tetrahedron(), shapes::sphere(0), shapes::sphere(1)};
+  Options options = on_one_thread();
+  options.max_iterations = 2;
+  for (const TriangleMesh& a : shapes)
+    for (const TriangleMesh& b : shapes) {
+      CAPTURE(a.triangles.rows());
+      CAPTURE(b.triangles.rows());
+      check_closed(a, b, ism::compute_map(a, b, {}, options));
+    }
+}
+
+/// The vertices of two subdivided octahedra that are closest in direction to some random ones.
+std::vector<Landmark> landmarks_of(const TriangleMesh& a, const TriangleMesh& b, int n) {
+  shapes::Rng rng(7);
+  const auto closest = [](const TriangleMesh& mesh, const Eigen::Vector3d& p) {
+    int best = 0;
+    for (int v = 0; v < mesh.vertices.rows(); ++v)
+      if (mesh.vertices.row(v).normalized().dot(p) > mesh.vertices.row(best).normalized().dot(p))
+        best = v;
+    return best;
+  };
+  std::vector<Landmark> landmarks;
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3d p =
+        Eigen::Vector3d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)).normalized();
+    const Landmark l = {closest(a, p), closest(b, p)};
+    bool is_new = true;
+    for (const Landmark& other : landmarks)
+      is_new = is_new && other.a.vertex != l.a.vertex && other.b.vertex != l.b.vertex;
+    if (is_new) landmarks.push_back(l);
+  }
+  return landmarks;
+}
+
+TEST_CASE("maps of closed surfaces are homeomorphisms, with landmarks and without") {
+  for (int n : {0, 1, 2, 6}) {
+    CAPTURE(n);
+    const TriangleMesh a = shapes::blob(n < 6 ? 2 : 3, 0.3, 1), b = shapes::blob(2, 0.2, 2);
+    Options options = on_one_thread();
+    options.max_iterations = 25;
+    const Result r = ism::compute_map(a, b, landmarks_of(a, b, n), options);
+    check_closed(a, b, r);
+    CHECK(r.final_state().mean_distortion < 2.7);
+    CHECK(r.log.size() >= 25);
+    for (std::size_t i = 0; i < r.log.size(); ++i)
+      CHECK(r.log[i].iteration == static_cast<int>(i) + 1);
+  }
+}
+
+TEST_CASE("a sphere onto itself ends as an isometry") {
+  const TriangleMesh a = shapes::blob(3, 0.3, 5);
+  const Result r = ism::compute_map(a, a, landmarks_of(a, a, 8), on_one_thread());
+  check_closed(a, a, r);
+  CHECK(r.final_state().mean_distortion < 2.001);
+}
+
+TEST_CASE("a closed surface is opened where the other one has its boundary") {
+  const TriangleMesh ball = shapes::blob(3, 0.2, 3);
+  const shapes::Disk cap = shapes::spherical_cap(6, 16, 2.4);
+  const std::vector<Landmark> landmarks = landmarks_of(ball, cap.mesh, 6);
+  Options options = on_one_thread();
+  options.max_iterations = 30;
+  const Result r = ism::compute_map(ball, cap.mesh, landmarks, options);
+  CAPTURE(r.message);
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(is_injective(shapes::half_edges(*r.start.a), r.f));
+  CHECK(is_injective(shapes::half_edges(*r.start.b), r.g));
+  CHECK(r.final_state().coverage_b > 0.9);
+  CHECK(r.final_state().coverage_a < 1);
+  REQUIRE(!r.start.added_a.empty());
+  const Eigen::Vector3d at = ball.vertices.row(r.start.added_a[0].corners[0]);
+  CHECK(at.normalized().z() < -0.5);  // the cap is open below
+  const SurfaceMap map(r);
+  CHECK(map.status() == Status::kDone);
+  const Result other = ism::compute_map(cap.mesh, ball, {}, options);
+  CHECK(ism::is_usable(other.status));
+}
+
+TEST_CASE("what is pinned or exact stays where it is when the map is closed") {
+  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
+  Options options = on_one_thread();
+  options.max_iterations = 20;
+  options.exact_landmarks = true;
+  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  check_closed(a, b, r);
+  const SurfaceMap map(r);
+  for (const Landmark& l : landmarks) {
+    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
+    REQUIRE(image.covered);
+    CHECK((map.position_on_b(image.point).transpose() - b.vertices.row(l.b.vertex)).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("a Solver closes the map in steps, can be stopped, saved and restored, and goes on") {
+  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
+  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  Options options = on_one_thread();
+  options.max_iterations = 12;
+  const Result whole = ism::compute_map(a, b, landmarks, options);
+  check_closed(a, b, whole);
+  ism::Solver solver(a, b, landmarks, options);
+  std::set<std::size_t> restored_at = {0};  // iterations
+  while (solver.step()) {
+    const std::size_t n = solver.result().log.size();
+    if ((n != 5 && n < 13) || !restored_at.insert(n).second) continue;  // 13: the map is closed
+    ism::Solver other(a, b, landmarks, options);
+    REQUIRE(other.restore(solver.state()));
+    solver = std::move(other);
+  }
+  CHECK(restored_at.size() == 3);
+  CHECK(solver.result().f == whole.f);
+  CHECK(solver.result().g == whole.g);
+  CHECK(solver.result().log.size() == whole.log.size());
+  CHECK(solver.fraction() == 1);
+  options.max_iterations = 15;
+  CHECK(solver.change(landmarks, options).status == Status::kDone);
+  while (solver.step()) {
+  }
+  check_closed(a, b, solver.result());
+  int calls = 0;
+  options.progress = [&](const ism::Progress& p) {
+    return p.phase == ism::Phase::kEmbedding || ++calls < 4;
+  };
+  const Result open = ism::compute_map(a, b, landmarks, options);
+  CHECK(open.status == Status::kCancelled);
+  CHECK(is_injective(shapes::half_edges(*open.start.a), open.f));
+  CHECK(SurfaceMap(open).status() == Status::kDone);
+}
+
+TEST_CASE("curves, remeshing and attributes cross the seam") {
+  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
+  Options options = on_one_thread();
+  options.max_iterations = 20;
+  const Result r = ism::compute_map(a, b, landmarks_of(a, b, 5), options);
+  check_closed(a, b, r);
+  const SurfaceMap map(r);
+  int crossing = 0;
+  std::vector<std::array<int, 2>> edges;
+  for (int f = 0; f < a.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      if (a.triangles(f, k) < a.triangles(f, (k + 1) % 3))
+        edges.push_back({a.triangles(f, k), a.triangles(f, (k + 1) % 3)});
+  for (const std::vector<int>& path : ism::edge_paths(edges, *r.start.a, r.start.added_a)) {
+    const std::vector<ism::Polyline> image = map.forward_path(path);
+    REQUIRE(image.size() == 1);
+    const auto at = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
+    const auto end = [&](int v) { return at(map.forward_vertex(v).point); };
+    CHECK((at(image[0].front()) - end(path.front())).norm() < 1e-9);
+    CHECK((at(image[0].back()) - end(path.back())).norm() < 1e-9);
+    const std::vector<ism::Polyline> back = map.backward_curve(image[0]);
+    CHECK(back.size() == 1);
+    crossing += path.size() > 2;
+  }
+  CHECK(crossing > 0);
+  const ism::Remesh mesh = ism::remesh(map, Side::kA);
+  CHECK(build_half_edges(static_cast<int>(mesh.mesh.vertices.rows()), mesh.mesh.triangles)
+            .boundary.empty());
+  ism::Values x = a.vertices;
+  const ism::Transfer finer = ism::refine(a, *r.start.a, r.start.added_a, ism::Element::kVertex);
+  REQUIRE(finer.status == Status::kDone);
+  const ism::Attributes on_start = finer.apply(x);
+  CHECK((on_start.values - r.start.a->vertices).norm() < 1e-9);
+  const ism::Transfer to_b =
+      ism::transfer(map.meta_mesh(), Side::kA, ism::Element::kVertex, ism::Element::kVertex);
+  const ism::Attributes on_b = to_b.apply(on_start.values);
+  for (std::size_t v = 0; v < on_b.covered.size(); ++v) CHECK(on_b.covered[v]);
+}
+
+TEST_CASE("closed surfaces can stay open") {
+  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
+  Options options = on_one_thread();
+  options.max_iterations = 5;
+  options.close = false;
+  const Result r = ism::compute_map(a, b, landmarks_of(a, b, 5), options);
+  CHECK(r.status == Status::kIterationLimit);
+  CHECK(r.log.size() == 5);
+  CHECK(r.start.opening_a >= 0);
+  CHECK(shapes::half_edges(*r.start.a).loops() == 1);
+  CHECK(!SurfaceMap(r).is_closed());
+  CHECK(r.start.a->triangles.rows() == a.triangles.rows());
+}
+
+TEST_CASE("pins stay where the start puts them when the map is closed") {
+  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
+  Options options = on_one_thread();
+  options.max_iterations = 10;
+  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  for (const Landmark& l : landmarks) options.pins_a.push_back(l.a.vertex);
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  check_closed(a, b, r);
+  options.close = false;
+  const Result open = ism::compute_map(a, b, landmarks, options);
+  const SurfaceMap map(r), open_map(open);
+  for (const Landmark& l : landmarks) {
+    const ism::MappedPoint p = map.forward_vertex(l.a.vertex);
+    const ism::MappedPoint q = open_map.forward_vertex(l.a.vertex);
+    CHECK((map.position_on_b(p.point) - open_map.position_on_b(q.point)).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("a surface with defects has the map that it has without") {
+  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
+  TriangleMesh worse = a;
+  const Eigen::Index n = a.triangles.rows();
+  worse.triangles.conservativeResize(n + 2, 3);
+  worse.triangles.row(n) = a.triangles.row(5);
+  worse.triangles.row(n + 1) << 1, 1, 7;
+  worse.triangles.row(9) << a.triangles(9, 0), a.triangles(9, 2), a.triangles(9, 1);
+  Options options = on_one_thread();
+  options.max_iterations = 5;
+  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  const Result again = ism::compute_map(worse, b, landmarks, options);
+  check_closed(a, b, again);
+  CHECK(again.start.prepared_a->repairs.size() == 3);
+  CHECK(r.f == again.f);
+  CHECK(r.g == again.g);
+}
+
+TEST_CASE("a surface that is closed is valid; one side held needs a boundary") {
+  CHECK(ism::validate(shapes::sphere(1)).empty());
+  Options options;
+  options.boundary = ism::Boundary::kSlide;
+  const Result r = ism::compute_map(shapes::sphere(1), shapes::sphere(1), {}, options);
+  CHECK(r.status == Status::kInvalidOptions);
+  CHECK(r.message == "boundaries cannot be held where there is none, and A is closed");
+}
+
+}  // namespace closed_tests
+
+#endif  // ISM_TESTS_PART_CLOSED_HPP
