@@ -4,11 +4,16 @@
 A pair is a folder with A and B as OBJ, OFF or PLY and, if there are any, landmarks.txt. All options of ism_map
 can be passed through:  table.py --extra "--kappa 0 --iterations 50" --only hand_0
 (write --extra=--exact-landmarks for a single one)
+
+Where a pair has gt.txt, lines of a vertex of A and that of B to which it belongs (OBJ files), the
+column "error" is how far vertices of A end from there on average, in percent of the root of the
+area of B.
 """
 
 import argparse
 import concurrent.futures
 import json
+import math
 import os
 import pathlib
 import shlex
@@ -20,7 +25,7 @@ PROJECT = pathlib.Path(__file__).resolve().parent.parent
 COLUMNS = ["pair", "triangles A / B", "iterations", "to 1%", "status", "distortion", "coverage A",
            "coverage B", "start landmarks", "end landmarks", "vertices added", "embedding s",
            "derivatives s", "assembly s", "solve s", "search s", "total s",
-           "peak MB", "estimated MB", "done to A", "done to B"]
+           "peak MB", "estimated MB", "error", "done to A", "done to B"]
 
 
 def read_arguments():
@@ -59,6 +64,41 @@ def find_pairs(args):
     return pairs
 
 
+def read_obj(path):
+    """Vertices and faces."""
+    vertices, faces = [], []
+    for line in path.read_text().splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            vertices.append([float(w) for w in words[1:4]])
+        elif words[:1] == ["f"]:
+            faces.append([int(w.split("/")[0]) - 1 for w in words[1:]])
+    return vertices, faces
+
+
+def area_of(vertices, faces):
+    """Of polygons, as fans."""
+    total = 0
+    for face in faces:
+        for v, w in zip(face[1:], face[2:]):
+            p, q = ([a - b for a, b in zip(vertices[i], vertices[face[0]])] for i in (v, w))
+            total += 0.5 * math.hypot(p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2],
+                                      p[0] * q[1] - p[1] * q[0])
+    return total
+
+
+def registration_error(pair, folder):
+    """Of the vertices of A that have an image, against gt.txt; None if there is none."""
+    if not (pair / "gt.txt").exists():
+        return None
+    vertices, faces = read_obj(pair / "B.obj")
+    images, covered = read_obj(folder / "A_on_B.obj")
+    has_image = {v for face in covered for v in face}
+    belongs = (map(int, line.split()) for line in (pair / "gt.txt").read_text().splitlines())
+    errors = [math.dist(images[a], vertices[b]) for a, b in belongs if a in has_image]
+    return 100 * sum(errors) / len(errors) / math.sqrt(area_of(vertices, faces))
+
+
 def run(pair, folder, args):
     """The report of one run; {"error": sentence} if there is none."""
     command = [args.program.resolve(), find_mesh(pair, "A"), find_mesh(pair, "B"), "-o", folder,
@@ -79,6 +119,7 @@ def run(pair, folder, args):
         return {"error": f"exit code {code}: {words[-1]}"}
     report = json.loads((folder / "report.json").read_text())
     report["peak_memory"] = 1024 * usage.ru_maxrss
+    report["error_to_gt"] = registration_error(pair, folder)
     return report
 
 
@@ -121,6 +162,7 @@ def row(name, report):
             number(start["landmark_distance"], 4), number(final["landmark_distance"], 4),
             added] + [number(seconds[p], 1) for p in phases] + \
         [number(report[m] / 1e6, 0) for m in ("peak_memory", "memory_estimate")] + \
+        [number(report["error_to_gt"], 2)] + \
         [done_to(report[mesh]) for mesh in "ab"]
 
 
