@@ -11526,7 +11526,7 @@ class Run {
   bool step() {
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
-      result_.status = Status::kUnfinished;
+      result_.status = closer_ ? optimized_ : Status::kUnfinished;
     Timer timer;
     if (is_embedding())
       embed();
@@ -11547,9 +11547,13 @@ class Run {
       result_.message =
           "the map could not be closed: where the surfaces were cut open they still are";
     }
+    const bool must_close = optimizer_ && is_to_be_closed();
+    if (must_close && closer_ && !closer_->has_map() && is_stopped) {
+      result_.status = executor_.stop_status();
+      result_.message = words_of(result_.status).sentence;
+    }
     executor_.pause();
-    const bool has_more = is_embedding() || result_.status == Status::kUnfinished ||
-                          (optimizer_ && is_to_be_closed());
+    const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
     if (!has_more && !is_stopped) executor_.finish();
     return has_more && !is_stopped;
   }
@@ -11559,7 +11563,7 @@ class Run {
 
   SavedRun now() const {
     SavedRun run;
-    run.status = static_cast<int>(result_.status);
+    run.status = static_cast<int>(closer_ ? optimized_ : result_.status);
     if (!optimizer_) return run;
     const Embedding& start = result_.start;
     run.opening_a = opening_.a;
@@ -11879,6 +11883,7 @@ class Run {
       if (closer_->has_map()) take_closed_log();
       return;
     }
+    optimized_ = result_.status;
     const int done = static_cast<int>(result_.log.size());
     closer_ = std::make_unique<Closer>(whole_, pair_, placed_, followers_, options_, executor_);
     closer_->begin(optimizer_->positions(), options_.max_iterations - done);
@@ -11944,6 +11949,7 @@ class Run {
     Embedding start;
   } best_;  // of those tried
   std::unique_ptr<Closer> closer_;
+  Status optimized_ = Status::kUnfinished;  // how the run ended before the map was closed
   Result closed_result_;
   Result result_;
   std::unique_ptr<Embedder> embedder_;
@@ -11978,7 +11984,9 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
   const SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
                             build_surface(std::move(n), data->b->vertices, false)};
-  data->pair = EmbeddedPair(join(pair), stacked(f, g), seam);
+  const bool are_cut_in_two =
+      count_components(pair.a.mesh) == 2 && count_components(pair.b.mesh) == 2;
+  data->pair = EmbeddedPair(join(pair), stacked(f, g), are_cut_in_two ? seam : Array<SeamVertex>());
   if (data->pair.overlay.polygons.empty())
     fail(*data, Status::kNoOverlap, {words_of(Status::kNoOverlap).sentence});
   return data;

@@ -225,6 +225,43 @@ TEST_CASE("curves, remeshing and attributes cross the seam") {
   for (std::size_t v = 0; v < on_b.covered.size(); ++v) CHECK(on_b.covered[v]);
 }
 
+TEST_CASE("a surface on itself has no seam before the map is closed") {
+  const TriangleMesh a = shapes::blob(2, 0.3, 1);
+  ism::Solver solver(a, a, landmarks_of(a, a, 2), on_one_thread());
+  while (solver.phase() == ism::Phase::kEmbedding) solver.step();
+  const SurfaceMap map(solver.result());
+  CHECK(map.status() == Status::kDone);
+  CHECK(!map.is_closed());
+}
+
+TEST_CASE("a run that is cancelled while the map is being closed says so, and can go on") {
+  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
+  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  Options options = on_one_thread();
+  options.max_iterations = 3;
+  const Result whole = ism::compute_map(a, b, landmarks, options);
+  check_closed(a, b, whole);
+  bool is_optimized = false, is_to_stop = true;
+  options.progress = [&](const ism::Progress& p) {
+    is_optimized = is_optimized || p.phase == ism::Phase::kOptimization;
+    return !(is_optimized && p.phase == ism::Phase::kEmbedding && is_to_stop);
+  };
+  ism::Solver solver(a, b, landmarks, options);
+  while (solver.step()) {
+  }
+  CHECK(solver.result().status == Status::kCancelled);
+  CHECK(solver.result().log.size() == 3);
+  is_to_stop = false;
+  ism::Solver other(a, b, landmarks, options);
+  REQUIRE(other.restore(solver.state()));
+  for (ism::Solver* each : {&solver, &other}) {
+    while (each->step()) {
+    }
+    CHECK(each->result().f == whole.f);
+    CHECK(each->result().status == whole.status);
+  }
+}
+
 TEST_CASE("closed surfaces can stay open") {
   const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
   Options options = on_one_thread();
