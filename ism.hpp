@@ -518,9 +518,11 @@ struct Options {
   double max_memory = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
-  /// count as pinned.
+  /// count as pinned. Where the start puts one beside the other surface, it is refused; or, if both
+  /// are closed, held from when the map is closed.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay what they are at the start.
+  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where the
+  /// map of closed surfaces is to be closed.
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end. Those on the boundaries must then have the same order on A and B. Points become
@@ -5595,6 +5597,20 @@ class Substitution {
   Array<int> follower_of_;
 };
 
+/// A follower of which a master is one, too, and that master.
+struct Chain {
+  int row = -1, master = -1;
+};
+
+inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
+  const Substitution P(followers, s.mesh.n_vertices);
+  for (const Follower& follower : followers)
+    for (int k = 0; k < 3; ++k)
+      if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
+        return {follower.row, follower.master[k]};
+  return {};
+}
+
 /// Pᵀ A P. Of the rows and columns of followers, `unit` on the diagonal stays.
 inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit,
                                const Executor& executor) {
@@ -7389,11 +7405,14 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 
 class Hierarchy {
  public:
-  static constexpr int kBase = 50;  // vertices of the coarsest mesh
+  // How many vertices the coarsest mesh has; and where that is a fan around two vertices, in which
+  // Tutte's embedding shrinks by a factor per triangle.
+  static constexpr int kBase = 50, kSmallBase = 10;
 
-  /// `angle`: where boundary vertices go on the circle, by connectivity.
-  Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, Approach approach,
-            const Array<double>& angle, const Executor& executor)
+  /// `base`: how many vertices the coarsest mesh has. `angle`: where those of the boundary go on
+  /// the circle, by connectivity.
+  Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
+            Approach approach, const Array<double>& angle, const Executor& executor)
       : s_(s),
         side_(side),
         approach_(approach),
@@ -7401,7 +7420,7 @@ class Hierarchy {
         angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(kBase);
+    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(base);
     goal_ = active();
   }
 
@@ -8235,13 +8254,15 @@ class PairEmbedder {
         const int v = (side == Side::kA ? l.a : l.b).corners[k];
         if (v >= 0) keep[v] = 1;
       }
-    h = std::make_unique<Hierarchy>(s, side, keep, approach_, boundary_angles(s.mesh, outline),
-                                    executor_);
-    if (executor_.is_stopped()) return true;
-    const bool is_embedded = h->embed_base();
-    if (executor_.is_stopped()) return true;
-    if (!is_embedded) fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
-    return false;
+    const Array<double> angle = boundary_angles(s.mesh, outline);
+    for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) {
+      h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, executor_);
+      if (executor_.is_stopped()) return true;
+      const bool is_embedded = h->embed_base();
+      if (executor_.is_stopped()) return true;
+      if (is_embedded) return false;
+    }
+    return fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
   }
 
   bool finish() {
@@ -10180,11 +10201,27 @@ struct Sheet {
     return add(h, on_edge, p);
   }
 
+  bool is_inside(int f, Vec2 p) const {
+    const int u = mesh.corner(f, 0), v = mesh.corner(f, 1), w = mesh.corner(f, 2);
+    return is_positive(u, v, p) && is_positive(v, w, p) && is_positive(w, u, p);
+  }
+
+  /// The vertex at a place, which is added where there is none, at p in the plane; -1 if rounding
+  /// leaves no room.
+  int vertex_at(const Place& place, Vec2 p) {
+    const Place here = located(place, mesh.n_vertices - static_cast<int>(added.size()), added);
+    const int v = detail::vertex_at(here);
+    if (v >= 0) return v;
+    const int h = find_place(mesh, here);
+    if (h < 0 || !(is_on_edge(here) ? may_split(h, p) : is_inside(h / 3, p))) return -1;
+    return add(h, here, p);
+  }
+
   /// Adds a vertex in a triangle; -1 if it is not inside.
   int insert(int f, Vec2 p) {
+    if (!is_inside(f, p)) return -1;
     const int u = mesh.corner(f, 0), v = mesh.corner(f, 1), w = mesh.corner(f, 2);
     const Vec3 at = barycentric(p, x[u], x[v], x[w]);
-    if (!is_positive(u, v, p) || !is_positive(v, w, p) || !is_positive(w, u, p)) return -1;
     AddedVertex inside;
     inside.corners = Eigen::Vector3i(u, v, w);
     inside.weights = Eigen::Vector3d(at.x, at.y, at.z);
@@ -10210,6 +10247,24 @@ struct Sheet {
   int edge_between(int u, int v) const {
     const int h = find_edge(mesh, u, v);
     return h >= 0 && mesh.tail[h] == u ? h : -1;
+  }
+
+  /// The triangle in which a place of the plane lies, sought from one near it; -1 if there is none.
+  int locate(Vec2 p, int face) const {
+    const auto edge_before = [&](int f) {  // p is on its right
+      for (int h = 3 * f; h < 3 * f + 3; ++h)
+        if (!(orient2d(x[mesh.tail[h]], x[mesh.tip(h)], p) >= 0)) return h;
+      return -1;
+    };
+    for (int steps = 0; steps < mesh.n_faces; ++steps) {
+      const int h = edge_before(face);
+      if (h < 0) return face;
+      if (mesh.twin[h] < 0) break;
+      face = mesh.twin[h] / 3;
+    }
+    for (int f = 0; f < mesh.n_faces; ++f)
+      if (edge_before(f) < 0) return f;
+    return -1;
   }
 };
 
@@ -10253,30 +10308,10 @@ class SeamTracer {
     return (v >= is_taken_.size() || !is_taken_[v]) && !b_.mesh.on_boundary(v);
   }
 
-  /// The triangle of B in which a place lies.
-  int locate(Vec2 p, int face) const {
-    const HalfEdgeMesh& m = b_.mesh;
-    for (int steps = 0; steps < m.n_faces; ++steps) {
-      int across = -1;
-      for (int h = 3 * face; h < 3 * face + 3 && across < 0; ++h)
-        if (!(orient2d(b_.x[m.tail[h]], b_.x[m.tip(h)], p) >= 0)) across = h;
-      if (across < 0) return face;
-      if (m.twin[across] < 0) break;
-      face = m.twin[across] / 3;
-    }
-    for (int f = 0; f < m.n_faces; ++f) {
-      bool is_inside = true;
-      for (int h = 3 * f; h < 3 * f + 3; ++h)
-        is_inside = is_inside && orient2d(b_.x[m.tail[h]], b_.x[m.tip(h)], p) >= 0;
-      if (is_inside) return f;
-    }
-    return -1;
-  }
-
   /// The vertex of B at a vertex of A; -1 if there is no room for it.
   int insert(int u, int face) {
     const Vec2 p = a_.x[u];
-    const int f = locate(p, face);
+    const int f = b_.locate(p, face);
     if (f < 0) return -1;
     const HalfEdgeMesh& m = b_.mesh;
     const Vec3 at =
@@ -10458,6 +10493,7 @@ inline Array<int> edges_along(const HalfEdgeMesh& m, const Array<int>& loop) {
 /// the seam behind them, for the cap.
 struct CutSurface {
   Surface surface;
+  Array<int> id;       // per vertex of the sheet that it was
   Points2 x;           // rows of the body
   Array<int> seam;     // vertices of the body; those of the cap are the last ones of the surface
   Array<char> is_cap;  // per triangle
@@ -10489,7 +10525,7 @@ inline bool cut_in_two(const Surface& closed, const Surface& open, const Sheet& 
   const int n = closed.mesh.n_vertices;
   std::vector<AddedVertex> all = open.added, added;
   all.insert(all.end(), sheet.added.begin(), sheet.added.end());
-  Array<int> id;  // of every vertex of the sheet, once the cross is sewn
+  Array<int>& id = cut.id;  // copies at the cross have those of the vertices
   Array<Vec2> x;
   for (int v = 0; v < n; ++v) id.push_back(v), x.push_back(sheet.x[v]);
   for (AddedVertex p : all) {
@@ -10545,6 +10581,18 @@ inline Patch patch_of(const Surface& s, const Array<char>& is_in) {
   return patch;
 }
 
+/// Adds to the whole the vertices that have been added to the patch, behind all others, and to x.
+inline void adopt(const Surface& refined, Patch& patch, Surface& whole, Points2& x) {
+  std::vector<AddedVertex> added = refined.added;
+  for (AddedVertex& p : added) {
+    for (int k = 0; k < 3; ++k)
+      if (p.corners[k] >= 0) p.corners[k] = patch.vertex[p.corners[k]];
+    patch.vertex.push_back(whole.mesh.n_vertices + static_cast<int>(&p - added.data()));
+  }
+  add_vertices(added, whole);
+  x = with_added(x, added);
+}
+
 /// The seam along the sides of a square, by its length on both surfaces.
 inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>& seam_a,
                                const Array<int>& seam_b) {
@@ -10581,15 +10629,29 @@ inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>&
   return outlines;
 }
 
+/// Holds a vertex where it is on the other surface; false if it is not there.
+inline bool add_pin(const EmbeddedPair& pair, int row, Array<Follower>& followers) {
+  const MappedPoint image = pair.map_vertex(row);
+  if (image.covered)
+    followers.push_back(follower_in(pair.s.mesh, row, image.point.face, weights_of(image.point)));
+  return image.covered;
+}
+
+/// Vertices of two surfaces that are held on the other one.
+struct Held {
+  Array<Follower> followers;
+  Array<int> uncovered;  // are to be, but the other surface does not lie there
+};
+
 /// Closes the map of two closed surfaces that were opened, in steps.
 class Closer {
  public:
   Closer(const SurfacePair& closed, const SurfacePair& open, const Array<PlacedLandmark>& landmarks,
-         const Array<Follower>& followers, const Options& options, const Executor& executor)
+         const Held& held, const Options& options, const Executor& executor)
       : closed_(closed),
         open_(open),
         landmarks_(landmarks),
-        held_(followers),
+        held_(held),
         options_(options),
         executor_(executor) {
     options_.boundary = Boundary::kFixed;
@@ -10601,12 +10663,9 @@ class Closer {
 
   /// Cuts the surfaces along a seam; x are the positions of the opened ones.
   void begin(const Points2& x, int max_iterations) {
-    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};  // in roots of the area
     options_.max_iterations = (std::max)(0, max_iterations);
-    const EmbeddedPair pair(join(open_), x);
-    for (double margin : kMargins)
-      if (cut_around_body(pair, margin * std::sqrt(open_.a.total_area))) return;
-    if (!cut_in_polygon(pair)) status_ = Status::kStalled;
+    pair_ = EmbeddedPair(join(open_), x);
+    cut_anew();
   }
 
   /// False after the last step.
@@ -10630,17 +10689,31 @@ class Closer {
   const SurfacePair& surfaces() const { return cut_pair_; }
 
   /// The positions of both surfaces.
-  Points2 positions() const {
-    Points2 x = x_;
-    const Points2& y = optimizer_->positions();
+  Points2 positions() const { return with_caps(optimizer_->positions()); }
+
+ private:
+  Points2 with_caps(const Points2& y) const {
+    Points2 x = stacked(f_, g_);
     const int n_a = a_.vertex.size();
-    for (int i = 0; i < n_a; ++i) set_row(x, a_.vertex[i], row2(y, i) + offset_);
+    for (int i = 0; i < n_a; ++i) set_row(x, a_.vertex[i], row2(y, i));
     for (int i = 0; i < b_.vertex.size(); ++i)
-      set_row(x, cut_pair_.a.mesh.n_vertices + b_.vertex[i], row2(y, n_a + i) + offset_);
+      set_row(x, cut_pair_.a.mesh.n_vertices + b_.vertex[i], row2(y, n_a + i));
     return x;
   }
 
- private:
+  /// Tries seams nearer and nearer to what is not covered, then ever smaller ones; takes the next
+  /// that there is room for.
+  void cut_anew() {
+    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};  // in roots of the area
+    constexpr double kParts[] = {0.1, 0.01, 0.001};       // of a triangle of A
+    const double unit = std::sqrt(open_.a.total_area);
+    for (; tried_ < 4; ++tried_)
+      if (cut_around_body(kMargins[tried_] * unit)) return void(++tried_);
+    for (; tried_ < 7; ++tried_)
+      if (cut_in_polygon(kParts[tried_ - 4])) return void(++tried_);
+    status_ = Status::kStalled;
+  }
+
   static Sheet sheet_of(const Surface& s, const Points2& x, int first) {
     Sheet sheet;
     sheet.mesh = s.mesh;
@@ -10648,23 +10721,43 @@ class Closer {
     return sheet;
   }
 
-  /// Cuts around the triangles that choose_body() chooses, if what is pinned or exact is inside.
-  bool cut_around_body(const EmbeddedPair& pair, double margin) {
+  /// Cuts around the triangles that choose_body() chooses.
+  bool cut_around_body(double margin) {
     const HalfEdgeMesh& m = open_.a.mesh;
-    const Array<char> is_body = choose_body(pair, open_.a, margin);
+    const Array<char> is_body = choose_body(pair_, open_.a, margin);
     const Array<int> loop = loop_around(m, is_body);
-    for (const Follower& follower : held_)
-      if (!is_inside(pair, is_body, follower)) return false;
+    if (loop.empty()) return false;
     Array<int> faces_near;
     for (int v : loop) {
       int near = 0;
       m.for_each_outgoing(v, [&](int h) {
-        pair.for_each_target(h / 3, [&](int t) { near = t - pair.s.faces_a; });
+        pair_.for_each_target(h / 3, [&](int t) { near = t - pair_.s.faces_a; });
       });
       faces_near.push_back(near);
     }
-    Sheet a = sheet_of(open_.a, pair.x, 0), b = sheet_of(open_.b, pair.x, pair.s.n_a);
-    return !loop.empty() && cut(loop, faces_near, a, b);
+    Sheet a = sheet_of(open_.a, pair_.x, 0), b = sheet_of(open_.b, pair_.x, pair_.s.n_a);
+    return meet(is_body, a, b) && cut(loop, faces_near, a, b);
+  }
+
+  /// Makes vertices of both surfaces of what is held, unless it is inside of the body: the seam can
+  /// then be anywhere but there. False if there is no room.
+  bool meet(const Array<char>& is_body, Sheet& a, Sheet& b) {
+    met_.clear();
+    for (const Follower& follower : held_.followers) {
+      if (is_inside(pair_, is_body, follower)) continue;
+      const bool is_of_a = follower.row < pair_.s.n_a;
+      const int own = is_of_a ? follower.row : follower.row - pair_.s.n_a;
+      Place place;
+      for (int k = 0; k < 3; ++k) {
+        place.corners[k] = is_of_a ? follower.master[k] - pair_.s.n_a : follower.master[k];
+        place.weights[k] = follower.weight[k];
+      }
+      tidy(place);
+      const int there = (is_of_a ? b : a).vertex_at(place, row2(pair_.x, follower.row));
+      if (there < 0) return false;
+      met_.push_back(is_of_a ? VertexPair{own, there} : VertexPair{there, own});
+    }
+    return true;
   }
 
   /// True if the seam around some triangles of A stays away from those at a follower; the edges of
@@ -10688,23 +10781,23 @@ class Closer {
 
   /// Where triangles are so coarse that none is inside, a new one in the largest polygon of the
   /// overlay is the body.
-  bool cut_in_polygon(const EmbeddedPair& pair) {
-    constexpr double kParts[] = {0.1, 0.01, 0.001};  // of a triangle of A
+  bool cut_in_polygon(double part) {
     const OverlayPolygon* largest = nullptr;
     double most = 0;
-    for (const OverlayPolygon& p : pair.overlay.polygons) {
-      const SixPoints x = six_points(pair.s.mesh, pair.x, p);
+    for (const OverlayPolygon& p : pair_.overlay.polygons) {
+      const SixPoints x = six_points(pair_.s.mesh, pair_.x, p);
       const double area = polygon_area(polygon_shape(p, x), x);
       if (area > most) most = area, largest = &p;
     }
-    if (largest == nullptr || !held_.empty()) return false;
-    const Array<int> faces_near(3, largest->tb - pair.s.faces_a);
-    for (double part : kParts) {
-      Sheet a = sheet_of(open_.a, pair.x, 0), b = sheet_of(open_.b, pair.x, pair.s.n_a);
-      const Array<int> loop = small_triangle(largest->ta, center_of(pair, *largest), part, a);
-      if (loop.size() == 3 && cut(loop, faces_near, a, b)) return true;
-    }
-    return false;
+    if (largest == nullptr) return false;
+    Sheet a = sheet_of(open_.a, pair_.x, 0), b = sheet_of(open_.b, pair_.x, pair_.s.n_a);
+    if (!meet(Array<char>(open_.a.mesh.n_faces, 0), a, b)) return false;
+    const Vec2 center = center_of(pair_, *largest);
+    const int face = a.locate(center, largest->ta);
+    if (face < 0) return false;
+    const Array<int> loop = small_triangle(face, center, part, a);
+    const Array<int> faces_near(3, largest->tb - pair_.s.faces_a);
+    return loop.size() == 3 && cut(loop, faces_near, a, b);
   }
 
   static Vec2 center_of(const EmbeddedPair& pair, const OverlayPolygon& p) {
@@ -10742,13 +10835,38 @@ class Closer {
         !cut_in_two(closed_.b, open_.b, b, seam.b, cut_b))
       return false;
     cut_pair_ = {cut_a.surface, cut_b.surface};
-    x_ = stacked(cut_a.x, cut_b.x);
+    f_ = cut_a.x;
+    g_ = cut_b.x;
     a_ = patch_of(cut_a.surface, cut_a.is_cap);
     b_ = patch_of(cut_b.surface, cut_b.is_cap);
+    if (!take_held(cut_a, cut_b)) return false;
     outlines_ = outlines_of(a_, b_, copies_of(seam.a.size(), a_), copies_of(seam.b.size(), b_));
     caps_ = {a_.surface, b_.surface};
     embedder_ = std::make_unique<PairEmbedder>(caps_, landmarks_on_caps(), options_, executor_,
                                                Approach::kConnectivity, &outlines_);
+    return true;
+  }
+
+  /// What of the held vertices the caps have. False if the seam goes through one of them.
+  bool take_held(const CutSurface& cut_a, const CutSurface& cut_b) {
+    const auto is_on_seam = [](const CutSurface& cut, int v) {
+      return std::find(cut.seam.begin(), cut.seam.end(), v) != cut.seam.end();
+    };
+    joined_.clear();
+    for (const VertexPair& l : met_) {
+      const int u = cut_a.id[l.a], v = cut_b.id[l.b];
+      if (is_on_seam(cut_a, u) || is_on_seam(cut_b, v)) return false;
+      const VertexPair there = {a_.place[u], b_.place[v]};
+      if ((there.a < 0) != (there.b < 0)) return false;
+      if (there.a >= 0) joined_.push_back(there);
+    }
+    pins_.clear();
+    for (int v : held_.uncovered) {
+      const int n_a = pair_.s.n_a;
+      VertexPair pin;
+      (v < n_a ? pin.a : pin.b) = v < n_a ? a_.place[cut_a.id[v]] : b_.place[cut_b.id[v - n_a]];
+      if (pin.a >= 0 || pin.b >= 0) pins_.push_back(pin);
+    }
     return true;
   }
 
@@ -10770,6 +10888,7 @@ class Closer {
       return true;
     };
     Array<PlacedLandmark> there;
+    for (const VertexPair& l : joined_) there.push_back({copy_of(l.a), copy_of(l.b), {}});
     for (PlacedLandmark l : located(landmarks_, cut_pair_))
       if (move(a_, l.a) && move(b_, l.b)) there.push_back(l);
     return there;
@@ -10777,22 +10896,53 @@ class Closer {
 
   /// A step of the embedding of the caps; then begins to optimise them.
   bool embed() {
-    if (embedder_->step(embedding_) || executor_.is_stopped()) return true;
-    embedder_.reset();
-    if (embedding_.status != Status::kDone) return status_ = Status::kStalled, false;
-    s_ = join(caps_);
-    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
-    optimizer_->start(stacked(embedding_.f, embedding_.g), result_);
-    offset_ = {beside_body(), 0};
-    measure_body();
-    status_ = result_.status;
+    if (joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_)) return true;
+    if (executor_.is_stopped()) return true;
+    if (!joiner_ && !joined_.empty() && embedding_.status == Status::kDone) {
+      joiner_ = std::make_unique<LandmarkJoiner>(caps_, joined_, options_, executor_);
+      return true;
+    }
+    if (!begin_to_optimize()) cut_anew();
     return status_ == Status::kUnfinished;
   }
 
-  /// Where caps go so that they are apart from the bodies.
-  double beside_body() const {
-    const std::array<Vec2, 2> box = bounding_box(x_);
-    return box[1].x + 1.5 * 2 * outlines_.a.half_side;
+  bool begin_to_optimize() {
+    const Embedding found = std::move(embedding_);
+    embedder_.reset();
+    joiner_.reset();
+    embedding_ = Embedding();
+    if (found.status != Status::kDone) return false;
+    adopt(caps_.a, a_, cut_pair_.a, f_);
+    adopt(caps_.b, b_, cut_pair_.b, g_);
+    s_ = join(caps_);
+    const Points2 y = beside_body(stacked(found.f, found.g));
+    if (!is_injective(join(cut_pair_).mesh, with_caps(y)) || !hold(y)) return false;
+    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
+    optimizer_->start(y, result_);
+    if (result_.status == Status::kInvalidPins) return optimizer_.reset(), false;
+    measure_body();
+    status_ = result_.status;
+    return true;
+  }
+
+  /// Finds the followers among the caps; false if one would follow another one.
+  bool hold(const Points2& y) {
+    followers_.clear();
+    for (const VertexPair& l : joined_) followers_.push_back(landmark_follower(s_, l));
+    if (pins_.empty()) return true;
+    const EmbeddedPair pair(s_, y);
+    for (const VertexPair& pin : pins_)
+      if (!add_pin(pair, pin.a >= 0 ? pin.a : s_.n_a + pin.b, followers_)) return false;
+    return find_chain(s_, followers_).row < 0;
+  }
+  /// The caps where they are apart from the bodies. As they move along x only, the sides of the
+  /// square stay straight.
+  Points2 beside_body(Points2 y) const {
+    constexpr double kGap = 3;  // from the right of the bodies to the middle of the square
+    const double shift =
+        (std::max)(bounding_box(f_)[1].x, bounding_box(g_)[1].x) + kGap * outlines_.a.half_side;
+    for (int i = 0; i < y.rows(); ++i) y(i, 0) += shift;
+    return y;
   }
 
   /// E of the body is what that of the whole has more than that of the cap.
@@ -10801,7 +10951,7 @@ class Closer {
     Iterate x;
     x.x = positions();
     evaluate(s, weights_of(options_), x);
-    describe(s, followers_, x, start_);
+    describe(s, {}, x, start_);
     body_ = start_;
     log_.push_back(start_);
     area_a_ = s.area_a, area_b_ = s.area_b;
@@ -10828,25 +10978,30 @@ class Closer {
 
   const SurfacePair &closed_, &open_;
   const Array<PlacedLandmark>& landmarks_;
-  const Array<Follower>& held_;  // pins and exact landmarks
+  const Held& held_;
   Options options_;
   const Executor& executor_;
+  EmbeddedPair pair_;  // the surfaces that are open
+  int tried_ = 0;      // seams
   SurfacePair cut_pair_;
-  Points2 x_;  // of both, rows of the bodies
+  Points2 f_, g_;  // rows of the bodies
   Patch a_, b_;
+  Array<VertexPair> met_;     // held, vertices of the sheets
+  Array<VertexPair> joined_;  // those of the caps
+  Array<VertexPair> pins_;    // of the caps that are held where these are put; one of a, b is -1
   SurfacePair caps_;
   OutlinePair outlines_;
   std::unique_ptr<PairEmbedder> embedder_;
   Embedding embedding_;
-  JointSurface s_;                        // of the caps
-  const Array<Follower> followers_ = {};  // none
+  std::unique_ptr<LandmarkJoiner> joiner_;
+  JointSurface s_;  // of the caps
+  Array<Follower> followers_;
   std::unique_ptr<Optimizer> optimizer_;
   Result result_;  // of the caps
   std::size_t told_ = 0;
   std::vector<IterationLog> log_;
   IterationLog start_, body_;
   double area_a_ = 0, area_b_ = 0;
-  Vec2 offset_;
   Status status_ = Status::kUnfinished;
 };
 
@@ -11116,6 +11271,12 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
   take_rows(a, options.initial_f);
   take_rows(b, options.initial_g);
   const HalfEdgeMesh &m = pair.a.mesh, &n = pair.b.mesh;
+  if (options.close && m.loops() == 0 && n.loops() == 0 &&
+      !(options.fixed_a.empty() && options.fixed_b.empty()))
+    return fail(
+        outcome, Status::kInvalidPins,
+        {"where maps of closed surfaces are closed, no vertex can be fixed in the plane: set ",
+         "close to false, or pin it"});
   return check_loops(m, a, Side::kA, options, outcome) &&
          check_loops(n, b, Side::kB, options, outcome) &&
          place_landmarks(m, a, n, b, landmarks, placed, outcome) &&
@@ -11194,18 +11355,18 @@ inline ElementId element_id(const JointSurface& s, int v) {
   return vertex_id(side_of(s, v), own_id(s, v));
 }
 
-/// Where the start puts pinned vertices.
+/// Where the start puts pinned vertices. `may_wait`: where that is not on the other surface, they
+/// are held once the map is closed.
 inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
-                     Array<Follower>& followers, Outcome& outcome) {
+                     bool may_wait, Held& held, Outcome& outcome) {
   for (int v : pins) {
-    const MappedPoint image = pair.map_vertex(first + v);
-    if (!image.covered)
+    if (add_pin(pair, first + v, held.followers)) continue;
+    if (!may_wait)
       return fail(outcome, Status::kInvalidPins,
                   {"pin: vertex ", name_of(pair.s, first + v), " is not mapped to ",
                    letter(other(side_of(pair.s, first + v))), " by the start"},
                   {element_id(pair.s, first + v)});
-    followers.push_back(
-        follower_in(pair.s.mesh, first + v, image.point.face, weights_of(image.point)));
+    held.uncovered.push_back(first + v);
   }
   return true;
 }
@@ -11213,21 +11374,18 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
 /// A pin must not lie in a triangle with a pinned vertex: followers of followers are not resolved.
 inline bool check_chains(const JointSurface& s, const Array<Follower>& followers,
                          Outcome& outcome) {
-  const Substitution P(followers, s.mesh.n_vertices);
-  for (const Follower& follower : followers)
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
-        return fail(outcome, Status::kInvalidPins,
-                    {"pin: vertex ", name_of(s, follower.row), " lies in a triangle of vertex ",
-                     name_of(s, follower.master[k]), ", which is pinned too"},
-                    {element_id(s, follower.row), element_id(s, follower.master[k])});
-  return true;
+  const Chain chain = find_chain(s, followers);
+  if (chain.row < 0) return true;
+  return fail(outcome, Status::kInvalidPins,
+              {"pin: vertex ", name_of(s, chain.row), " lies in a triangle of vertex ",
+               name_of(s, chain.master), ", which is pinned too"},
+              {element_id(s, chain.row), element_id(s, chain.master)});
 }
 
 /// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
                            const Array<PlacedLandmark>& landmarks, const Options& options,
-                           Array<Follower>& followers, Outcome& outcome) {
+                           bool may_wait, Held& held, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
     const VertexPair at = {vertex_at(l.a), vertex_at(l.b), l.given};
@@ -11240,13 +11398,13 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
           outcome, Status::kInvalidPositions,
           {name_of(l.given), "exact_landmarks needs given positions in which its images coincide"},
           ids_of(l.given));
-    followers.push_back(landmark_follower(s, at));
+    held.followers.push_back(landmark_follower(s, at));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   const EmbeddedPair pair(s, x);
-  return add_pins(pair, options.pins_a, 0, followers, outcome) &&
-         add_pins(pair, options.pins_b, s.n_a, followers, outcome) &&
-         check_chains(s, followers, outcome);
+  return add_pins(pair, options.pins_a, 0, may_wait, held, outcome) &&
+         add_pins(pair, options.pins_b, s.n_a, may_wait, held, outcome) &&
+         check_chains(s, held.followers, outcome);
 }
 
 /// What a status is called, and how it is put where there is nothing to add. In their order.
@@ -11829,7 +11987,7 @@ class Run {
   /// Algorithm 1 from the start on. `together`: the landmarks that may be exact.
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
-    followers_.clear();
+    held_ = Held();
     result_.log.clear();
     told_ = 0;
     s_ = join(pair_);
@@ -11837,8 +11995,8 @@ class Run {
     if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
     x = scaled(scale_, std::move(x));
     result_.status = Status::kUnfinished;
-    if (!find_followers(s_, x, together, options_, followers_, result_)) return;
-    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
+    if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
+    optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
     optimizer_->start(x, result_);
   }
 
@@ -11868,10 +12026,11 @@ class Run {
 
   static bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
 
+  bool can_close() const { return options_.close && is_closed(whole_.a) && is_closed(whole_.b); }
+
   /// The map of two surfaces that were opened has been optimised, and not been closed yet.
   bool is_to_be_closed() const {
-    if (only_start_ || !options_.close || !is_closed(whole_.a) || !is_closed(whole_.b))
-      return false;
+    if (only_start_ || !can_close()) return false;
     if (closer_) return closer_->status() == Status::kUnfinished;
     return result_.status == Status::kConverged || result_.status == Status::kIterationLimit ||
            result_.status == Status::kStalled;
@@ -11885,7 +12044,7 @@ class Run {
     }
     optimized_ = result_.status;
     const int done = static_cast<int>(result_.log.size());
-    closer_ = std::make_unique<Closer>(whole_, pair_, placed_, followers_, options_, executor_);
+    closer_ = std::make_unique<Closer>(whole_, pair_, placed_, held_, options_, executor_);
     closer_->begin(optimizer_->positions(), options_.max_iterations - done);
   }
 
@@ -11955,7 +12114,7 @@ class Run {
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;
   double scale_ = 0;  // of the planes, against those that were given; 0 as long as there are none
-  Array<Follower> followers_;
+  Held held_;
   std::unique_ptr<Optimizer> optimizer_;
   std::size_t told_ = 0;  // of the log
   SavedRun before_change_;
@@ -11992,21 +12151,27 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const
   return data;
 }
 
-/// The seam of two closed surfaces, where a map of them was closed: the copies were added last, on
-/// A and B in the same order. A surface that is open only has copies as well.
+/// The seam of two closed surfaces, where a map of them was closed: there are copies in the same
+/// order on A and B. A surface that is open only has copies as well.
 inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Points2& g) {
-  const std::vector<AddedVertex>&a = e.added_a, &b = e.added_b;
-  const int most = static_cast<int>((std::min)(a.size(), b.size()));
-  const auto last = [](const std::vector<AddedVertex>& added, int k) {
-    return added.data()[static_cast<int>(added.size()) - k];
+  struct Copy {
+    int original, id;
   };
-  int n = 0;
-  while (n < most && is_copy(last(a, n + 1)) && is_copy(last(b, n + 1)) &&
-         row2(f, rows_of(f) - n - 1) == row2(g, rows_of(g) - n - 1))
-    ++n;
+  const auto copies_in = [](const std::vector<AddedVertex>& added, const Points2& x) {
+    Array<Copy> copies;
+    int v = rows_of(x) - static_cast<int>(added.size());
+    for (const AddedVertex& p : added) {
+      if (is_copy(p)) copies.push_back({p.corners[0], v});
+      ++v;
+    }
+    return copies;
+  };
+  const Array<Copy> a = copies_in(e.added_a, f), b = copies_in(e.added_b, g);
   Array<SeamVertex> seam;
-  for (int k = n; k > 0; --k)
-    seam.push_back({last(a, k).corners[0], rows_of(f) - k, last(b, k).corners[0], rows_of(g) - k});
+  for (int i = 0; i < a.size() && a.size() == b.size(); ++i) {
+    if (row2(f, a[i].id) != row2(g, b[i].id)) return {};
+    seam.push_back({a[i].original, a[i].id, b[i].original, b[i].id});
+  }
   return seam;
 }
 

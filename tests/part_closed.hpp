@@ -28,6 +28,46 @@ using ism::SurfaceMap;
 using ism::TriangleMesh;
 using runs::on_one_thread;
 
+/// The vertices of two subdivided octahedra that are closest in direction to some random ones.
+std::vector<Landmark> landmarks_of(const TriangleMesh& a, const TriangleMesh& b, int n) {
+  shapes::Rng rng(7);
+  const auto closest = [](const TriangleMesh& mesh, const Eigen::Vector3d& p) {
+    int best = 0;
+    for (int v = 0; v < mesh.vertices.rows(); ++v)
+      if (mesh.vertices.row(v).normalized().dot(p) > mesh.vertices.row(best).normalized().dot(p))
+        best = v;
+    return best;
+  };
+  std::vector<Landmark> landmarks;
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3d p =
+        Eigen::Vector3d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)).normalized();
+    const Landmark l = {closest(a, p), closest(b, p)};
+    bool is_new = true;
+    for (const Landmark& other : landmarks)
+      is_new = is_new && other.a.vertex != l.a.vertex && other.b.vertex != l.b.vertex;
+    if (is_new) landmarks.push_back(l);
+  }
+  return landmarks;
+}
+
+struct Blobs {
+  TriangleMesh a, b;
+  std::vector<Landmark> landmarks;
+};
+
+Blobs blobs(int level, int n_landmarks) {
+  Blobs pair = {shapes::blob(level, 0.3, 1), shapes::blob(level, 0.2, 2), {}};
+  pair.landmarks = landmarks_of(pair.a, pair.b, n_landmarks);
+  return pair;
+}
+
+Options iterations(int n) {
+  Options options = on_one_thread();
+  options.max_iterations = n;
+  return options;
+}
+
 /// The map is a homeomorphism of both surfaces.
 void check_closed(const TriangleMesh& a, const TriangleMesh& b, const Result& r) {
   CAPTURE(r.message);
@@ -57,8 +97,7 @@ void check_closed(const TriangleMesh& a, const TriangleMesh& b, const Result& r)
 
 TEST_CASE("the smallest closed surfaces are mapped") {
   const TriangleMesh shapes[] = {shapes::tetrahedron(), shapes::sphere(0), shapes::sphere(1)};
-  Options options = on_one_thread();
-  options.max_iterations = 2;
+  const Options options = iterations(2);
   for (const TriangleMesh& a : shapes)
     for (const TriangleMesh& b : shapes) {
       CAPTURE(a.triangles.rows());
@@ -67,35 +106,11 @@ TEST_CASE("the smallest closed surfaces are mapped") {
     }
 }
 
-/// The vertices of two subdivided octahedra that are closest in direction to some random ones.
-std::vector<Landmark> landmarks_of(const TriangleMesh& a, const TriangleMesh& b, int n) {
-  shapes::Rng rng(7);
-  const auto closest = [](const TriangleMesh& mesh, const Eigen::Vector3d& p) {
-    int best = 0;
-    for (int v = 0; v < mesh.vertices.rows(); ++v)
-      if (mesh.vertices.row(v).normalized().dot(p) > mesh.vertices.row(best).normalized().dot(p))
-        best = v;
-    return best;
-  };
-  std::vector<Landmark> landmarks;
-  for (int i = 0; i < n; ++i) {
-    const Eigen::Vector3d p =
-        Eigen::Vector3d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)).normalized();
-    const Landmark l = {closest(a, p), closest(b, p)};
-    bool is_new = true;
-    for (const Landmark& other : landmarks)
-      is_new = is_new && other.a.vertex != l.a.vertex && other.b.vertex != l.b.vertex;
-    if (is_new) landmarks.push_back(l);
-  }
-  return landmarks;
-}
-
 TEST_CASE("maps of closed surfaces are homeomorphisms, with landmarks and without") {
   for (int n : {0, 1, 2, 6}) {
     CAPTURE(n);
     const TriangleMesh a = shapes::blob(n < 6 ? 2 : 3, 0.3, 1), b = shapes::blob(2, 0.2, 2);
-    Options options = on_one_thread();
-    options.max_iterations = 25;
+    const Options options = iterations(25);
     const Result r = ism::compute_map(a, b, landmarks_of(a, b, n), options);
     check_closed(a, b, r);
     CHECK(r.final_state().mean_distortion < 2.7);
@@ -116,8 +131,7 @@ TEST_CASE("a closed surface is opened where the other one has its boundary") {
   const TriangleMesh ball = shapes::blob(3, 0.2, 3);
   const shapes::Disk cap = shapes::spherical_cap(6, 16, 2.4);
   const std::vector<Landmark> landmarks = landmarks_of(ball, cap.mesh, 6);
-  Options options = on_one_thread();
-  options.max_iterations = 30;
+  Options options = iterations(30);
   const Result r = ism::compute_map(ball, cap.mesh, landmarks, options);
   CAPTURE(r.message);
   REQUIRE(ism::is_usable(r.status));
@@ -134,27 +148,28 @@ TEST_CASE("a closed surface is opened where the other one has its boundary") {
   CHECK(ism::is_usable(other.status));
 }
 
-TEST_CASE("what is pinned or exact stays where it is when the map is closed") {
-  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
-  Options options = on_one_thread();
-  options.max_iterations = 20;
-  options.exact_landmarks = true;
-  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
-  const Result r = ism::compute_map(a, b, landmarks, options);
-  check_closed(a, b, r);
-  const SurfaceMap map(r);
-  for (const Landmark& l : landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
-    REQUIRE(image.covered);
-    CHECK((map.position_on_b(image.point).transpose() - b.vertices.row(l.b.vertex)).norm() < 1e-9);
+TEST_CASE("exact landmarks are kept when the map is closed, by the body and by the cap") {
+  for (int level : {1, 2, 3}) {
+    CAPTURE(level);
+    const auto [a, b, landmarks] = blobs(level, 5);
+    Options options = iterations(10);
+    options.exact_landmarks = true;
+    const Result r = ism::compute_map(a, b, landmarks, options);
+    check_closed(a, b, r);
+    CHECK(r.final_state().pin_residual < 1e-9);
+    const SurfaceMap map(r);
+    for (const Landmark& l : landmarks) {
+      const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
+      REQUIRE(image.covered);
+      CHECK((map.position_on_b(image.point).transpose() - b.vertices.row(l.b.vertex)).norm() <
+            1e-9);
+    }
   }
 }
 
 TEST_CASE("a Solver closes the map in steps, can be stopped, saved and restored, and goes on") {
-  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
-  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
-  Options options = on_one_thread();
-  options.max_iterations = 12;
+  const auto [a, b, landmarks] = blobs(3, 5);
+  Options options = iterations(12);
   const Result whole = ism::compute_map(a, b, landmarks, options);
   check_closed(a, b, whole);
   ism::Solver solver(a, b, landmarks, options);
@@ -187,10 +202,9 @@ TEST_CASE("a Solver closes the map in steps, can be stopped, saved and restored,
 }
 
 TEST_CASE("curves, remeshing and attributes cross the seam") {
-  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
-  Options options = on_one_thread();
-  options.max_iterations = 20;
-  const Result r = ism::compute_map(a, b, landmarks_of(a, b, 5), options);
+  const auto [a, b, landmarks] = blobs(3, 5);
+  Options options = iterations(20);
+  const Result r = ism::compute_map(a, b, landmarks, options);
   check_closed(a, b, r);
   const SurfaceMap map(r);
   int crossing = 0;
@@ -235,10 +249,8 @@ TEST_CASE("a surface on itself has no seam before the map is closed") {
 }
 
 TEST_CASE("a run that is cancelled while the map is being closed says so, and can go on") {
-  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
-  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
-  Options options = on_one_thread();
-  options.max_iterations = 3;
+  const auto [a, b, landmarks] = blobs(2, 5);
+  Options options = iterations(3);
   const Result whole = ism::compute_map(a, b, landmarks, options);
   check_closed(a, b, whole);
   bool is_optimized = false, is_to_stop = true;
@@ -263,11 +275,10 @@ TEST_CASE("a run that is cancelled while the map is being closed says so, and ca
 }
 
 TEST_CASE("closed surfaces can stay open") {
-  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
-  Options options = on_one_thread();
-  options.max_iterations = 5;
+  const auto [a, b, landmarks] = blobs(2, 5);
+  Options options = iterations(5);
   options.close = false;
-  const Result r = ism::compute_map(a, b, landmarks_of(a, b, 5), options);
+  const Result r = ism::compute_map(a, b, landmarks, options);
   CHECK(r.status == Status::kIterationLimit);
   CHECK(r.log.size() == 5);
   CHECK(r.start.opening_a >= 0);
@@ -276,35 +287,66 @@ TEST_CASE("closed surfaces can stay open") {
   CHECK(r.start.a->triangles.rows() == a.triangles.rows());
 }
 
-TEST_CASE("pins stay where the start puts them when the map is closed") {
-  const TriangleMesh a = shapes::blob(3, 0.3, 1), b = shapes::blob(3, 0.2, 2);
-  Options options = on_one_thread();
-  options.max_iterations = 10;
-  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
-  for (const Landmark& l : landmarks) options.pins_a.push_back(l.a.vertex);
-  const Result r = ism::compute_map(a, b, landmarks, options);
-  check_closed(a, b, r);
-  options.close = false;
-  const Result open = ism::compute_map(a, b, landmarks, options);
-  const SurfaceMap map(r), open_map(open);
-  for (const Landmark& l : landmarks) {
-    const ism::MappedPoint p = map.forward_vertex(l.a.vertex);
-    const ism::MappedPoint q = open_map.forward_vertex(l.a.vertex);
-    CHECK((map.position_on_b(p.point) - open_map.position_on_b(q.point)).norm() < 1e-9);
+TEST_CASE("pins stay where the start puts them when the map is closed, on coarse surfaces, too") {
+  for (int level : {2, 3}) {
+    CAPTURE(level);
+    const auto [a, b, landmarks] = blobs(level, 5);
+    Options options = iterations(10);
+    for (int i = 0; i < 3; ++i)
+      options.pins_a.push_back(landmarks[static_cast<std::size_t>(i)].a.vertex);
+    const int in_between = static_cast<int>(b.vertices.rows()) / 2;
+    options.pins_b = {in_between};
+    options.close = false;
+    const Result open = ism::compute_map(a, b, landmarks, options);
+    REQUIRE(ism::is_usable(open.status));
+    options.close = true;
+    const Result r = ism::compute_map(a, b, landmarks, options);
+    check_closed(a, b, r);
+    const SurfaceMap map(r), open_map(open);
+    for (int v : options.pins_a) {
+      const ism::MappedPoint p = map.forward_vertex(v), q = open_map.forward_vertex(v);
+      CHECK((map.position_on_b(p.point) - open_map.position_on_b(q.point)).norm() < 1e-9);
+    }
+    const ism::MappedPoint p = map.backward_vertex(in_between);
+    const ism::MappedPoint q = open_map.backward_vertex(in_between);
+    CHECK((map.position_on_a(p.point) - open_map.position_on_a(q.point)).norm() < 1e-9);
   }
 }
 
+TEST_CASE("any vertices can be pinned; none can be fixed in the plane if the map is closed") {
+  const auto [a, b, landmarks] = blobs(1, 2);
+  int uncovered = 0;
+  for (int v = 0; v < a.vertices.rows(); ++v) {
+    CAPTURE(v);
+    Options options = iterations(2);
+    options.pins_a = {v};
+    check_closed(a, b, ism::compute_map(a, b, landmarks, options));
+    options.close = false;
+    const Result open = ism::compute_map(a, b, landmarks, options);
+    uncovered += open.status == Status::kInvalidPins;
+    CHECK((ism::is_usable(open.status) || open.status == Status::kInvalidPins));
+  }
+  CHECK(uncovered > 0);
+  Options options = iterations(2);
+  options.fixed_b = {3};
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  CHECK(r.status == Status::kInvalidPins);
+  CHECK(r.message ==
+        "where maps of closed surfaces are closed, no vertex can be fixed in the plane: set close "
+        "to false, or pin it");
+  options.close = false;
+  CHECK(ism::is_usable(ism::compute_map(a, b, landmarks, options).status));
+}
+
 TEST_CASE("a surface with defects has the map that it has without") {
-  const TriangleMesh a = shapes::blob(2, 0.3, 1), b = shapes::blob(2, 0.2, 2);
+  const auto [a, b, landmarks] = blobs(2, 5);
   TriangleMesh worse = a;
   const Eigen::Index n = a.triangles.rows();
   worse.triangles.conservativeResize(n + 2, 3);
   worse.triangles.row(n) = a.triangles.row(5);
   worse.triangles.row(n + 1) << 1, 1, 7;
   worse.triangles.row(9) << a.triangles(9, 0), a.triangles(9, 2), a.triangles(9, 1);
-  Options options = on_one_thread();
-  options.max_iterations = 5;
-  const std::vector<Landmark> landmarks = landmarks_of(a, b, 5);
+  Options options = iterations(5);
   const Result r = ism::compute_map(a, b, landmarks, options);
   const Result again = ism::compute_map(worse, b, landmarks, options);
   check_closed(a, b, again);

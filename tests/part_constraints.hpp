@@ -149,8 +149,9 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const Points2 start = stacked(a.plane, b.plane);
   const Options options = with_pins(a, b);
   Result result;
-  Array<Follower> followers;
-  REQUIRE(find_followers(s, start, {}, options, followers, result));
+  Held held;
+  REQUIRE(find_followers(s, start, {}, options, false, held, result));
+  const Array<Follower>& followers = held.followers;
   REQUIRE(followers.size() == 4);
   const Weights weights = {2.2, 1e-2, 1e-3, &options.measure};
   const Executor executor(options);

@@ -360,7 +360,8 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     const Surface s = build_surface(shape.mesh, true);
     const Array<char> free(s.mesh.n_vertices, 0);
     const Executor executor{on_one_thread()};
-    const Hierarchy h(s, ism::Side::kA, free, Approach::kShape, even_angles(s.mesh), executor);
+    const Hierarchy h(s, ism::Side::kA, free, Hierarchy::kBase, Approach::kShape,
+                      even_angles(s.mesh), executor);
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -386,10 +387,34 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   Array<char> is_protected(s.mesh.n_vertices, 0);
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
   const Executor executor{on_one_thread()};
-  const Level level =
-      Hierarchy(s, ism::Side::kA, is_protected, Approach::kShape, even_angles(s.mesh), executor)
-          .current();
+  const Level level = Hierarchy(s, ism::Side::kA, is_protected, Hierarchy::kBase, Approach::kShape,
+                                even_angles(s.mesh), executor)
+                          .current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
+}
+
+TEST_CASE("a fan around two vertices is embedded from a smaller base") {
+  constexpr int n = 100;  // vertices between the two
+  TriangleMesh mesh = {ism::Points3(n + 2, 3), ism::Triangles(2 * n - 1, 3)};
+  mesh.vertices.row(n) << -1, 0, 0;
+  mesh.vertices.row(n + 1) << 1, 0, 0;
+  for (int i = 0; i < n; ++i) {
+    mesh.vertices.row(i) << 0, 1 - i / double{n}, 0;
+    mesh.triangles.row(2 * i) << i, n, (i + 1 < n ? i + 1 : n + 1);
+    if (i + 1 < n) mesh.triangles.row(2 * i + 1) << i, i + 1, n + 1;
+  }
+  const Surface s = build_surface(mesh, true);
+  const Array<char> free(s.mesh.n_vertices, 0);
+  const Executor executor{on_one_thread()};
+  const auto embeds = [&](int base) {
+    return Hierarchy(s, ism::Side::kA, free, base, Approach::kConnectivity, even_angles(s.mesh),
+                     executor)
+        .embed_base();
+  };
+  CHECK(!embeds(Hierarchy::kBase));
+  CHECK(embeds(Hierarchy::kSmallBase));
+  const ism::Embedding start = ism::initial_embedding(mesh, mesh, {}, on_one_thread());
+  CHECK(start.status == Status::kDone);
 }
 
 TEST_CASE("a mesh refined from its base has every vertex and is embedded at every level") {
@@ -400,7 +425,8 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
       const Executor executor{on_one_thread()};
-      Hierarchy h(s, ism::Side::kA, free, approach, even_angles(s.mesh), executor);
+      Hierarchy h(s, ism::Side::kA, free, Hierarchy::kBase, approach, even_angles(s.mesh),
+                  executor);
       const bool has_base = h.embed_base();
       if (approach == Approach::kConnectivity) REQUIRE(has_base);
       while (has_base && !h.is_full()) {

@@ -109,16 +109,20 @@ void check_only(const Prepared& p, Repair::Kind kind, const std::string& message
   CHECK(p.repairs[0].ids == ids);
 }
 
+std::vector<Disk> disks_and_openings() {
+  Rng rng(1);
+  std::vector<Disk> all = shapes::all_disks();
+  all.push_back(shapes::with_openings(9, 7, rng));
+  return all;
+}
+
 /// Is the first edge of a triangle on the boundary?
 bool is_on_rim(const Disk& disk, int f) { return shapes::half_edges(disk.mesh).twin[3 * f] < 0; }
 
 }  // namespace
 
 TEST_CASE("what is valid stays as it is") {
-  Rng rng(1);
-  std::vector<Disk> all = shapes::all_disks();
-  all.push_back(shapes::with_openings(9, 7, rng));
-  for (const Disk& disk : all) {
+  for (const Disk& disk : disks_and_openings()) {
     CAPTURE(disk.name);
     const Prepared p = checked(disk.mesh);
     CHECK(p.repairs.empty());
@@ -130,10 +134,7 @@ TEST_CASE("what is valid stays as it is") {
 }
 
 TEST_CASE("triangles with vertices of their own are welded") {
-  Rng rng(2);
-  std::vector<Disk> all = shapes::all_disks();
-  all.push_back(shapes::with_openings(9, 7, rng));
-  for (const Disk& disk : all) {
+  for (const Disk& disk : disks_and_openings()) {
     CAPTURE(disk.name);
     if (n_triangles(disk.mesh) < 2) continue;
     const TriangleMesh given = soup(disk.mesh);

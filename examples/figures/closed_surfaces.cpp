@@ -70,9 +70,8 @@ figure::Lines seam(const ism::TriangleMesh& mesh, const std::vector<ism::AddedVe
 
 int closed_surfaces(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
-  constexpr double kWidth = 250, kHeight = 300, kRow = 360;
   const int n = static_cast<int>(args.pairs.size());
-  render::Canvas canvas(1060, static_cast<int>(kRow) * 2 * n + 60);
+  render::Canvas canvas(1060, static_cast<int>(figure::kRow) * 2 * n + 60);
   for (int i = 0; i < 2 * n; i += 2) {
     figure::Pair pair = figure::read_pair(args.pairs[static_cast<std::size_t>(i / 2)]);
     pair.a = closed(std::move(pair.a));
@@ -81,29 +80,24 @@ int closed_surfaces(int argc, char** argv) {
     const ism::SurfaceMap map = figure::map_of(r);
     const picture::Scene front = picture::scene_of(map);
     const picture::Scene below = picture::scene_of(map, from_the_cut(front, r));
-    const picture::Texture texture = picture::front_texture(front);
-    const picture::Texture from_below = picture::front_texture(below);
-    for (int row = i; row < i + 2; ++row)
-      for (int column = 0; column < 4; ++column) {
-        const ism::Side side = column % 2 == 0 ? ism::Side::kA : ism::Side::kB;
-        const render::Rect panel = {10 + (kWidth + 10) * column, 50 + kRow * row, kWidth, kHeight};
-        const picture::Scene& scene = row == i ? front : below;
-        if (column < 2) {
-          picture::draw_texture(scene, side, row == i ? texture : from_below, panel, canvas);
-          continue;
-        }
-        picture::draw_heat(scene, side, panel, canvas);
-        const figure::Lines lines = side == ism::Side::kA ? seam(*r.start.a, r.start.added_a)
-                                                          : seam(*r.start.b, r.start.added_b);
-        figure::draw_lines(scene.view(side, panel), lines, 1.5, figure::kBlue, canvas);
-      }
-    canvas.text({20, 32 + kRow * i}, 12,
-                figure::format("%s: distortion %.3f, below %.2f on 95%% of the area",
-                               pair.name.c_str(), r.final_state().mean_distortion,
-                               ism::summarize(front.distortion).p95));
-    canvas.text({20, 32 + kRow * (i + 1)}, 12, "the same, from where they were cut open");
+    for (int row = i; row < i + 2; ++row) {
+      const picture::Scene& scene = row == i ? front : below;
+      const double top = 50 + figure::kRow * row;
+      figure::draw_row(scene, top, canvas);
+      const auto draw_seam = [&](ism::Side side, int column, const figure::Lines& lines) {
+        const render::View view = scene.view(side, figure::row_panel(column, top));
+        figure::draw_lines(view, lines, 1.5, figure::kBlue, canvas);
+      };
+      draw_seam(ism::Side::kA, 2, seam(*r.start.a, r.start.added_a));
+      draw_seam(ism::Side::kB, 3, seam(*r.start.b, r.start.added_b));
+    }
+    canvas.text(
+        {20, 32 + figure::kRow * i}, 12,
+        figure::format("%s: distortion %.3f, below %.2f on 95%% of the area", pair.name.c_str(),
+                       r.final_state().mean_distortion, ism::summarize(front.distortion).p95));
+    canvas.text({20, 32 + figure::kRow * (i + 1)}, 12, "the same, from where they were cut open");
   }
-  picture::draw_heat_legend({730, 2 * kRow * n + 20, 300, 14}, canvas);
+  picture::draw_heat_legend({730, 2 * figure::kRow * n + 20, 300, 14}, canvas);
   figure::save(args, canvas);
   return 0;
 }

@@ -168,7 +168,22 @@ void draw_lines(const render::View& view, const Lines& lines, double width,
     canvas.draw_line(view, line, width, color, 2.5);
 }
 
-// ==== [3] THE PLANE ==============================================================================
+// ==== [3] ROWS OF FOUR PANELS ====================================================================
+
+render::Rect row_panel(int column, double top) {
+  constexpr double kWidth = 250, kHeight = 300;
+  return {10 + (kWidth + 10) * column, top, kWidth, kHeight};
+}
+
+void draw_row(const picture::Scene& scene, double top, render::Canvas& canvas) {
+  const ism::Side sides[] = {ism::Side::kA, ism::Side::kB};
+  for (int i = 0; i < 2; ++i) {
+    picture::draw_texture(scene, sides[i], row_panel(i, top), canvas);
+    picture::draw_heat(scene, sides[i], row_panel(2 + i, top), canvas);
+  }
+}
+
+// ==== [4] THE PLANE ==============================================================================
 
 void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
                 const Eigen::Vector2d& lo, const Eigen::Vector2d& hi, const render::Rect& panel,
@@ -182,7 +197,7 @@ void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>
   for (const std::array<int, 2>& e : edges) canvas.line({at(e[0]), at(e[1])}, width, color);
 }
 
-// ==== [4] A QUAD OVER A HILL =====================================================================
+// ==== [5] A QUAD OVER A HILL =====================================================================
 
 ism::TriangleMesh square_grid(int n) {
   ism::TriangleMesh mesh;
@@ -206,7 +221,7 @@ ism::TriangleMesh hill(int n) {
   return mesh;
 }
 
-// ==== [5] PLOTS ==================================================================================
+// ==== [6] PLOTS ==================================================================================
 
 namespace {
 

@@ -101,6 +101,14 @@ Lines carried(const picture::Scene& scene, ism::Side from,
 void draw_lines(const render::View& view, const Lines& lines, double width,
                 const render::Color& color, render::Canvas& canvas);
 
+// ---- Rows of four panels, 1060 wide ----
+
+constexpr double kRow = 360;  // from one to the next
+
+render::Rect row_panel(int column, double top);
+/// A with its texture, B with that of A, and the distortion on both.
+void draw_row(const picture::Scene& scene, double top, render::Canvas& canvas);
+
 // ---- The plane ----
 
 /// Edges between points of the plane, in a panel that shows the square from lo to hi.

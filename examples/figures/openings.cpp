@@ -49,29 +49,21 @@ figure::Pair face_with_openings(figure::Pair pair) {
 
 int openings(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"face"});
-  constexpr double kWidth = 250, kHeight = 300, kRow = 360;
   const int n = static_cast<int>(args.pairs.size());
-  render::Canvas canvas(1060, static_cast<int>(kRow) * n + 60);
+  render::Canvas canvas(1060, static_cast<int>(figure::kRow) * n + 60);
   for (int i = 0; i < n; ++i) {
     figure::Pair pair = figure::read_pair(args.pairs[static_cast<std::size_t>(i)]);
     if (pair.name == "face") pair = face_with_openings(std::move(pair));
     const ism::Result r = figure::optimize(pair, args.options);
     const ism::SurfaceMap map = figure::map_of(r);
     const picture::Scene scene = picture::scene_of(map);
-    for (int column = 0; column < 4; ++column) {
-      const ism::Side side = column % 2 == 0 ? ism::Side::kA : ism::Side::kB;
-      const render::Rect panel = {10 + (kWidth + 10) * column, 50 + kRow * i, kWidth, kHeight};
-      if (column < 2)
-        picture::draw_texture(scene, side, panel, canvas);
-      else
-        picture::draw_heat(scene, side, panel, canvas);
-    }
+    figure::draw_row(scene, 50 + figure::kRow * i, canvas);
     canvas.text(
-        {20, 32 + kRow * i}, 12,
+        {20, 32 + figure::kRow * i}, 12,
         figure::format("%s: distortion %.3f, below %.2f on 95%% of the area", pair.name.c_str(),
                        r.final_state().mean_distortion, ism::summarize(scene.distortion).p95));
   }
-  picture::draw_heat_legend({730, kRow * n + 20, 300, 14}, canvas);
+  picture::draw_heat_legend({730, figure::kRow * n + 20, 300, 14}, canvas);
   figure::save(args, canvas);
   return 0;
 }
