@@ -5421,10 +5421,8 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
 }
 
 // ==== [11] LANDMARKS AND CONSTRAINTS (paper §4.5, §4.6) ==========================================
-// ========================================================
 //
-// Purpose:    where landmarks lie, also once vertices have been added; and what a vertex may not
-// do,
+// Purpose:    where landmarks lie, also once vertices are added; and what a vertex may not do,
 //             as a change of the linear system: a follower is a fixed combination of vertices of
 //             the other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move
 //             (held boundaries, fixed vertices, rigid motions, §4.6).
