@@ -378,6 +378,7 @@ struct IterationLog {
   int polygons = 0;            // of the meta mesh
   double pin_residual = 0;     // largest distance of a pinned vertex from its pin, on the surface
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
+  bool quasi_newton = false;   // a step with the factor of an earlier one
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
@@ -450,12 +451,17 @@ struct Tuning {
   /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if kNumericalFailure is
   /// reported: the directions are then closer to steepest descent.
   double spd_epsilon = 1e-3;
-  /// The memory of §5.3. The paper's is 6 and 0.5; a longer one carries the iteration over more of
-  /// the kinks that E has where vertices cross edges of the other mesh, and ends lower. Less, where
-  /// memory is short. 1, with omega_start = 0, is PN, projected Newton (§5.1); more, with 0, is SPN
-  /// (§5.3).
-  int history_length = 12;     // ≥ 1
+  /// The memory of §5.3: how many Hessians, and the factor by which the next older one weighs less.
+  /// The paper's is 6 and 0.5. Less, where memory is short. 1, with omega_start = 0, is PN,
+  /// projected Newton (§5.1); more, with 0, is SPN (§5.3).
+  int history_length = 6;      // ≥ 1
   double history_decay = 0.8;  // in (0, 1]
+  /// ≥ 0: once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as
+  /// they pay. They use its factor and a gradient only, take a fraction of its time, and count as
+  /// iterations. Their
+  /// gradients join the memory, which carries the run over more of the kinks that E has where
+  /// vertices cross edges of the other mesh. 0 is the paper's method.
+  int quasi_newton_steps = 6;
   /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
   /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
   /// and is not lowered further. A smaller first value, where the start is good already: 1 saves a
@@ -475,10 +481,6 @@ struct Tuning {
   /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
   /// 1 tries them all, as the paper does; that doubles the time of the search.
   int search_stride = 3;
-  /// ≥ 0: after a step below it, the newest derivatives alone are tried too. The memory from the
-  /// other side of a kink may hold an iteration up, in steps that look like convergence. 0 is
-  /// never.
-  double short_step = 0.05;
   /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
   /// find with the factor for ω_L. 1e-6 neither costs nor gains anything.
   double solve_tolerance = 1e-3;
@@ -499,7 +501,7 @@ struct Options {
   /// nor loses by shrinking; a little more lets it grow; much more trades low distortion for
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
-  int max_iterations = 400;  // ≥ 0
+  int max_iterations = 1000;  // ≥ 0
   /// Stop when, averaged over the last Tuning::window iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall.
   double tolerance = 1e-4;  // ≥ 0
@@ -544,7 +546,7 @@ struct Options {
 
   /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
   /// 1e9, α = 1.25, all steps of the line search, at most 550 iterations; no least_coverage, no
-  /// short_step, no scaffold. Of what the paper does not have, max_displacement and
+  /// quasi-Newton steps, no scaffold. Of what the paper does not have, max_displacement and
   /// max_coverage_loss stay: without them the empty overlap is reached in the first iterations.
   static Options paper();
 };
@@ -3796,12 +3798,6 @@ inline void differentiate(TriangleBatch& batch) {
 
 // ---- a batch of polygons ----
 
-/// w with its derivatives in the entries f11 f21 f12 f22 g11 g21 g12 g22.
-struct LaneDensity {
-  Lanes value, gradient[8];
-  LaneMatrix<8> hessian;
-};
-
 /// A measure of the user's is asked lane by lane.
 inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
   Stretch<Lanes> D;
@@ -3861,40 +3857,51 @@ inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
   H(first + 2, first + 1) -= scale;
 }
 
-/// w, less the density of coverage: the gradient Σ w_m ∇m over m = K, det F, det G, and the Hessian
-/// Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ.
-inline void differentiate_density(const DistortionMeasure& measure, double kappa, const Lanes* J,
-                                  LaneDensity& w) {
-  Lanes X[2][2], K = 0.0;
+/// w, less the density of coverage, at Jacobians with the entries J = f11 f21 f12 f22 g11 g21 g12
+/// g22, and what its derivatives in them are made of.
+struct DensityParts {
+  Lanes X[2][2];
+  InvariantDensity<Lanes> w;
+  Lanes dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
+  /// Σ w_m ∇m over m = K, det F, det G.
+  Lanes gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
+};
+
+inline DensityParts density_parts(const DistortionMeasure& measure, double kappa, const Lanes* J) {
+  DensityParts p;
+  Lanes K = 0.0;
   for (int c = 0; c < 2; ++c)
     for (int d = 0; d < 2; ++d) {
-      X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
-      K += square(X[c][d]);
+      p.X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
+      K += square(p.X[c][d]);
     }
-  const InvariantDensity<Lanes> v = invariant_density(
-      measure, kappa, K, cross(J[0], J[1], J[2], J[3]), cross(J[4], J[5], J[6], J[7]));
-  Lanes dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
+  p.w = invariant_density(measure, kappa, K, cross(J[0], J[1], J[2], J[3]),
+                          cross(J[4], J[5], J[6], J[7]));
   for (int c = 0; c < 2; ++c)
     for (int r = 0; r < 2; ++r) {
-      dK[2 * c + r] = 2 * (X[c][0] * perp_of(J, 2, r) + X[c][1] * perp_of(J, 3, r));
-      dK[4 + 2 * c + r] = -2 * (X[0][c] * perp_of(J, 0, r) + X[1][c] * perp_of(J, 1, r));
+      p.dK[2 * c + r] = 2 * (p.X[c][0] * perp_of(J, 2, r) + p.X[c][1] * perp_of(J, 3, r));
+      p.dK[4 + 2 * c + r] = -2 * (p.X[0][c] * perp_of(J, 0, r) + p.X[1][c] * perp_of(J, 1, r));
     }
   for (int m = 0; m < 8; m += 4) {
-    ddet[m] = J[m + 3], ddet[m + 1] = -J[m + 2];
-    ddet[m + 2] = -J[m + 1], ddet[m + 3] = J[m];
+    p.ddet[m] = J[m + 3], p.ddet[m + 1] = -J[m + 2];
+    p.ddet[m + 2] = -J[m + 1], p.ddet[m + 3] = J[m];
   }
-  w.value = v.value;
+  return p;
+}
+
+/// Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ over m, n = K, det F, det G.
+inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>& H) {
+  const InvariantDensity<Lanes>& w = p.w;
   for (int i = 0; i < 8; ++i) {
-    w.gradient[i] = v.K * dK[i] + (i < 4 ? v.F : v.G) * ddet[i];
-    const Lanes on_dK = v.KK * dK[i] + (i < 4 ? v.KF : v.KG) * ddet[i];
-    const Lanes on_det_f = v.KF * dK[i] + (i < 4 ? v.FF : v.FG) * ddet[i];
-    const Lanes on_det_g = v.KG * dK[i] + v.GG * ddet[i];
+    const Lanes on_dK = w.KK * p.dK[i] + (i < 4 ? w.KF : w.KG) * p.ddet[i];
+    const Lanes on_det_f = w.KF * p.dK[i] + (i < 4 ? w.FF : w.FG) * p.ddet[i];
+    const Lanes on_det_g = w.KG * p.dK[i] + w.GG * p.ddet[i];
     for (int j = 0; j <= i; ++j)
-      w.hessian(i, j) = on_dK * dK[j] + (j < 4 ? on_det_f : on_det_g) * ddet[j];
+      H(i, j) = on_dK * p.dK[j] + (j < 4 ? on_det_f : on_det_g) * p.ddet[j];
   }
-  add_norm_hessian(J, X, v.K, w.hessian);
-  add_det_hessian(v.F, 0, w.hessian);
-  add_det_hessian(v.G, 4, w.hessian);
+  add_norm_hessian(J, p.X, w.K, H);
+  add_det_hessian(w.F, 0, H);
+  add_det_hessian(w.G, 4, H);
 }
 
 /// One polygon per lane: what differentiate() needs, and what it finds.
@@ -3910,7 +3917,7 @@ struct PolygonBatch {
   bool is_negligible[kLanes];  // then the rest of the lane means nothing
 
   Lanes value, gradient[12];
-  LaneMatrix<12> hessian;
+  LaneMatrix<12> hessian;  // not set by differentiate_once()
 };
 
 inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_inverse_a,
@@ -4025,36 +4032,57 @@ inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, Lan
     for (int j = 0; j < 3; ++j) add_corner_hessian(batch, i, j, weight, H);
 }
 
-/// E_ρ = a w(F, G) with all derivatives: a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
+/// What the first and the second derivatives of E_ρ have in common.
+struct PolygonParts {
+  CornerWeights<Lanes> B[2];
+  Lanes J[8], da[12], dw[12];
+  DensityParts density;
+};
+
+/// E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
+inline PolygonParts differentiate_once(const DistortionMeasure& measure, double kappa,
+                                       PolygonBatch& batch) {
+  PolygonParts p = {
+      {CornerWeights<Lanes>(batch.rest_inverse), CornerWeights<Lanes>(batch.rest_inverse + 4)},
+      {},
+      {},
+      {},
+      {}};
+  for (int m = 0; m < 2; ++m) jacobian(p.B[m], batch.x + 6 * m, p.J + 4 * m);
+  p.density = density_parts(measure, kappa, p.J);
+  const Lanes& w = p.density.w.value;
+  area_gradient(batch, p.da);
+  batch.value = batch.area * w;
+  for (int i = 0; i < 12; ++i) {
+    const int first = 4 * (i / 6) + i % 2;
+    const Lanes(&b)[2] = p.B[i / 6].weight[i % 6 / 2];
+    p.dw[i] = b[0] * p.density.gradient(first) + b[1] * p.density.gradient(first + 2);
+    batch.gradient[i] = batch.area * p.dw[i] + w * p.da[i];
+  }
+  return p;
+}
+
+/// The same, with the Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
 inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& batch) {
-  const CornerWeights<Lanes> B[2] = {CornerWeights<Lanes>(batch.rest_inverse),
-                                     CornerWeights<Lanes>(batch.rest_inverse + 4)};
-  Lanes J[8];
-  for (int m = 0; m < 2; ++m) jacobian(B[m], batch.x + 6 * m, J + 4 * m);
-  LaneDensity w;
-  differentiate_density(measure, kappa, J, w);
-  Lanes da[12], dw[12];
-  area_gradient(batch, da);
+  const PolygonParts p = differentiate_once(measure, kappa, batch);
+  LaneMatrix<8> second;
+  density_hessian(p.J, p.density, second);
   Lanes half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
   for (int i = 0; i < 12; ++i) {
     const int m = i / 6, first = 4 * m + i % 2;
-    const Lanes(&b)[2] = B[m].weight[i % 6 / 2];
-    dw[i] = b[0] * w.gradient[first] + b[1] * w.gradient[first + 2];
+    const Lanes(&b)[2] = p.B[m].weight[i % 6 / 2];
     const Lanes b0 = batch.area * b[0], b1 = batch.area * b[1];
     for (int k = 0; k < 4 + 4 * m; ++k)
-      half[i][k] = b0 * w.hessian.symmetric(first, k) + b1 * w.hessian.symmetric(first + 2, k);
+      half[i][k] = b0 * second.symmetric(first, k) + b1 * second.symmetric(first + 2, k);
   }
-  batch.value = batch.area * w.value;
-  set_area_hessian(batch, w.value, batch.hessian);
-  for (int i = 0; i < 12; ++i) {
-    batch.gradient[i] = batch.area * dw[i] + w.value * da[i];
+  set_area_hessian(batch, p.density.w.value, batch.hessian);
+  for (int i = 0; i < 12; ++i)
     for (int j = 0; j <= i; ++j) {
       const int n = j / 6, first = 4 * n + j % 2;
-      const Lanes(&b)[2] = B[n].weight[j % 6 / 2];
+      const Lanes(&b)[2] = p.B[n].weight[j % 6 / 2];
       batch.hessian(i, j) +=
-          b[0] * half[i][first] + b[1] * half[i][first + 2] + dw[i] * da[j] + da[i] * dw[j];
+          b[0] * half[i][first] + b[1] * half[i][first + 2] + p.dw[i] * p.da[j] + p.da[i] * p.dw[j];
     }
-  }
 }
 
 // ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
@@ -5132,13 +5160,19 @@ inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executo
 /// Gradient and projected Hessian at one iterate, the memory of §5.3.
 struct QuadraticModel {
   Array<Vec2> gradient;  // per vertex
-  BlockMatrix H;
+  BlockMatrix H;         // empty where the gradient alone was wanted
+  bool has_hessian() const { return !H.start.empty(); }
 };
 
 /// What a triangle contributes: its own energy and, in its vertices, that of its polygons.
 struct FaceTerm {
   Mat2 hessian[3][3];
   Vec2 gradient[3];
+};
+
+/// What a triangle contributes to the gradient alone.
+struct FaceForce {
+  Vec2 at[3];
 };
 
 /// What the polygons in a triangle of A contribute between its corners and a vertex of B.
@@ -5218,6 +5252,27 @@ class ModelBuilder {
     });
   }
 
+  /// The gradient alone, which costs a fraction of that.
+  Array<Vec2> gradient(const Iterate& x) {
+    by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
+    force_in_b_.resize(x.overlay.polygons.size());
+    force_.resize(s_.mesh.n_faces);
+    run_by_work(0, s_.faces_a, [&](int begin, int end) {
+      embedding_forces(x, begin, end);
+      add_polygon_forces(x, by_face_.start[begin], by_face_.start[end]);
+    });
+    run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
+      embedding_forces(x, begin, end);
+      for (int f = begin; f < end; ++f)
+        for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
+          for (int k = 0; k < 3; ++k) force_[f].at[k] += force_in_b_[by_face_.item[i]].at[k];
+    });
+    Array<Vec2> gradient(s_.mesh.n_vertices);
+    for (int h = 0; h < s_.mesh.tail.size(); ++h)
+      gradient[s_.mesh.tail[h]] += force_[h / 3].at[h % 3];
+    return gradient;
+  }
+
   /// Sums the terms of the last differentiate_elements() (line 8).
   QuadraticModel assemble() const {
     return sum_terms(s_.mesh, face_, executor_, [&](int h, RowWriter& row) {
@@ -5248,20 +5303,56 @@ class ModelBuilder {
     }
   }
 
+  /// Fills a batch with the polygons from `begin` on of those grouped by face, the last one again
+  /// where there are no more.
+  void load_polygons(const Iterate& x, int begin, int end, PolygonBatch& batch) const {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const OverlayPolygon& p =
+          x.overlay.polygons[by_face_.item[(std::min)(begin + lane, end - 1)]];
+      load(p, six_points(s_.mesh, x.x, p), s_.rest_inverse[p.ta], s_.rest_inverse[p.tb], lane,
+           batch);
+    }
+  }
+
   /// Polygons begin to end - 1 of those grouped by face.
   void differentiate_polygons(const Iterate& x, int begin, int end) {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const OverlayPolygon& p =
-            x.overlay.polygons[by_face_.item[(std::min)(begin + lane, end - 1)]];
-        load(p, six_points(s_.mesh, x.x, p), s_.rest_inverse[p.ta], s_.rest_inverse[p.tb], lane,
-             *batch);
-      }
+      load_polygons(x, begin, end, *batch);
       differentiate(*weights_.measure, weights_.kappa, *batch);
       project_spd<6>(batch->hessian, weights_.epsilon);
       for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
         store(x, by_face_.item[begin + lane], lane, *batch);
+    }
+  }
+
+  static Vec2 force(const PolygonBatch& batch, int corner, int lane) {
+    return {batch.gradient[2 * corner][lane], batch.gradient[2 * corner + 1][lane]};
+  }
+
+  void add_polygon_forces(const Iterate& x, int begin, int end) {
+    const auto batch = std::make_unique<PolygonBatch>();
+    for (; begin < end; begin += kLanes) {
+      load_polygons(x, begin, end, *batch);
+      differentiate_once(*weights_.measure, weights_.kappa, *batch);
+      for (int lane = 0; lane < kLanes && begin + lane < end; ++lane) {
+        const int id = by_face_.item[begin + lane];
+        force_in_b_[id] = FaceForce();
+        if (batch->is_negligible[lane]) continue;
+        for (int j = 0; j < 3; ++j) {
+          force_[x.overlay.polygons[id].ta].at[j] += force(*batch, j, lane);
+          force_in_b_[id].at[j] = force(*batch, 3 + j, lane);
+        }
+      }
+    }
+  }
+
+  void embedding_forces(const Iterate& x, int begin, int end) {
+    for (int f = begin; f < end; ++f) {
+      const CornerWeights<double> B(s_.rest_inverse[f].entry);
+      const TriangleDensity<double> w = triangle_density(x.jacobian[f].entry);
+      for (int i = 0; i < 3; ++i)
+        force_[f].at[i] = weights_.barrier * s_.area[f] * point_gradient(w, B, i);
     }
   }
 
@@ -5270,12 +5361,9 @@ class ModelBuilder {
     FaceTerm &a = face_[p.ta], &b = polygon_in_b_[id];
     b = FaceTerm();
     if (batch.is_negligible[lane]) return;
-    const auto force = [&](int i) {
-      return Vec2{batch.gradient[2 * i][lane], batch.gradient[2 * i + 1][lane]};
-    };
     for (int j = 0; j < 3; ++j) {
-      a.gradient[j] += force(j);
-      b.gradient[j] = force(3 + j);
+      a.gradient[j] += force(batch, j, lane);
+      b.gradient[j] = force(batch, 3 + j, lane);
       Coupling& coupling = coupling_with(s_.mesh.corner(p.tb, j), coupling_[p.ta]);
       for (int i = 0; i < 3; ++i) {
         a.hessian[i][j] += batch.hessian.block(i, j, lane);
@@ -5302,6 +5390,7 @@ class ModelBuilder {
   Array<FaceTerm> polygon_in_b_;     // per polygon, its part between vertices of B
   Array<Array<Coupling>> coupling_;  // per triangle of A
   Array<FaceTerm> face_;
+  Array<FaceForce> force_in_b_, force_;  // of the gradient alone: per polygon, per triangle
 };
 
 // ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
@@ -5395,24 +5484,35 @@ inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& patter
   return result;
 }
 
-/// Blends the models of the last iterations, newest first, with weights decay^k (normalised), and
-/// joins what else is to be minimised and, if it is not empty, the preconditioner (Algorithm 1,
-/// line 9).
-inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
+/// The mean of the gradients in the memory, newest first, with weights decay^k (§5.3).
+inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double decay) {
+  Array<Vec2> gradient(history[0].gradient.size());
+  double sum = 0;
+  for (int k = 0; k < history.size(); ++k) {
+    const double weight = std::pow(decay, k);
+    sum += weight;
+    for (int r = 0; r < gradient.size(); ++r) gradient[r] += weight * history[k].gradient[r];
+  }
+  for (Vec2& g : gradient) g = 1 / sum * g;
+  return gradient;
+}
+
+/// Blends the Hessians in the memory from the one numbered `newest` on, newest first, with weights
+/// decay^k (normalised), and joins what else is to be minimised and, if it is not empty, the
+/// preconditioner (Algorithm 1, line 9).
+inline LinearSystem blend(const Array<QuadraticModel>& history, int newest, double decay,
                           const BlockMatrix& others, const BlockMatrix& laplacian,
                           const Executor& executor) {
-  Array<double> weight(history.size());
-  double sum = 0;
-  for (int k = 0; k < history.size(); ++k) sum += weight[k] = std::pow(decay, k);
-  for (double& w : weight) w /= sum;
   LinearSystem system;
-  system.gradient.resize(history[0].gradient.size());
+  system.gradient = blended_gradient(history, decay);
   Array<Term> terms;
-  for (int k = 0; k < history.size(); ++k) {
-    terms.push_back({&history[k].H, weight[k]});
-    for (int r = 0; r < system.gradient.size(); ++r)
-      system.gradient[r] += weight[k] * history[k].gradient[r];
+  double sum = 0;
+  for (int k = newest; k < history.size(); ++k) {
+    if (!history[k].has_hessian()) continue;
+    terms.push_back({&history[k].H, std::pow(decay, terms.size())});
+    sum += terms.back().weight;
   }
+  for (Term& term : terms) term.weight /= sum;
   if (!others.start.empty()) terms.push_back({&others, 1});
   if (!laplacian.start.empty()) terms.push_back({&laplacian, 0});
   system.H = weighted_sum(terms, executor);
@@ -5632,6 +5732,16 @@ inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit
   return sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
 }
 
+/// Pᵀ g.
+inline void substitute(const Array<Follower>& followers, Array<Vec2>& gradient) {
+  for (const Follower& follower : followers) {
+    const Vec2 force = gradient[follower.row];
+    gradient[follower.row] = {};
+    for (int k = 0; k < 3; ++k)
+      if (follower.weight[k] != 0) gradient[follower.master[k]] += follower.weight[k] * force;
+  }
+}
+
 /// Replaces x by P x in a system.
 inline void substitute(const Array<Follower>& followers, const Executor& executor,
                        LinearSystem& system) {
@@ -5639,13 +5749,7 @@ inline void substitute(const Array<Follower>& followers, const Executor& executo
   const Substitution P(followers, system.H.rows());
   system.H = substituted(P, std::move(system.H), 1, executor);
   if (system.has_Q()) system.Q = substituted(P, std::move(system.Q), 0, executor);
-  for (const Follower& follower : followers) {
-    const Vec2 force = system.gradient[follower.row];
-    system.gradient[follower.row] = {};
-    P.for_each_source(follower.row, [&](int master, double weight) {
-      system.gradient[master] += weight * force;
-    });
-  }
+  substitute(followers, system.gradient);
 }
 
 /// P d: gives the followers the direction that their masters' say.
@@ -5705,14 +5809,18 @@ inline void eliminate(const FixedCoordinates& is_fixed, double unit, BlockMatrix
       }
 }
 
+inline void eliminate(const FixedCoordinates& is_fixed, Array<Vec2>& gradient) {
+  for (int r = 0; r < gradient.size(); ++r) {
+    if (is_fixed(r, 0)) gradient[r].x = 0;
+    if (is_fixed(r, 1)) gradient[r].y = 0;
+  }
+}
+
 /// And out of a system, so that their step is 0.
 inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
   eliminate(is_fixed, 1, system.H);
   if (system.has_Q()) eliminate(is_fixed, 0, system.Q);
-  for (int r = 0; r < system.gradient.size(); ++r) {
-    if (is_fixed(r, 0)) system.gradient[r].x = 0;
-    if (is_fixed(r, 1)) system.gradient[r].y = 0;
-  }
+  eliminate(is_fixed, system.gradient);
 }
 
 /// Fixes what held boundaries must not move. A vertex in a row with its neighbours, parallel to an
@@ -6316,11 +6424,12 @@ inline SearchResult line_search(const SearchProblem& problem, const Executor& ex
 // the displacement (set_direction) and on the loss of covered area (is_acceptable); s = 1 is tried
 // where it is within these bounds (add_block); Armijo's slope is that of the newest gradient, so
 // that E never grows (set_direction); history weights add up to 1, so that ω_L means the same in
-// the first iterations (blend); a scaffold once a boundary was met (notice_collision); where only a
-// short step is found, the newest derivatives alone are tried too (try_newest); where none is
-// found, what smooths the direction is let go (recover); stopping rules (has_settled). For speed,
-// one matrix is factorised, and conjugate gradients use its factor for the other ω_L (solve); and
-// of the steps of the line search some are tried, then the neighbours of the best (line_search).
+// the first iterations (blend); a scaffold once a boundary was met (notice_collision); where no
+// step is found, what smooths the direction is let go (recover); stopping rules (has_settled). For
+// speed, one matrix is factorised, and conjugate gradients use its factor for the other ω_L
+// (solve); of the steps of the line search some are tried, then the neighbours of the best
+// (line_search); and once ω_L is small, quasi-Newton steps with the same factor follow
+// (take_quasi_newton_step).
 //
 // Invariants: every iterate is injective, decided exactly; E never grows.
 // Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
@@ -6342,6 +6451,30 @@ inline void describe(const JointSurface& s, const Array<Follower>& followers, co
 inline double domain_radius(const Points2& x) {
   const std::array<Vec2, 2> box = bounding_box(x);
   return 0.5 * norm(box[1] - box[0]);
+}
+
+/// A step that was taken, and by what it changed the gradient.
+struct Secant {
+  Array<Vec2> step, change;
+};
+
+/// -B g, where B is the inverse Hessian of a factor, updated by secants, newest first, of positive
+/// curvature: two loops over them [Nocedal 1980].
+inline Array<Vec2> quasi_newton_direction(const LdltSymbolic& symbolic, const LdltFactor& factor,
+                                          const Array<Secant>& secants, Array<Vec2> gradient) {
+  Array<double> along(secants.size());
+  for (int k = 0; k < secants.size(); ++k) {
+    const Secant& s = secants[k];
+    along[k] = dot(s.step, gradient) / dot(s.step, s.change);
+    for (int i = 0; i < gradient.size(); ++i) gradient[i] -= along[k] * s.change[i];
+  }
+  Array<Vec2> d = ldlt_solve(symbolic, factor, negated(gradient));
+  for (int k = secants.size() - 1; k >= 0; --k) {
+    const Secant& s = secants[k];
+    const double excess = along[k] + dot(s.change, d) / dot(s.step, s.change);
+    for (int i = 0; i < d.size(); ++i) d[i] -= excess * s.step[i];
+  }
+  return d;
 }
 
 class Optimizer {
@@ -6384,10 +6517,14 @@ class Optimizer {
     if (static_cast<int>(result.log.size()) >= options_.max_iterations)
       return result.status = Status::kIterationLimit, false;
     if (!remember_visited()) return false;
-    if (!has_model_ && !differentiate()) return false;  // lines 3 to 9
-    const bool found = choose_step(log_);               // lines 9 to 23
+    bool found = quick_.steps_left > 0 && take_quasi_newton_step();
     if (executor_.is_stopped()) return false;
-    has_model_ = false;
+    if (!found) {
+      if (!has_hessian_here() && !differentiate()) return false;  // lines 3 to 9
+      found = choose_step(log_);                                  // lines 9 to 23
+      if (executor_.is_stopped()) return false;
+    }
+    is_remembered_ = false;
     if (found) accept(result);  // lines 24 and 25
     result.status = found ? status_after_step(result) : status_without_step(result);
     return result.status == Status::kUnfinished;
@@ -6395,22 +6532,50 @@ class Optimizer {
 
   const Points2& positions() const { return x_.x; }
 
+  /// A place whose derivatives are in the memory.
+  struct Visit {
+    Points2 x;
+    bool has_hessian = true;
+  };
+
+  /// How to go on by quasi-Newton steps.
+  struct QuickSteps {
+    int steps_left = 0;
+    double least_gain = 0;      // of E, by a step after which another one follows
+    double step = 1;            // the first that is tried
+    double omega = 0;           // of the factor,
+    bool has_scaffold = false;  // and whether it holds one
+  };
+
   /// What the next iteration depends on, besides the start.
   struct Memory {
     Points2 x;
-    Array<Points2> visited;  // where the models of the memory were made, newest first
+    Array<Visit> visited;  // newest first
     double omega = 0;
-    bool has_model = false, is_scaffolded = false, has_scaffold = false, was_reset = false;
+    bool is_remembered = false, is_scaffolded = false, has_scaffold = false, was_reset = false;
+    QuickSteps quick;
   };
 
   Memory memory() const {
     return {x_.x,
             visited_,
             omega_,
-            has_model_,
+            is_remembered_,
             is_scaffolded_,
-            has_model_ && !scaffold_.triangle.empty(),
-            log_.history_reset};
+            is_remembered_ && has_scaffold(),
+            log_.history_reset,
+            quick_};
+  }
+
+  /// True unless a memory is one that no run could have.
+  static bool is_sound(const Memory& memory, const Tuning& tuning) {
+    const QuickSteps& quick = memory.quick;
+    const int most = kGradientsPerHessian * tuning.history_length + tuning.quasi_newton_steps;
+    bool has_hessian = false;
+    for (const Visit& visit : memory.visited) has_hessian = has_hessian || visit.has_hessian;
+    return std::isfinite(quick.omega) && quick.step > 0 && quick.step <= 1 &&
+           (has_hessian || quick.steps_left <= 0) &&
+           (!memory.is_remembered || !memory.visited.empty()) && memory.visited.size() <= most;
   }
 
   /// Goes on from a memory, after start().
@@ -6420,10 +6585,12 @@ class Optimizer {
     visited_ = memory.visited;
     history_.clear();
     omega_ = memory.omega;
-    has_model_ = memory.has_model;
+    is_remembered_ = memory.is_remembered;
     log_.history_reset = memory.was_reset;
     is_scaffolded_ = memory.is_scaffolded;
-    if (memory.has_scaffold) build_scaffold_here();
+    quick_ = memory.quick;
+    has_factor_ = false;
+    set_scaffold(memory.has_scaffold, x_.x);
   }
 
   /// Takes over ω_L and the memory of another run on the same surfaces, after start(). E does not
@@ -6433,13 +6600,14 @@ class Optimizer {
     visited_ = memory.visited;
     history_.clear();
     is_scaffolded_ = memory.is_scaffolded;
-    for (Points2& x : visited_)
-      if (!is_held_) move_to_anchors(s_.mesh, anchors_, x);
+    for (Visit& visit : visited_)
+      if (!is_held_) move_to_anchors(s_.mesh, anchors_, visit.x);
   }
 
   /// Adds springs to what is minimised, in place of those there were.
   void set_springs(Array<Spring> springs) {
     springs_ = std::move(springs);
+    quick_ = QuickSteps();
     sum_others();
   }
 
@@ -6458,7 +6626,8 @@ class Optimizer {
   }
 
  private:
-  static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
+  static constexpr double kHardlyActs = 1e-3;     // ω_L below which the preconditioner hardly acts
+  static constexpr int kGradientsPerHessian = 4;  // in the memory, at most
 
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
   /// both planes are moved.
@@ -6485,42 +6654,65 @@ class Optimizer {
     while (history_.size() < visited_.size()) {  // the oldest one first
       executor_.tell(Phase::kOptimization, 0, {"computing the derivatives in the memory anew"},
                      nullptr);
+      const Visit& visit = visited_[visited_.size() - 1 - history_.size()];
       Iterate x;
-      x.x = visited_[visited_.size() - 1 - history_.size()];
+      x.x = visit.x;
       evaluate(s_, weights_, x);
-      models_.differentiate_elements(x);
+      QuadraticModel model = differentiated(x, visit.has_hessian);
       if (executor_.is_stopped()) return false;
-      history_.push_back(models_.assemble());
+      history_.push_back(std::move(model));
       if (history_.size() == visited_.size()) std::reverse(history_.begin(), history_.end());
     }
     return true;
   }
 
-  /// The derivatives of x; false if the caller stops.
-  bool differentiate() {
-    log_ = IterationLog();
+  QuadraticModel differentiated(const Iterate& x, bool with_hessian) {
     Timer timer;
-    models_.differentiate_elements(x_);  // lines 3 to 7
-    if (executor_.is_stopped()) return false;
-    log_.seconds_derivatives = timer.lap();
-    remember(models_.assemble());  // lines 8 and 9
-    log_.seconds_assembly = timer.lap();
-    return has_model_ = true;
+    QuadraticModel model;
+    if (with_hessian)
+      models_.differentiate_elements(x);  // lines 3 to 7
+    else
+      model.gradient = models_.gradient(x);
+    log_.seconds_derivatives += timer.lap();
+    if (with_hessian && !executor_.is_stopped()) model = models_.assemble();  // line 8
+    log_.seconds_assembly += timer.lap();
+    return model;
   }
 
-  /// Adds the newest derivatives to the memory (§5.3).
+  bool has_hessian_here() const { return is_remembered_ && history_[0].has_hessian(); }
+
+  /// The derivatives of x; false if the caller stops.
+  bool differentiate(bool with_hessian = true) {
+    log_ = IterationLog();
+    QuadraticModel model = differentiated(x_, with_hessian);
+    if (executor_.is_stopped()) return false;
+    remember(std::move(model));  // line 9
+    return true;
+  }
+
+  /// Adds the newest derivatives to the memory (§5.3), where they take the place of a gradient
+  /// alone at x. It ends with the oldest Hessian it has room for.
   void remember(QuadraticModel model) {
-    if (history_.size() < options_.tuning.history_length) {
+    if (!is_remembered_) {
       history_.push_back({});
       visited_.push_back({});
+      std::rotate(history_.begin(), history_.end() - 1, history_.end());
+      std::rotate(visited_.begin(), visited_.end() - 1, visited_.end());
     }
-    for (int k = history_.size() - 1; k > 0; --k) {
-      history_[k] = std::move(history_[k - 1]);
-      visited_[k] = std::move(visited_[k - 1]);
-    }
+    visited_[0] = {x_.x, model.has_hessian()};
     history_[0] = std::move(model);
-    visited_[0] = x_.x;
-    if (is_scaffolded_) build_scaffold_here();
+    is_remembered_ = true;
+    if (history_[0].has_hessian()) forget();
+    if (is_scaffolded_) set_scaffold(true, x_.x);
+  }
+
+  void forget() {
+    int hessians = 0, keep = 0;
+    while (keep < history_.size() && keep < kGradientsPerHessian * options_.tuning.history_length &&
+           (hessians += history_[keep].has_hessian()) <= options_.tuning.history_length)
+      ++keep;
+    history_.resize(keep);
+    visited_.resize(keep);
   }
 
   void reset_history(IterationLog& log) {
@@ -6542,7 +6734,7 @@ class Optimizer {
       const bool is_new = notice_collision(found);
       if (found.best >= 0) {
         std::swap(chosen_, trials_[found.best]);
-        try_newest(log);
+        plan_quasi_newton_steps();
         return true;
       }
       if (recover(is_new, log)) continue;
@@ -6555,12 +6747,8 @@ class Optimizer {
   /// newest derivatives alone. At last those that do are left.
   Array<Direction> find_directions(IterationLog& log) {
     while (true) {
-      Timer timer;  // line 9
-      LinearSystem system =
-          blend(history_, options_.tuning.history_decay, others_, laplacian_, executor_);
-      add_spring_gradient(springs_, x_.x, system.gradient);
-      substitute(followers_, executor_, system);
-      eliminate(is_fixed_, system);
+      Timer timer;
+      const LinearSystem system = blended_system(0);
       log.seconds_assembly += timer.lap();
       const Array<Direction> all = solve(system);  // lines 10 to 12
       log.seconds_solve += timer.lap();
@@ -6575,6 +6763,24 @@ class Optimizer {
     }
   }
 
+  /// The system of the memory from a Hessian on (line 9), without what is held.
+  LinearSystem blended_system(int newest) const {
+    LinearSystem system =
+        blend(history_, newest, options_.tuning.history_decay, others_, laplacian_, executor_);
+    add_spring_gradient(springs_, x_.x, system.gradient);
+    substitute(followers_, executor_, system);
+    eliminate(is_fixed_, system);
+    return system;
+  }
+
+  void factorize(const LinearSystem& system, double omega, const Points2& x) {
+    symbolic_ = NestedDissection(system.H, x, executor_).build();
+    ldlt_factorize(symbolic_, system.shifted(omega), executor_, factor_);
+    has_factor_ = true;
+    quick_.omega = omega;
+    quick_.has_scaffold = has_scaffold();
+  }
+
   /// (H + ω Lᵀ M L) d = -g for ω, ω/α and α ω (§5.4).
   Array<Direction> solve(const LinearSystem& system) {
     Array<double> omegas(1, omega_);
@@ -6583,8 +6789,7 @@ class Optimizer {
       if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
       omegas.push_back(omega_ * options_.tuning.omega_factor);
     }
-    const LdltSymbolic symbolic = NestedDissection(system.H, x_.x, executor_).build();
-    ldlt_factorize(symbolic, system.shifted(omega_), executor_, factor_);
+    factorize(system, omega_, x_.x);
     if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
     const Array<Vec2> right = negated(system.gradient);
     Array<Direction> directions(omegas.size());
@@ -6592,8 +6797,8 @@ class Optimizer {
       directions[k].omega = omegas[k];
       if (!factor_.ok) return;
       Array<Vec2> d = k == 0
-                          ? ldlt_solve(symbolic, factor_, right)
-                          : solve_with_neighbour(symbolic, factor_, system.shifted(omegas[k]),
+                          ? ldlt_solve(symbolic_, factor_, right)
+                          : solve_with_neighbour(symbolic_, factor_, system.shifted(omegas[k]),
                                                  right, options_.tuning.solve_tolerance, executor_);
       expand_direction(followers_, d);
       set_direction(d, directions[k]);
@@ -6614,12 +6819,15 @@ class Optimizer {
         0.99 * direction.max_step, options_.tuning.max_displacement * radius_ / std::sqrt(longest));
   }
 
+  SearchProblem search_problem(const Array<Direction>& directions) const {
+    return {s_,         weights_,   rules_,
+            followers_, scaffold_,  springs_,
+            x_,         directions, options_.tuning.search_stride};
+  }
+
   SearchResult search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    const SearchProblem problem = {s_,         weights_,   rules_,
-                                   followers_, scaffold_,  springs_,
-                                   x_,         directions, options_.tuning.search_stride};
-    const SearchResult found = line_search(problem, executor_, trials_);
+    const SearchResult found = line_search(search_problem(directions), executor_, trials_);
     log.seconds_search += timer.lap();
     return found;
   }
@@ -6655,10 +6863,13 @@ class Optimizer {
   }
 
   /// The space around both embeddings, with the weight of E_f and E_g.
-  void build_scaffold_here() {
-    scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
+  void set_scaffold(bool is_there, const Points2& x) {
+    scaffold_ = Scaffold();
+    if (is_there) scaffold_ = build_scaffold(s_.mesh, x, weights_.barrier * s_.total_area);
     sum_others();
   }
+
+  bool has_scaffold() const { return !scaffold_.triangle.empty(); }
 
   void sum_others() {
     Array<Block> blocks;
@@ -6672,24 +6883,117 @@ class Optimizer {
   /// smoothed too much may climb. False if nothing is left to change.
   bool recover(bool needs_scaffold, IterationLog& log) {
     constexpr double kDrop = 16;
-    if (needs_scaffold) return build_scaffold_here(), true;
+    if (needs_scaffold) return set_scaffold(true, x_.x), true;
     if (history_.size() > 1) return reset_history(log), true;
     if (omega_ <= kHardlyActs || omega_ <= options_.tuning.omega_least) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
   }
 
-  /// After a short step, searches along the directions of the newest derivatives alone
-  /// (Tuning::short_step). The memory is kept, as it is what overcomes the next kinks.
-  void try_newest(IterationLog& log) {
-    if (chosen_.candidate.step >= options_.tuning.short_step || history_.size() == 1) return;
-    Array<QuadraticModel> memory = std::move(history_);
-    history_ = Array<QuadraticModel>(1, memory[0]);
-    const Array<Direction> directions = find_directions(log);
-    const SearchResult found = search(directions, log);
-    if (found.best >= 0 && trials_[found.best].value() < chosen_.value())
-      std::swap(chosen_, trials_[found.best]);
-    history_ = std::move(memory);
+  // -- quasi-Newton steps --
+
+  /// After a step of some length: E bends from here on as it did there. As long as ω_L comes down,
+  /// and where a kink holds the run up so that ω_L has to rise, quasi-Newton steps would only delay
+  /// that.
+  void plan_quasi_newton_steps() {
+    constexpr double kLargestOmega = 0.01, kLeastStep = 0.1;
+    constexpr double kShare = 0.1;  // of the time of an iteration is what such a step takes
+    const bool pays = chosen_.omega <= kLargestOmega && chosen_.candidate.step >= kLeastStep &&
+                      factor_.ok && factor_.negative == 0;
+    quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
+    quick_.least_gain = kShare * (x_.energy - chosen_.x.energy);
+    quick_.step = longer(chosen_.candidate.step);
+  }
+
+  /// What is tried first after a step.
+  static double longer(double step) { return (std::min)(1.0, 2 * step); }
+
+  /// A step with the factor there is, the mean of the gradients in the memory and what they say of
+  /// the curvature; false if none is found, and then there are no more.
+  bool take_quasi_newton_step() {
+    if (!has_factor_ && !factorize_anew()) return false;
+    if (!is_remembered_ && !differentiate(false)) return false;
+    Timer timer;
+    Array<Direction> directions(1);
+    Array<Vec2> gradient = blended_gradient(history_, options_.tuning.history_decay);
+    add_spring_gradient(springs_, x_.x, gradient);
+    reduce(gradient);
+    Array<Vec2> d = quasi_newton_direction(symbolic_, factor_, secants(), std::move(gradient));
+    expand_direction(followers_, d);
+    set_direction(d, directions[0]);
+    directions[0].omega = omega_;
+    log_.seconds_solve += timer.lap();
+    const bool found = directions[0].slope < 0 && search_back(directions, log_);
+    if (executor_.is_stopped()) return false;
+    const bool pays = found && x_.energy - chosen_.x.energy >= quick_.least_gain;
+    quick_.steps_left = pays ? quick_.steps_left - 1 : 0;
+    quick_.step = longer(chosen_.candidate.step);
+    log_.quasi_newton = found;
+    return found;
+  }
+
+  /// Tries steps two by two, each half as long as the one before.
+  bool search_back(const Array<Direction>& directions, IterationLog& log) {
+    constexpr double kShortest = 1e-3;
+    Timer timer;
+    const SearchProblem problem = search_problem(directions);
+    SearchResult found;
+    double step = (std::min)(quick_.step, directions[0].first_step);
+    for (; step > kShortest && found.best < 0 && !executor_.is_stopped(); step /= 4) {
+      Array<Candidate> candidates(1, Candidate{0, step});
+      candidates.push_back({0, step / 2});
+      try_candidates(problem, executor_, 0, candidates, trials_, found);
+    }
+    if (found.best >= 0) std::swap(chosen_, trials_[found.best]);
+    log.seconds_search += timer.lap();
+    return found.best >= 0;
+  }
+
+  /// Of a gradient, or a step without its followers, what the unknowns have.
+  void reduce(Array<Vec2>& gradient) const {
+    substitute(followers_, gradient);
+    eliminate(is_fixed_, gradient);
+  }
+
+  /// Those of the newest steps in the memory along which E bends upwards.
+  Array<Secant> secants() const {
+    constexpr int kMost = 8;
+    constexpr double kLeastCosine = 1e-10;
+    Array<Secant> secants;
+    for (int k = 0; k + 1 < history_.size() && secants.size() < kMost; ++k) {
+      const Points2 &x = visited_[k].x, &x_before = visited_[k + 1].x;
+      const Array<Vec2> before = gradient_at(k + 1);
+      Secant s = {Array<Vec2>(before.size()), gradient_at(k)};
+      for (int i = 0; i < before.size(); ++i) {
+        s.step[i] = row2(x, i) - row2(x_before, i);
+        s.change[i] -= before[i];
+      }
+      for (const Follower& follower : followers_) s.step[follower.row] = {};
+      if (dot(s.step, s.change) >
+          kLeastCosine * std::sqrt(dot(s.step, s.step) * dot(s.change, s.change)))
+        secants.push_back(std::move(s));
+    }
+    return secants;
+  }
+
+  /// That of the k-th visit, with springs, in the unknowns.
+  Array<Vec2> gradient_at(int k) const {
+    Array<Vec2> gradient = history_[k].gradient;
+    add_spring_gradient(springs_, visited_[k].x, gradient);
+    reduce(gradient);
+    return gradient;
+  }
+
+  /// After restore(), the factor that the steps use; false if the caller stops.
+  bool factorize_anew() {
+    const bool is_scaffold_here = has_scaffold();
+    int newest = 0;
+    while (!history_[newest].has_hessian()) ++newest;
+    const Points2& x = visited_[newest].x;
+    set_scaffold(quick_.has_scaffold, x);
+    factorize(blended_system(newest), quick_.omega, x);
+    set_scaffold(is_scaffold_here, x_.x);
+    return has_factor_ = !executor_.is_stopped();
   }
 
   /// By how much E fell per iteration over the last ones, as a fraction of E + κ (area A + area B).
@@ -6743,10 +7047,13 @@ class Optimizer {
   Anchors anchors_;
   Iterate x_;
   IterationLog log_;               // of the iteration that is on
-  bool has_model_ = false;         // the derivatives at x are in the memory
+  bool is_remembered_ = false;     // derivatives at x are in the memory
   Array<QuadraticModel> history_;  // newest first
-  Array<Points2> visited_;         // where they were made
+  Array<Visit> visited_;           // where they were made
+  LdltSymbolic symbolic_;
   LdltFactor factor_;
+  bool has_factor_ = false;
+  QuickSteps quick_;
   Array<Trial> trials_;
   Trial chosen_;
   bool is_scaffolded_ = false;  // once a trial has met a boundary
@@ -11128,7 +11435,7 @@ inline bool check_options(const Options& o, Outcome& outcome) {
       {t.max_coverage_loss > 0, "max_coverage_loss must be positive"},
       {in_0_to_1(t.least_coverage), "least_coverage must be in [0, 1)"},
       {t.search_stride >= 1 && t.search_stride <= 8, "search_stride must be in [1, 8]"},
-      {t.short_step >= 0, "short_step must be at least 0"},
+      {t.quasi_newton_steps >= 0, "quasi_newton_steps must be at least 0"},
       {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
       {o.max_iterations >= 0, "max_iterations must be at least 0"},
       {o.max_seconds > 0, "max_seconds must be positive"},
@@ -11506,6 +11813,13 @@ void exchange(Archive& io, IterationLog& log) {
         &log.seconds_derivatives, &log.seconds_assembly, &log.seconds_solve, &log.seconds_search})
     io(*value);
   exchange(io, log.history_reset);
+  exchange(io, log.quasi_newton);
+}
+
+template <class Archive>
+void exchange(Archive& io, Optimizer::Visit& visit) {
+  exchange(io, visit.x);
+  exchange(io, visit.has_hessian);
 }
 
 template <class Archive, class List>
@@ -11541,9 +11855,14 @@ void exchange(Archive& io, SavedRun& run) {
   exchange_list(io, run.pulled);
   exchange_list(io, run.log);
   exchange_list(io, run.memory.visited);
-  for (bool* flag : {&run.memory.has_model, &run.memory.is_scaffolded, &run.memory.has_scaffold,
-                     &run.memory.was_reset})
+  Optimizer::QuickSteps& quick = run.memory.quick;
+  for (bool* flag : {&run.memory.is_remembered, &run.memory.is_scaffolded, &run.memory.has_scaffold,
+                     &run.memory.was_reset, &quick.has_scaffold})
     exchange(io, *flag);
+  io(quick.steps_left);
+  io(quick.least_gain);
+  io(quick.step);
+  io(quick.omega);
 }
 
 // ---- landmarks that are changed while there is a map ----
@@ -11749,9 +12068,9 @@ class Run {
     const Optimizer::Memory& memory = saved.memory;
     bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
               is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
-              std::isnormal(saved.scale) && (!memory.has_model || !memory.visited.empty()) &&
-              (saved.is_changed || memory.visited.size() <= options_.tuning.history_length);
-    for (const Points2& x : memory.visited) ok = ok && is_embedding_of_both(x);
+              std::isnormal(saved.scale) &&
+              (saved.is_changed || Optimizer::is_sound(memory, options_.tuning));
+    for (const Optimizer::Visit& visit : memory.visited) ok = ok && is_embedding_of_both(visit.x);
     for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
     if (!ok) return false;
     embedder_.reset();
@@ -12210,7 +12529,7 @@ Options Options::paper() {
   options.max_iterations = 550;
   options.tuning.least_coverage = 0;
   options.tuning.search_stride = 1;
-  options.tuning.short_step = 0;
+  options.tuning.quasi_newton_steps = 0;
   options.tuning.solve_tolerance = 1e-12;
   options.tuning.window = 10;
   options.tuning.scaffold = false;

@@ -59,7 +59,7 @@ landmarks is taken; what was done is printed.
   --measure M        sd (symmetric Dirichlet, default), arap, sarap or asap; all but sd are 0 for
                      an isometry, not 2
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
-  --iterations N     at most N iterations (default 400)
+  --iterations N     at most N iterations (default 1000)
   --tolerance T      stop below this relative decrease per iteration (default 1e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
@@ -147,7 +147,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_coverage_loss", o.tuning.max_coverage_loss);
   visit("least_coverage", o.tuning.least_coverage);
   visit("search_stride", o.tuning.search_stride);
-  visit("short_step", o.tuning.short_step);
+  visit("quasi_newton_steps", o.tuning.quasi_newton_steps);
   visit("solve_tolerance", o.tuning.solve_tolerance);
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
@@ -688,6 +688,7 @@ std::string json_iteration(const ism::IterationLog& it) {
       .add("max_step", it.max_step)
       .add("pin_residual", it.pin_residual)
       .add("history_reset", it.history_reset)
+      .add("quasi_newton", it.quasi_newton)
       .add("seconds_derivatives", it.seconds_derivatives)
       .add("seconds_assembly", it.seconds_assembly)
       .add("seconds_solve", it.seconds_solve)
@@ -1133,7 +1134,8 @@ int exit_code(ism::Status status, bool own_start) {
 ism::Result compute(const Arguments& args, const Input& input) {
   ProgressLine line(args.quiet);
   ism::Options options = args.options;
-  if (args.variant != Variant::kFull) options.tuning.omega_start = 0;
+  if (args.variant != Variant::kFull)
+    options.tuning.omega_start = options.tuning.quasi_newton_steps = 0;
   if (args.variant == Variant::kProjectedNewton) options.tuning.history_length = 1;
   options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);

@@ -166,7 +166,7 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   CHECK((x.x - start).norm() < 1e-14);
   ModelBuilder builder(s, weights, executor);
   builder.differentiate_elements(x);
-  LinearSystem system = blend(Array<QuadraticModel>(1, builder.assemble()), 1, {}, {}, executor);
+  LinearSystem system = blend(Array<QuadraticModel>(1, builder.assemble()), 0, 1, {}, {}, executor);
   substitute(followers, executor, system);
   VectorXd expected(x.x.size());
   for (int i = 0; i < expected.size(); ++i) {

@@ -163,12 +163,13 @@ DensityDerivatives density_derivatives(const Matrix2d& F, const Matrix2d& G, dou
     J[k] = F(k);
     J[4 + k] = G(k);
   }
-  LaneDensity w;
-  differentiate_density(kDirichlet, kappa, J, w);
+  const DensityParts w = density_parts(kDirichlet, kappa, J);
+  LaneMatrix<8> hessian;
+  density_hessian(J, w, hessian);
   DensityDerivatives result;
-  result.value = w.value[0];
-  for (int i = 0; i < 8; ++i) result.gradient[i] = w.gradient[i][0];
-  result.hessian = elements::get(w.hessian, 0);
+  result.value = w.w.value[0];
+  for (int i = 0; i < 8; ++i) result.gradient[i] = w.gradient(i)[0];
+  result.hessian = elements::get(hessian, 0);
   return result;
 }
 

@@ -106,7 +106,7 @@ struct Modelled {
                       const BlockMatrix& others = {}) const {
     Array<QuadraticModel> models;
     for (const QuadraticModel& m : history) models.push_back(m);
-    return blend(models, decay, others, laplacian, executor);
+    return blend(models, 0, decay, others, laplacian, executor);
   }
 };
 
@@ -564,12 +564,81 @@ TEST_CASE("every iterate is injective, whatever the limit of iterations") {
   }
 }
 
+TEST_CASE("the gradient alone is that of the quadratic model") {
+  for (const ism::DistortionMeasure& measure : {ism::symmetric_dirichlet(), ism::arap()}) {
+    const auto [a, b] = random_pair(29);
+    const Modelled m(a, b, Weights{1.7, 0.1, 1e-3, &measure});
+    const Array<Vec2> alone = ModelBuilder(m.s, m.weights, m.executor).gradient(m.x);
+    REQUIRE(alone.size() == m.model.gradient.size());
+    double largest = 0, error = 0;
+    for (int v = 0; v < alone.size(); ++v) {
+      largest = std::max(largest, norm(alone[v]));
+      error = std::max(error, norm(alone[v] - m.model.gradient[v]));
+    }
+    CHECK(largest > 1e-2);
+    CHECK(error < 1e-12 * largest);
+  }
+}
+
+TEST_CASE("a quasi-Newton direction does with the newest secant what the true Hessian does") {
+  const auto [a, b] = random_pair(30);
+  const Modelled m(a, b, Weights{2, 0.1, 1e-3, &kDirichlet});
+  const LinearSystem system = m.system({m.model});
+  const LdltSymbolic symbolic = NestedDissection(system.H, m.x.x, m.executor).build();
+  LdltFactor factor;
+  ldlt_factorize(symbolic, system.shifted(0), m.executor, factor);
+  REQUIRE(factor.ok);
+  const int n = m.s.mesh.n_vertices;
+  Rng rng(31);
+  const auto random_vectors = [&] {
+    Array<Vec2> v(n);
+    for (Vec2& p : v) p = {rng.uniform(-1, 1), rng.uniform(-1, 1)};
+    return v;
+  };
+  Array<Secant> secants;
+  while (secants.size() < 3) {  // of a matrix that is three times the one that is factorised
+    Secant secant = {random_vectors(), Array<Vec2>(n)};
+    add_product(system.shifted(0), secant.step, secant.change);
+    for (Vec2& p : secant.change) p = 3 * p;
+    secants.push_back(std::move(secant));
+  }
+  const Array<Vec2> d = quasi_newton_direction(symbolic, factor, secants, secants[0].change);
+  double error = 0;
+  for (int v = 0; v < n; ++v) error = std::max(error, norm(d[v] + secants[0].step[v]));
+  CHECK(error < 1e-9);
+  // Without secants it is the Newton direction.
+  const Array<Vec2> right = random_vectors();
+  const Array<Vec2> newton = ldlt_solve(symbolic, factor, negated(right));
+  const Array<Vec2> plain = quasi_newton_direction(symbolic, factor, {}, right);
+  for (int v = 0; v < n; ++v) CHECK(norm(plain[v] - newton[v]) == 0);
+}
+
+TEST_CASE("quasi-Newton steps follow iterations once the preconditioner hardly acts") {
+  const auto [a, b] = random_pair(32, 6, 6);
+  Options options = given_planes(a, b);
+  options.tuning.quasi_newton_steps = 3;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  check_energy_never_grows(result);
+  check_injective(a, b, result);
+  int in_a_row = 0, taken = 0;
+  for (const IterationLog& log : result.log) {
+    in_a_row = log.quasi_newton ? in_a_row + 1 : 0;
+    CHECK(in_a_row <= 3);
+    if (log.quasi_newton) CHECK(log.omega <= 0.01);
+    taken += log.quasi_newton;
+  }
+  CHECK(taken > 5);
+  options.tuning.quasi_newton_steps = 0;
+  for (const IterationLog& log : ism::compute_map(a.mesh, b.mesh, {}, options).log)
+    CHECK_FALSE(log.quasi_newton);
+}
+
 TEST_CASE("every variant lowers the energy") {
   for (std::uint64_t seed : {22u, 23u}) {
     const auto [a, b] = random_pair(seed);
     const Options full = given_planes(a, b);
     Options smoothed = full;
-    smoothed.tuning.omega_start = 0;
+    smoothed.tuning.omega_start = smoothed.tuning.quasi_newton_steps = 0;
     Options newton = smoothed;
     newton.tuning.history_length = 1;
     for (const Options* variant : {&std::as_const(newton), &std::as_const(smoothed), &full}) {
@@ -1024,7 +1093,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse_tuning("least_coverage", &ism::Tuning::least_coverage, Doubles{1, -1, kNan});
   refuse_tuning("max_coverage_loss", &ism::Tuning::max_coverage_loss, Doubles{0, -1, kNan});
   refuse_tuning("search_stride", &ism::Tuning::search_stride, Ints{0, -1, 9});
-  refuse_tuning("short_step", &ism::Tuning::short_step, Doubles{-1, kNan});
+  refuse_tuning("quasi_newton_steps", &ism::Tuning::quasi_newton_steps, Ints{-1});
   refuse_tuning("solve_tolerance", &ism::Tuning::solve_tolerance, Doubles{0, 1, -1, kNan});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
@@ -1158,7 +1227,7 @@ TEST_CASE("the paper preset has the paper's constants and can be run") {
   CHECK(paper.tuning.history_decay == 0.5);
   CHECK(paper.tuning.least_coverage == 0);
   CHECK(paper.tuning.search_stride == 1);
-  CHECK(paper.tuning.short_step == 0);
+  CHECK(paper.tuning.quasi_newton_steps == 0);
   CHECK(paper.max_iterations == 550);
   CHECK(paper.tuning.solve_tolerance == 1e-12);
   CHECK(paper.tuning.window == 10);

@@ -122,7 +122,7 @@ mkdir -p taken/meta_A.obj
 refused "-o taken: its meta_A.obj is a folder" a.obj b.obj -o taken
 cp start/B.obj B.obj
 refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
-invalid "short_step must be at least 0" a.obj b.obj --set short_step=-1
+invalid "quasi_newton_steps needs a whole number from 0" a.obj b.obj --set quasi_newton_steps=-1
 refused "--morph needs 2 to 100 shapes, not 1" a.obj b.obj -o out --morph 1
 refused "--morph needs a whole number from 0, not 'x'" a.obj b.obj -o out --morph x
 refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
