@@ -503,8 +503,9 @@ struct Options {
   double coverage_weight = 0.2;
   int max_iterations = 1000;  // ≥ 0
   /// Stop when, averaged over the last Tuning::window iterations, E fell by less than this fraction
-  /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall.
-  double tolerance = 1e-4;  // ≥ 0
+  /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall,
+  /// a quasi-Newton step as a fifth of one.
+  double tolerance = 2e-4;  // ≥ 0
   bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
@@ -6617,11 +6618,12 @@ class Optimizer {
     constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
     constexpr double kMost = 0.99;    // of a run that is not over
     const double n = static_cast<double>(result.log.size());
-    const int last = (std::min)(static_cast<int>(result.log.size()), options_.tuning.window);
-    const double fall = mean_fall(result, last);
+    const Stretch last = last_stretch(result, options_.tuning.window);
+    const double fall = fall_over(result, last) / last.iterations;
     const double settled =
         fall > 0 ? std::log(fall / kAtFirst) / std::log(options_.tolerance / kAtFirst) : 1;
-    const double by_fall = clamp01(settled) * (std::min)(1.0, n / options_.tuning.window);
+    const double by_fall =
+        clamp01(settled) * (std::min)(1.0, last.iterations / options_.tuning.window);
     return (std::min)(kMost, (std::max)(by_fall, n / (std::max)(1, options_.max_iterations)));
   }
 
@@ -6996,26 +6998,42 @@ class Optimizer {
     return has_factor_ = !executor_.is_stopped();
   }
 
-  /// By how much E fell per iteration over the last ones, as a fraction of E + κ (area A + area B).
-  double mean_fall(const Result& result, int iterations) const {
-    const IterationLog &now = result.final_state(), &before = state_before(result, iterations);
-    return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area) /
-           iterations;
+  /// The last entries of the log, and to how many iterations they amount: a quasi-Newton step to a
+  /// part of one, of whose time it takes as much.
+  struct Stretch {
+    int entries = 0;
+    double iterations = 0;
+  };
+
+  static Stretch last_stretch(const Result& result, int iterations) {
+    constexpr int kStepsPerIteration = 5;
+    const int n = static_cast<int>(result.log.size());
+    int entries = 0, steps = 0;
+    while (entries < n && steps < kStepsPerIteration * iterations)
+      steps += state_before(result, entries++).quasi_newton ? 1 : kStepsPerIteration;
+    return {entries, static_cast<double>(steps) / kStepsPerIteration};
   }
 
-  static const IterationLog& state_before(const Result& result, int iterations) {
+  /// By how much E fell, as a fraction of E + κ (area A + area B).
+  double fall_over(const Result& result, const Stretch& last) const {
+    const IterationLog &now = result.final_state(), &before = state_before(result, last.entries);
+    return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area);
+  }
+
+  /// What the log says of so many entries ago.
+  static const IterationLog& state_before(const Result& result, int entries) {
     const int n = static_cast<int>(result.log.size());
-    return n == iterations ? result.initial
-                           : result.log[static_cast<std::size_t>(n - 1 - iterations)];
+    return n == entries ? result.initial : result.log[static_cast<std::size_t>(n - 1 - entries)];
   }
 
   /// The stopping rule of Options::tolerance: over this many last iterations, E fell by less than
   /// what it would have to fall over a whole window.
   bool has_settled(const Result& result, int iterations) const {
-    if (static_cast<int>(result.log.size()) < iterations) return false;
+    const Stretch last = last_stretch(result, iterations);
+    if (last.iterations < iterations) return false;
     const double omega = result.final_state().omega;
-    if (omega < state_before(result, iterations).omega && omega > kHardlyActs) return false;
-    return mean_fall(result, iterations) * iterations < options_.tuning.window * options_.tolerance;
+    if (omega < state_before(result, last.entries).omega && omega > kHardlyActs) return false;
+    return fall_over(result, last) < options_.tuning.window * options_.tolerance;
   }
 
   Status status_after_step(const Result& result) const {
