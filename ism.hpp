@@ -382,6 +382,14 @@ struct IterationLog {
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
+/// A coarse level of Tuning::coarsest.
+struct CoarseLevel {
+  int vertices_a = 0, vertices_b = 0;
+  int iterations = 0;
+  double mean_distortion = 0;  // of its map, at the end
+  double seconds = 0;
+};
+
 /// What a call is at.
 enum class Phase { kEmbedding, kOptimization };
 
@@ -462,6 +470,11 @@ struct Tuning {
   /// gradients join the memory, which carries the run over more of the kinks that E has where
   /// vertices cross edges of the other mesh. 0 is the paper's method.
   int quasi_newton_steps = 6;
+  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
+  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
+  /// Solver does not. 0 is the paper's method: twice the time, and three times for large meshes.
+  /// Less costs quality: with 350 a pair of animals ends 3% higher.
+  int coarsest = 700;
   /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
   /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
   /// and is not lowered further. A smaller first value, where the start is good already: 1 saves a
@@ -591,8 +604,9 @@ struct Result : Outcome {
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // what the optimisation started from
   IterationLog initial;  // the energies of the start (iteration 0, no step)
-  /// One entry per iteration. Where the map of closed surfaces is closed, that is an entry, too; E
-  /// is from there on that of the whole, and may begin higher.
+  std::vector<CoarseLevel> coarse;  // the levels before the log, coarsest first
+  /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
+  /// is an entry, too; E is from there on that of the whole, and may begin higher.
   std::vector<IterationLog> log;
   double seconds = 0;  // of the optimisation; those of the start are in start.seconds
   /// The last state, for a summary: log.back(), or the start when there was no iteration.
@@ -6511,6 +6525,22 @@ class Optimizer {
     if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
 
+  /// Begins at another injective x, if E is not higher there by more than `most`; false if it is.
+  bool begin_at(const Points2& x, double most) {
+    Iterate other;
+    other.x = x;
+    if (!is_held_) move_to_anchors(s_.mesh, anchors_, other.x);
+    place_followers(followers_, other.x);
+    if (!is_injective(s_.mesh, other.x)) return false;
+    evaluate(s_, weights_, other);
+    if (!(other.energy < x_.energy + most)) return false;
+    x_ = std::move(other);
+    return true;
+  }
+
+  /// Begins with a smaller ω_L.
+  void lower_omega(double omega) { omega_ = (std::min)(omega_, omega); }
+
   /// One iteration; true if there is more to do. Where the caller stops it, x stays what it is, and
   /// the next call goes on with the same iteration.
   bool iterate(Result& result) {
@@ -7101,8 +7131,9 @@ class Optimizer {
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
-/// What the levels of an embedding are relaxed to.
-enum class Approach { kShape, kConnectivity };
+/// What the levels of an embedding are relaxed to: the surface, triangles that are all alike, or,
+/// of a surface that is embedded already, its triangles in the plane.
+enum class Approach { kShape, kConnectivity, kEmbedded };
 
 // ---- openings ----
 //
@@ -7255,27 +7286,29 @@ struct DynamicMesh {
   Array<std::array<int, 3>> face;
   Array<char> alive;                        // per face
   Array<Array<int>> faces_of;               // per vertex, living faces
+  Array<int> boundary;                      // its vertices, loop by loop, also those that are gone
   Array<int> boundary_next, boundary_prev;  // per vertex, -1 off the boundary
-  int boundary_length = 0;
 
   explicit DynamicMesh(const HalfEdgeMesh& m)
       : face(m.n_faces),
         alive(m.n_faces, 1),
         faces_of(m.n_vertices),
         boundary_next(m.n_vertices, -1),
-        boundary_prev(m.n_vertices, -1),
-        boundary_length(m.boundary.size()) {
+        boundary_prev(m.n_vertices, -1) {
     for (int f = 0; f < m.n_faces; ++f) {
       face[f] = {m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)};
       for (int v : face[f]) faces_of[v].push_back(f);
     }
     for (int h : m.boundary) {
-      boundary_next[m.tail[h]] = m.tip(h);
-      boundary_prev[m.tip(h)] = m.tail[h];
+      boundary.push_back(m.tail[h]);
+      link(m.tail[h], m.tip(h));
     }
   }
 
   bool on_boundary(int v) const { return boundary_next[v] >= 0; }
+  bool is_present(int v) const { return !faces_of[v].empty(); }
+  /// True if the loop of u has but three edges.
+  bool is_shortest_loop(int u) const { return boundary_next[boundary_next[boundary_next[u]]] == u; }
   bool has(int f, int v) const { return face[f][0] == v || face[f][1] == v || face[f][2] == v; }
 
   /// The neighbours of u, each once, ascending.
@@ -7291,7 +7324,7 @@ struct DynamicMesh {
   /// The link condition: collapsing u onto v leaves a disk.
   bool may_collapse(int u, int v, const Array<int>& ring_u) const {
     const bool along = boundary_next[u] == v || boundary_prev[u] == v;
-    if (on_boundary(u) && (!along || boundary_length <= 3)) return false;
+    if (on_boundary(u) && (!along || is_shortest_loop(u))) return false;
     const Array<int> ring_v = neighbours(v);
     int common = 0;
     for (int i = 0, k = 0; i < ring_u.size() && k < ring_v.size();) {
@@ -7315,7 +7348,7 @@ struct DynamicMesh {
       faces_of[v].push_back(f);
     }
     faces_of[u].clear();
-    if (on_boundary(u)) link(boundary_prev[u], boundary_next[u]), --boundary_length;
+    if (on_boundary(u)) link(boundary_prev[u], boundary_next[u]);
     return c;
   }
 
@@ -7332,12 +7365,30 @@ struct DynamicMesh {
     if (!on_boundary(c.u)) return;
     link(boundary_prev[c.u], c.u);
     link(c.u, boundary_next[c.u]);
-    ++boundary_length;
   }
 
  private:
   void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
 };
+
+/// True if the segment between two vertices can be a boundary edge: it meets no other boundary
+/// edge, but for its neighbours in their common vertices. What is between them now does not count.
+inline bool edge_fits(const DynamicMesh& m, const Points2& x, int from, int to) {
+  const Vec2 p = row2(x, from), q = row2(x, to);
+  const bool is_there = m.boundary_next[from] == to;
+  const int between = is_there ? -1 : m.boundary_next[from];
+  for (int w : m.boundary) {
+    if (!m.is_present(w) || w == from || w == between) continue;
+    const int z = m.boundary_next[w];
+    const Vec2 s = row2(x, w), t = row2(x, z);
+    if (w == to && z == from) return false;
+    if (w == to     ? turns_back(p, s, t)
+        : z == from ? turns_back(s, t, q)
+                    : segments_touch(p, q, s, t))
+      return false;
+  }
+  return true;
+}
 
 /// The squared distances of a point from weighted planes, summed.
 struct Quadric {
@@ -7364,14 +7415,16 @@ struct Quadric {
 /// Chooses the collapses, cheapest first. By shape the cost is the error quadric plus a little of
 /// the edge length, and protected vertices go as late as the shape of triangles allows. By
 /// connectivity it is the number of vertices that are then merged into one, times its valence, so
-/// that every level is as even as the full mesh.
+/// that every level is as even as the full mesh. Of an embedded surface the shape counts, the plane
+/// stays injective, and protected vertices stay.
 class Decimation {
  public:
   Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
-             const Executor& executor, DynamicMesh& mesh)
+             const Points2& plane, const Executor& executor, DynamicMesh& mesh)
       : s_(s),
         protected_(is_protected),
         approach_(approach),
+        plane_(plane),
         executor_(executor),
         mesh_(mesh),
         version_(s.mesh.n_vertices, 0),
@@ -7379,12 +7432,13 @@ class Decimation {
     compute_quadrics();
   }
 
-  /// Collapses until at most `target` vertices are left, first with, then without regard to the
-  /// shape of triangles; or until the caller stops.
+  /// Collapses until at most `target` vertices are left, first with, then, if there is no plane
+  /// yet, without regard to the shape of triangles; or until the caller stops.
   Array<Collapse> run(int target) {
     Array<Collapse> collapses;
     int active = s_.mesh.n_vertices;
     for (bool keep_shape : {true, false}) {
+      if (!keep_shape && approach_ == Approach::kEmbedded) break;
       keep_shape_ = keep_shape;
       heap_.clear();
       for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
@@ -7394,7 +7448,7 @@ class Decimation {
         heap_.pop_back();
         if (c.version != version_[c.u]) continue;
         const Array<int> ring = mesh_.neighbours(c.u);
-        if (!mesh_.may_collapse(c.u, c.v, ring)) {  // the ring of v has changed since
+        if (!may_collapse(c.u, c.v, ring)) {  // the ring of v has changed since, or the boundary
           push(c.u);
           continue;
         }
@@ -7436,11 +7490,12 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
+    if (approach_ == Approach::kEmbedded && protected_[u]) return;
     const Array<int> ring = mesh_.neighbours(u);
-    const bool by_shape = approach_ == Approach::kShape;
+    const bool by_shape = approach_ != Approach::kConnectivity;
     for (int v : ring) {
       const double cost = by_shape ? shape_cost(u, v) : connectivity_cost(u, v);
-      if (cost < best.cost && mesh_.may_collapse(u, v, ring) && (!by_shape || shape_allows(u, v))) {
+      if (cost < best.cost && may_collapse(u, v, ring) && (!by_shape || shape_allows(u, v))) {
         best.cost = cost;
         best.v = v;
       }
@@ -7448,6 +7503,32 @@ class Decimation {
     if (best.v < 0) return;
     heap_.push_back(best);
     std::push_heap(heap_.begin(), heap_.end());
+  }
+
+  bool may_collapse(int u, int v, const Array<int>& ring) const {
+    return mesh_.may_collapse(u, v, ring) &&
+           (approach_ != Approach::kEmbedded || plane_allows(u, v));
+  }
+
+  /// True if the plane stays injective, and its triangles no thinner than they may be.
+  bool plane_allows(int u, int v) const {
+    constexpr double kQuality = 0.05;  // least 4√3 area / Σ length² unless it was worse before
+    for (int f : mesh_.faces_of[u]) {
+      if (mesh_.has(f, v)) continue;
+      std::array<int, 3> after = mesh_.face[f];
+      const double q0 = planar_quality(after);
+      std::replace(after.begin(), after.end(), u, v);
+      const double q1 = planar_quality(after);
+      if (!(q1 > 0) || q1 < (std::min)(kQuality, q0)) return false;
+    }
+    return !mesh_.on_boundary(u) ||
+           edge_fits(mesh_, plane_, mesh_.boundary_prev[u], mesh_.boundary_next[u]);
+  }
+
+  double planar_quality(const std::array<int, 3>& t) const {
+    const Vec2 p = row2(plane_, t[0]), q = row2(plane_, t[1]), r = row2(plane_, t[2]);
+    const double sum = squared_norm(q - p) + squared_norm(r - q) + squared_norm(p - r);
+    return 2 * std::sqrt(3.0) * orient2d(p, q, r) / sum;
   }
 
   double connectivity_cost(int u, int v) const {
@@ -7498,6 +7579,7 @@ class Decimation {
   const Surface& s_;
   const Array<char>& protected_;
   const Approach approach_;
+  const Points2& plane_;
   const Executor& executor_;
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
@@ -7522,6 +7604,7 @@ struct FlatProblem {
   Boundary boundary = Boundary::kFree;
   Array<Spring> springs = {};
   Array<Follower> followers = {};
+  Array<int> held = {};  // vertices that stay
 };
 
 class FlatNewton {
@@ -7535,6 +7618,7 @@ class FlatNewton {
         x_(std::move(x)),
         energy_(value(x_)) {
     fix_boundaries(m_, x_, problem_.boundary, is_fixed_);
+    for (int v : problem_.held) is_fixed_.fix(v);
   }
 
   const Points2& positions() const { return x_; }
@@ -7743,7 +7827,21 @@ class Hierarchy {
         angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(base);
+    collapses_ = Decimation(s, is_protected, approach, plane_, executor, mesh_).run(base);
+    goal_ = active();
+  }
+
+  /// Of a surface that is embedded. Protected vertices are in all levels.
+  Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
+            const Points2& plane, const Executor& executor)
+      : s_(s),
+        side_(side),
+        approach_(Approach::kEmbedded),
+        executor_(executor),
+        plane_(plane),
+        mesh_(s.mesh),
+        x_(plane) {
+    collapses_ = Decimation(s, is_protected, approach_, plane_, executor, mesh_).run(base);
     goal_ = active();
   }
 
@@ -7751,7 +7849,7 @@ class Hierarchy {
   Side side() const { return side_; }
   const char* name() const { return letter(side_); }
   int active() const { return s_.mesh.n_vertices - collapses_.size(); }
-  bool has(int v) const { return !mesh_.faces_of[v].empty(); }
+  bool has(int v) const { return mesh_.is_present(v); }
   bool is_full() const { return collapses_.empty(); }
 
   /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
@@ -7817,6 +7915,12 @@ class Hierarchy {
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x, i, row2(x_, level.vertex[i]));
     return x;
   }
+  /// That of the embedding there was.
+  Points2 plane(const Level& level) const {
+    Points2 x(level.vertex.size(), 2);
+    for (int i = 0; i < level.vertex.size(); ++i) set_row(x, i, row2(plane_, level.vertex[i]));
+    return x;
+  }
   void set(const Level& level, const Points2& x) {
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x_, level.vertex[i], row2(x, i));
   }
@@ -7836,13 +7940,22 @@ class Hierarchy {
   /// room, or -1.
   int grow() {
     while (!has_grown() && !executor_.is_stopped()) {
-      const Collapse c = std::move(collapses_.back());
-      collapses_.pop_back();
-      local_metric_ = local_metric(c.changed);
-      mesh_.undo(c);
-      if (!place(c)) return c.u;
+      const int stuck = grow_by_one();
+      if (stuck >= 0) return stuck;
     }
     return -1;
+  }
+
+  /// Brings one vertex back; its id if there is no room for it, or -1.
+  int grow_by_one() {
+    const Collapse c = std::move(collapses_.back());
+    collapses_.pop_back();
+    const bool is_ear = approach_ == Approach::kEmbedded && c.changed.empty();
+    const Array<int>& around = is_ear ? mesh_.faces_of[c.v] : c.changed;
+    mean_jacobian_ = mean_jacobian(around);
+    local_metric_ = local_metric(around);
+    mesh_.undo(c);
+    return place(c) ? -1 : c.u;
   }
 
  private:
@@ -7858,23 +7971,35 @@ class Hierarchy {
 
   Mat2 rest(int a, int b, int c) const {
     if (approach_ == Approach::kConnectivity) return rest_frame(1.0, 1.0, 1.0);
+    if (approach_ == Approach::kEmbedded)
+      return columns(row2(plane_, b) - row2(plane_, a), row2(plane_, c) - row2(plane_, a));
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
+  }
+
+  /// The mean over some faces, weighted by area, of a function of their Jacobians; zero of none.
+  template <class Function>
+  Mat2 mean_over(const Array<int>& faces, const Function& function) const {
+    Mat2 sum;
+    double total = 0;
+    for (int f : faces) {
+      const std::array<int, 3>& t = mesh_.face[f];
+      const Mat2 R = rest(t[0], t[1], t[2]);
+      const double area = 0.5 * determinant(R);
+      sum += area * function(jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R)));
+      total += area;
+    }
+    return faces.empty() ? sum : 1 / total * sum;
+  }
+
+  Mat2 mean_jacobian(const Array<int>& faces) const {
+    return mean_over(faces, [](const Mat2& J) { return J; });
   }
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
   Mat2 local_metric(const Array<int>& faces) const {
     if (faces.empty()) return diagonal(1);
-    Mat2 S;
-    double total = 0;
-    for (int f : faces) {
-      const std::array<int, 3>& t = mesh_.face[f];
-      const Mat2 R = rest(t[0], t[1], t[2]);
-      const Mat2 J = jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R));
-      S += 0.5 * determinant(R) * (J * transposed(J));
-      total += 0.5 * determinant(R);
-    }
-    S = 1 / total * S;
+    const Mat2 S = mean_over(faces, [](const Mat2& J) { return J * transposed(J); });
     // S^(1/2) = (S + √det S I) / √(tr S + 2 √det S), by Cayley and Hamilton.
     const double root = std::sqrt(determinant(S));
     const Mat2 metric = std::sqrt(S(0, 0) + S(1, 1) + 2 * root) * inverse(S + diagonal(root));
@@ -7884,10 +8009,16 @@ class Hierarchy {
   /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
   /// so points between v and the centre of the kernel are in the kernel too. On the boundary other
   /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
-  /// triangle, close to the middle of that edge.
+  /// triangle, close to the middle of that edge. Of an embedded surface, u first tries where the
+  /// mean map of the triangles around it takes it.
   bool place(const Collapse& c) {
     if (approach_ == Approach::kConnectivity && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
+    if (approach_ == Approach::kEmbedded) {
+      const Vec2 way = row2(plane_, c.u) - row2(plane_, c.v);
+      set_row(x_, c.u, corner + mean_jacobian_ * way);
+      if (fits(c.u)) return relax(c.u), true;
+    }
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
     if (!mesh_.on_boundary(c.u)) return false;
     if (!c.changed.empty()) return place_on_ray(c.u, corner, fan_center(c));
@@ -7986,15 +8117,7 @@ class Hierarchy {
 
   bool boundary_fits(int u) const {
     const int before = mesh_.boundary_prev[u], after = mesh_.boundary_next[u];
-    const Vec2 p = row2(x_, before), q = row2(x_, u), r = row2(x_, after);
-    if (turns_back(p, q, r)) return false;
-    for (int w = after; w != before; w = mesh_.boundary_next[w]) {
-      const int z = mesh_.boundary_next[w];
-      const Vec2 s = row2(x_, w), t = row2(x_, z);
-      if (w == after ? turns_back(q, s, t) : segments_touch(q, r, s, t)) return false;
-      if (z == before ? turns_back(s, t, q) : segments_touch(p, q, s, t)) return false;
-    }
-    return true;
+    return edge_fits(mesh_, x_, before, u) && edge_fits(mesh_, x_, u, after);
   }
 
   /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
@@ -8059,11 +8182,12 @@ class Hierarchy {
   const Approach approach_;
   const Executor& executor_;
   const Array<double> angle_;  // per vertex of the full mesh
+  const Points2 plane_;        // kEmbedded only: the embedding there was
   DynamicMesh mesh_;
   Points2 x_;
   Array<Collapse> collapses_;
   int goal_ = 0;
-  Mat2 local_metric_ = diagonal(1);  // around the next vertex
+  Mat2 mean_jacobian_, local_metric_ = diagonal(1);  // around the next vertex
 };
 
 // ---- both boundaries on one square ----
@@ -9958,7 +10082,299 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
   return s;
 }
 
-// ==== [16] APPLICATIONS (paper §1, §6.3) =========================================================
+// ==== [16] COARSE TO FINE =======================================================================
+//
+// Purpose:    a start for Algorithm 1 that is near its end already: its own result on surfaces with
+//             a fraction of the vertices, where an iteration costs as much less.
+// Method:     both surfaces, embedded, are decimated: by shape, and such that the planes stay
+//             injective. Algorithm 1 maps the coarsest level. Then vertices return to where the map
+//             around them, from the embedding there was to the planes there are, takes them; and
+//             all move together until that map is smooth, held by springs between what lies on each
+//             other. The next level begins there.
+// Invariants: on each level every iterate is injective, decided exactly; what returns keeps that.
+// Fails:      where nothing can be removed, or the map of a level is no better than the embedding,
+//             by handing over none. Then Algorithm 1 begins at the embedding.
+
+namespace detail {
+
+/// A surface whose rest shapes are the triangles of an earlier embedding, mapped as that is mapped
+/// to x on average around their corners: where the energy of x is least, this map is smooth.
+inline Surface smoothed_rest(Surface s, const Points2& before, const Points2& x) {
+  constexpr double kLeastArea = 0.1;  // of a triangle in x, else it keeps its shape there
+  const HalfEdgeMesh& m = s.mesh;
+  const auto edges = [&](const Points2& y, int f) {
+    const Vec2 p = row2(y, m.corner(f, 0));
+    return columns(row2(y, m.corner(f, 1)) - p, row2(y, m.corner(f, 2)) - p);
+  };
+  Array<Mat2> sum(m.n_vertices);
+  Array<double> area(m.n_vertices, 0);
+  for (int f = 0; f < m.n_faces; ++f) {
+    const Mat2 J = edges(x, f) * inverse(edges(before, f));
+    for (int k = 0; k < 3; ++k) {
+      sum[m.corner(f, k)] += s.area[f] * J;
+      area[m.corner(f, k)] += s.area[f];
+    }
+  }
+  for (int f = 0; f < m.n_faces; ++f) {
+    Mat2 mean;
+    for (int k = 0; k < 3; ++k) mean += 1 / (3 * area[m.corner(f, k)]) * sum[m.corner(f, k)];
+    const Mat2 here = edges(x, f), rest = mean * edges(before, f);
+    s.rest_inverse[f] = inverse(determinant(rest) > kLeastArea * determinant(here) ? rest : here);
+  }
+  return s;
+}
+
+class CoarseToFine {
+ public:
+  static constexpr double kNextOmega =
+      1e-3;  // ω_L where a level begins at the map of a coarser one
+
+  /// `x`: the embeddings of both surfaces.
+  CoarseToFine(const SurfacePair& pair, const JointSurface& s, const Points2& x,
+               const Array<Follower>& followers, const Options& options, const Executor& executor)
+      : pair_(pair),
+        s_(s),
+        x_(x),
+        followers_(followers),
+        options_(options),
+        executor_(executor),
+        depth_(depth_of(s, options.tuning.coarsest)) {
+    options_.max_iterations = 500;
+    options_.initial_f.resize(0, 2);
+    options_.initial_g.resize(0, 2);
+  }
+
+  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
+  /// it anew.
+  bool step() {
+    if (!a_) return decimate();
+    if (optimizer_) return optimize();
+    return newton_ ? smooth() : refine();
+  }
+
+  /// True if the surfaces have enough vertices for a coarse level.
+  static bool has_levels(const JointSurface& s, const Options& options) {
+    return depth_of(s, options.tuning.coarsest) > 0;
+  }
+
+  const std::vector<CoarseLevel>& levels() const { return levels_; }
+
+  /// By how much E fell on the coarsest level, from the embedding on. What returns makes E rise,
+  /// but locally, which is soon mended; where it rises by more than this, the embedding was better.
+  double gain() const { return gain_; }
+
+  /// The map so far on the surfaces given, or the embedding if there is none.
+  Points2 positions() const {
+    if (!a_ || levels_.front().iterations == 0) return x_;
+    Hierarchy a = *a_, b = *b_;
+    if (optimizer_) take_positions(a, b);
+    for (Hierarchy* h : {&a, &b})
+      while (!h->is_full())
+        if (h->grow_by_one() >= 0) return x_;
+    return stacked(a.positions(), b.positions());
+  }
+
+ private:
+  static constexpr int kRatio = 4;  // of the vertices of a level and of the next coarser one
+
+  /// Both surfaces on one level, and what is held there.
+  struct LevelPair {
+    Level a, b;
+    JointSurface s;
+    Points2 x;
+    Array<Follower> followers;
+    Options options;
+  };
+
+  /// How many times the number of vertices can be divided.
+  static int depth_of(const JointSurface& s, int coarsest) {
+    if (coarsest == 0) return 0;
+    const double most = (std::max)(s.n_a, s.mesh.n_vertices - s.n_a);
+    const double depth = std::log(most / coarsest) / std::log(kRatio);
+    return (std::max)(0, static_cast<int>(std::lround(depth)));
+  }
+
+  /// How many of n vertices a coarse level should have; level 0 is the finest.
+  int vertices_of(int n, int level) const {
+    for (int i = 0; i < level; ++i) n /= kRatio;
+    return (std::max)(n, options_.tuning.coarsest);
+  }
+
+  bool decimate() {
+    constexpr double kWorthwhile = 0.75;  // of the vertices may be left
+    executor_.tell(Phase::kOptimization, 0, {"decimating both surfaces"}, nullptr);
+    const auto hierarchy = [&](const Surface& s, Side side, int first) {
+      const int n = s.mesh.n_vertices;
+      return std::make_unique<Hierarchy>(s, side, protected_vertices(first, n),
+                                         vertices_of(n, depth_), rows_between(x_, first, first + n),
+                                         executor_);
+    };
+    auto a = hierarchy(pair_.a, Side::kA, 0), b = hierarchy(pair_.b, Side::kB, s_.n_a);
+    if (executor_.is_stopped()) return true;
+    if (a->active() + b->active() > kWorthwhile * s_.mesh.n_vertices) return false;
+    a_ = std::move(a);
+    b_ = std::move(b);
+    level_ = depth_;
+    return begin(level_pair(*a_, *b_));
+  }
+
+  /// Per vertex from `first` on, whether a constraint needs it.
+  Array<char> protected_vertices(int first, int n) const {
+    Array<char> result(n, 0);
+    const auto protect = [&](int v) {
+      if (v >= first && v < first + n) result[v - first] = 1;
+    };
+    for (const Follower& follower : followers_) {
+      protect(follower.row);
+      for (int v : follower.master) protect(v);
+    }
+    for (int v : options_.fixed_a) protect(v);
+    for (int v : options_.fixed_b) protect(s_.n_a + v);
+    if (options_.boundary != Boundary::kFree)
+      for (int h : s_.mesh.boundary) protect(s_.mesh.tail[h]);
+    return result;
+  }
+
+  /// What the hierarchies are at.
+  LevelPair level_pair(const Hierarchy& a, const Hierarchy& b) const {
+    LevelPair l = {a.current(), b.current(), {}, {}, followers_, options_};
+    l.s = join({l.a.surface, l.b.surface});
+    l.x = stacked(a.positions(l.a), b.positions(l.b));
+    const auto place = [&](int v) {
+      return v < s_.n_a ? l.a.place[v] : l.s.n_a + l.b.place[v - s_.n_a];
+    };
+    for (Follower& follower : l.followers) {
+      follower.row = place(follower.row);
+      for (int& v : follower.master) v = place(v);
+    }
+    for (int& v : l.options.fixed_a) v = l.a.place[v];
+    for (int& v : l.options.fixed_b) v = l.b.place[v];
+    return l;
+  }
+
+  /// Algorithm 1 on a level; false if it cannot begin. What the coarsest level gets wrong stays
+  /// wrong; what the others leave undone, the next one does faster.
+  bool begin(LevelPair level) {
+    const bool is_first = levels_.empty();
+    here_ = std::move(level);
+    here_.options.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
+    here_.options.tuning.window = is_first ? 20 : 10;
+    optimizer_ = std::make_unique<Optimizer>(here_.s, here_.options, here_.followers, executor_);
+    log_ = Result();
+    optimizer_->start(here_.x, log_);
+    if (!is_first) optimizer_->lower_omega(kNextOmega);
+    levels_.push_back({here_.a.vertex.size(), here_.b.vertex.size(), 0, 0, 0});
+    return log_.status == Status::kUnfinished;
+  }
+
+  bool optimize() {
+    CoarseLevel& level = levels_.back();
+    Timer timer;
+    const bool has_more = optimizer_->iterate(log_);
+    level.iterations = static_cast<int>(log_.log.size());
+    level.mean_distortion = log_.final_state().mean_distortion;
+    level.seconds += timer.lap();
+    tell({"optimising a coarse map, ", here_.s.mesh.n_vertices, " vertices"});
+    if (has_more || executor_.is_stopped()) return true;
+    if (level_ == depth_) gain_ = log_.initial.energy - log_.final_state().energy;
+    take_positions(*a_, *b_);
+    optimizer_.reset();
+    return level.iterations > 0;
+  }
+
+  void tell(Words what) const {
+    constexpr double kShare = 0.2;  // of the optimisation
+    const double done = depth_ - level_ + (optimizer_ ? optimizer_->fraction(log_) : 1);
+    executor_.tell(Phase::kOptimization, kShare * done / depth_, what, nullptr);
+  }
+
+  void take_positions(Hierarchy& a, Hierarchy& b) const {
+    const Points2& x = optimizer_->positions();
+    a.set(here_.a, rows_between(x, 0, here_.s.n_a));
+    b.set(here_.b, rows_between(x, here_.s.n_a, here_.s.mesh.n_vertices));
+  }
+
+  /// Brings back what the next finer level has; false if there is no room for a vertex.
+  bool refine() {
+    tell({"refining a coarse map of ", here_.s.mesh.n_vertices, " vertices"});
+    const int n_a = s_.n_a, n_b = s_.mesh.n_vertices - n_a;
+    a_->set_goal(level_ == 1 ? n_a : vertices_of(n_a, level_ - 1));
+    b_->set_goal(level_ == 1 ? n_b : vertices_of(n_b, level_ - 1));
+    if (a_->grow() >= 0 || b_->grow() >= 0) return false;
+    if (executor_.is_stopped()) return true;
+    next_ = level_pair(*a_, *b_);
+    newton_ = std::make_unique<FlatNewton>(smoothing_problem(next_), next_.x, executor_);
+    return true;
+  }
+
+  /// Moves the vertices of a level, those of the coarser one on what they lie on; false after the
+  /// finest level.
+  bool smooth() {
+    constexpr int kSteps = 10;
+    if (newton_->minimize(kSteps, kTolerance)) return true;
+    next_.x = newton_->positions();
+    newton_.reset();
+    if (--level_ > 0) return begin(std::move(next_));
+    x_ = next_.x;
+    a_.reset();
+    b_.reset();
+    return false;
+  }
+
+  FlatProblem smoothing_problem(const LevelPair& l) const {
+    const int n_a = l.s.n_a, n = l.s.mesh.n_vertices;
+    FlatProblem problem;
+    problem.surface = join({smoothed_rest(l.a.surface, a_->plane(l.a), rows_between(l.x, 0, n_a)),
+                            smoothed_rest(l.b.surface, b_->plane(l.b), rows_between(l.x, n_a, n))});
+    problem.boundary = options_.boundary;
+    problem.springs = springs(l);
+    problem.followers = l.followers;
+    for (int v : l.options.fixed_a) problem.held.push_back(v);
+    for (int v : l.options.fixed_b) problem.held.push_back(n_a + v);
+    return problem;
+  }
+
+  /// Between each vertex of the coarser level and where it lies on the other surface. Moved by the
+  /// length of an edge, it costs about as much as its triangles when they are strained by 1.
+  Array<Spring> springs(const LevelPair& level) const {
+    constexpr double kStiffness = 3;
+    Array<Spring> springs;
+    const EmbeddedPair pair(level.s, level.x);
+    const auto tie = [&](int v) {
+      const MappedPoint image = pair.map_vertex(v);
+      if (!image.covered) return;
+      Place on, here;
+      here.corners[0] = v;
+      here.weights[0] = 1;
+      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.point.face, k);
+      on.weights = image.point.barycentric;
+      add_springs(here, on, kStiffness, springs);
+    };
+    for (int v : here_.a.vertex) tie(level.a.place[v]);
+    for (int v : here_.b.vertex) tie(level.s.n_a + level.b.place[v]);
+    return springs;
+  }
+
+  const SurfacePair& pair_;
+  const JointSurface& s_;
+  Points2 x_;
+  const Array<Follower>& followers_;
+  Options options_;  // of all levels
+  const Executor& executor_;
+  const int depth_;  // how many coarse levels there are
+  int level_ = 0;    // the one the hierarchies are at, depth_ is the coarsest
+  std::unique_ptr<Hierarchy> a_, b_;
+  LevelPair here_, next_;
+  std::unique_ptr<Optimizer> optimizer_;  // on a level,
+  std::unique_ptr<FlatNewton> newton_;    // and on the way to the next one
+  Result log_;
+  std::vector<CoarseLevel> levels_;
+  double gain_ = 0;
+};
+
+}  // namespace detail
+
+// ==== [17] APPLICATIONS (paper §1, §6.3) =========================================================
 //
 // Purpose:    attributes carried between the surfaces, remeshing, paths along halved edges.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
@@ -10253,7 +10669,7 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
   return x;
 }
 
-// ==== [17] CLOSED SURFACES =======================================================================
+// ==== [18] CLOSED SURFACES =======================================================================
 //
 // Purpose:    maps of closed surfaces, which the paper leaves out: opens them for Algorithm 1, and
 //             closes the map again, to a homeomorphism.
@@ -11330,7 +11746,7 @@ class Closer {
 
 }  // namespace detail
 
-// ==== [18] ENTRY POINTS ==========================================================================
+// ==== [19] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -11454,6 +11870,7 @@ inline bool check_options(const Options& o, Outcome& outcome) {
       {in_0_to_1(t.least_coverage), "least_coverage must be in [0, 1)"},
       {t.search_stride >= 1 && t.search_stride <= 8, "search_stride must be in [1, 8]"},
       {t.quasi_newton_steps >= 0, "quasi_newton_steps must be at least 0"},
+      {t.coarsest >= 0, "coarsest must be at least 0"},
       {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
       {o.max_iterations >= 0, "max_iterations must be at least 0"},
       {o.max_seconds > 0, "max_seconds must be positive"},
@@ -11840,6 +12257,13 @@ void exchange(Archive& io, Optimizer::Visit& visit) {
   exchange(io, visit.has_hessian);
 }
 
+template <class Archive>
+void exchange(Archive& io, CoarseLevel& level) {
+  for (int* value : {&level.vertices_a, &level.vertices_b, &level.iterations}) io(*value);
+  io(level.mean_distortion);
+  io(level.seconds);
+}
+
 template <class Archive, class List>
 void exchange_list(Archive& io, List& list) {
   const int n = exchanged_size(io, static_cast<int>(list.size()));
@@ -11855,6 +12279,8 @@ struct SavedRun {
   Points2 f, g;  // the start
   double scale = 1;
   double embedding_seconds = 0, seconds = 0;
+  bool is_coarse = false;  // the coarse levels have not come to their end, and begin anew
+  std::vector<CoarseLevel> coarse;
   bool is_changed = false;  // landmarks or options; what follows from that is yet to be done:
   Array<int> pulled;        // these landmarks are to be brought together
   std::vector<IterationLog> log;
@@ -11869,6 +12295,8 @@ void exchange(Archive& io, SavedRun& run) {
   for (Points2* x : {&run.f, &run.g, &run.memory.x}) exchange(io, *x);
   for (double* value : {&run.scale, &run.embedding_seconds, &run.seconds, &run.memory.omega})
     io(*value);
+  exchange(io, run.is_coarse);
+  exchange_list(io, run.coarse);
   exchange(io, run.is_changed);
   exchange_list(io, run.pulled);
   exchange_list(io, run.log);
@@ -11965,7 +12393,10 @@ class Run {
     }
   }
 
-  Result& result() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
+  Result& result() {
+    if (coarse_ && is_usable(result_.status)) take_positions_from(coarse_->positions());
+    return latest();
+  }
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
   double fraction() const { return executor_.fraction(); }
 
@@ -12025,6 +12456,8 @@ class Run {
       embed();
     else if (puller_)
       bring_together();
+    else if (coarse_)
+      optimize_coarse();
     else if (optimizer_ && is_to_be_closed())
       close();
     else if (optimizer_)
@@ -12052,6 +12485,8 @@ class Run {
   }
 
  private:
+  Result& latest() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
+
   // ---- saving, restoring, changing ----
 
   SavedRun now() const {
@@ -12068,6 +12503,8 @@ class Run {
     run.scale = scale_;
     run.embedding_seconds = start.seconds;
     run.seconds = result_.seconds;
+    run.is_coarse = coarse_ != nullptr;
+    run.coarse = result_.coarse;
     run.log = result_.log;
     run.memory = optimizer_->memory();
     return run;
@@ -12105,6 +12542,8 @@ class Run {
       accept_start();
       if (!optimizer_ || result_.status != Status::kUnfinished) return false;
       optimizer_->restore(memory);
+      if (saved.is_coarse) begin_coarse();
+      result_.coarse = std::move(saved.coarse);
       result_.log = std::move(saved.log);
       told_ = result_.log.size();
       result_.status = static_cast<Status>(saved.status);
@@ -12126,7 +12565,8 @@ class Run {
 
   /// Of all vertices, rows begin to end - 1, in the unit that positions were given in.
   Points2 own_positions(int begin, int end) const {
-    return rows_between(scaled(1 / scale_, optimizer_->positions()), begin, end);
+    const Points2 x = coarse_ ? coarse_->positions() : optimizer_->positions();
+    return rows_between(scaled(1 / scale_, x), begin, end);
   }
 
   /// Of other landmarks, all if they shall be exact; of those that only guide, the ones that are
@@ -12235,6 +12675,7 @@ class Run {
     else if (!take_best())
       return;
     accept_start();
+    if (optimizer_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 
   /// Begins with the next of the openings that are tried, of closed surfaces.
@@ -12322,6 +12763,7 @@ class Run {
   /// Algorithm 1 from the start on. `together`: the landmarks that may be exact.
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
+    coarse_.reset();
     held_ = Held();
     result_.log.clear();
     told_ = 0;
@@ -12335,8 +12777,23 @@ class Run {
     optimizer_->start(x, result_);
   }
 
+  void begin_coarse() {
+    if (CoarseToFine::has_levels(s_, options_) && options_.max_iterations > 0)
+      coarse_ = std::make_unique<CoarseToFine>(pair_, s_, optimizer_->positions(), held_.followers,
+                                               options_, executor_);
+  }
+
+  /// A step on the coarse levels. After the last one Algorithm 1 goes on from their map.
+  void optimize_coarse() {
+    if (coarse_->step()) return;
+    result_.coarse = coarse_->levels();
+    if (optimizer_->begin_at(coarse_->positions(), coarse_->gain()))
+      optimizer_->lower_omega(CoarseToFine::kNextOmega);
+    coarse_.reset();
+  }
+
   void tell_iteration() {
-    const std::vector<IterationLog>& log = result().log;
+    const std::vector<IterationLog>& log = latest().log;
     if (told_ == log.size()) return;
     told_ = log.size();
     executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
@@ -12349,12 +12806,17 @@ class Run {
     if (result_.status != Status::kInvalidLandmarks)
       result_.message = words_of(result_.status).sentence;
     if (is_usable(result_.status)) {
-      result_.f = own_positions(0, s_.n_a);
-      result_.g = own_positions(s_.n_a, s_.mesh.n_vertices);
+      take_positions_from(optimizer_->positions());
     } else {
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
     }
+  }
+
+  void take_positions_from(const Points2& x) {
+    const Points2 own = scaled(1 / scale_, x);
+    result_.f = rows_between(own, 0, s_.n_a);
+    result_.g = rows_between(own, s_.n_a, s_.mesh.n_vertices);
   }
 
   // ---- closed surfaces ----
@@ -12451,7 +12913,8 @@ class Run {
   double scale_ = 0;  // of the planes, against those that were given; 0 as long as there are none
   Held held_;
   std::unique_ptr<Optimizer> optimizer_;
-  std::size_t told_ = 0;  // of the log
+  std::unique_ptr<CoarseToFine> coarse_;  // before the optimizer begins
+  std::size_t told_ = 0;                  // of the log
   SavedRun before_change_;
   std::unique_ptr<LandmarkPuller> puller_;  // while landmarks are brought together
   std::unique_ptr<LandmarkJoiner> joiner_;
@@ -12548,6 +13011,7 @@ Options Options::paper() {
   options.tuning.least_coverage = 0;
   options.tuning.search_stride = 1;
   options.tuning.quasi_newton_steps = 0;
+  options.tuning.coarsest = 0;
   options.tuning.solve_tolerance = 1e-12;
   options.tuning.window = 10;
   options.tuning.scaffold = false;

@@ -148,6 +148,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("least_coverage", o.tuning.least_coverage);
   visit("search_stride", o.tuning.search_stride);
   visit("quasi_newton_steps", o.tuning.quasi_newton_steps);
+  visit("coarsest", o.tuning.coarsest);
   visit("solve_tolerance", o.tuning.solve_tolerance);
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
@@ -474,8 +475,7 @@ class ProgressLine {
       if (progress.iteration->iteration == last_iteration_) return;
       last_iteration_ = progress.iteration->iteration;
       print(iteration_line(*progress.iteration, now));
-    } else if (progress.phase == ism::Phase::kEmbedding &&
-               now - last_time_ > (terminal_ ? 0.1 : 2.0)) {
+    } else if (last_iteration_ < 0 && now - last_time_ > (terminal_ ? 0.1 : 2.0)) {
       last_time_ = now;
       print(progress.what + format("  %.0f%%  %.1f s", 100 * progress.fraction, now));
     }
@@ -745,6 +745,19 @@ std::string json_openings(const std::vector<ism::Opening>& openings) {
   return "[" + text + "]";
 }
 
+std::string json_coarse(const std::vector<ism::CoarseLevel>& levels) {
+  std::string text;
+  for (const ism::CoarseLevel& level : levels)
+    text += (text.empty() ? "" : ", ") + Json()
+                                             .add("vertices_a", level.vertices_a)
+                                             .add("vertices_b", level.vertices_b)
+                                             .add("iterations", level.iterations)
+                                             .add("mean_distortion", level.mean_distortion)
+                                             .add("seconds", level.seconds)
+                                             .text();
+  return "[" + text + "]";
+}
+
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
                         const Findings& found, const Seconds& s) {
   Json start, final;
@@ -779,6 +792,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
              .raw("openings", json_openings(found.openings))
              .raw("options", json_options(args))
              .raw("start", start.text())
+             .raw("coarse", json_coarse(result.coarse))
              .raw("final", final.text())
              .raw("seconds", seconds)
              .raw("iterations", log + "]")
@@ -1077,6 +1091,9 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
                 added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
+  for (const ism::CoarseLevel& level : result.coarse)
+    std::printf("before that  %d iterations on %d + %d vertices\n", level.iterations,
+                level.vertices_a, level.vertices_b);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
               last.mean_distortion, args.measure == "sd" ? 2 : 0, first.mean_distortion);
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
@@ -1135,7 +1152,7 @@ ism::Result compute(const Arguments& args, const Input& input) {
   ProgressLine line(args.quiet);
   ism::Options options = args.options;
   if (args.variant != Variant::kFull)
-    options.tuning.omega_start = options.tuning.quasi_newton_steps = 0;
+    options.tuning.omega_start = options.tuning.quasi_newton_steps = options.tuning.coarsest = 0;
   if (args.variant == Variant::kProjectedNewton) options.tuning.history_length = 1;
   options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);

@@ -6,6 +6,7 @@
 
 #include "part_applications.hpp"
 #include "part_closed.hpp"
+#include "part_coarse.hpp"
 #include "part_embedding.hpp"
 #include "part_landmarks.hpp"
 #include "part_map.hpp"
