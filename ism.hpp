@@ -466,14 +466,13 @@ struct Tuning {
   double history_decay = 0.8;  // in (0, 1]
   /// ≥ 0: once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as
   /// they pay. They use its factor and a gradient only, take a fraction of its time, and count as
-  /// iterations. Their
-  /// gradients join the memory, which carries the run over more of the kinks that E has where
-  /// vertices cross edges of the other mesh. 0 is the paper's method.
+  /// iterations. Their gradients join the memory, which carries the run over more of the kinks that
+  /// E has where vertices cross edges of the other mesh. 0 is the paper's method.
   int quasi_newton_steps = 6;
   /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
   /// next one, down to about this many per surface, and goes on from where that ends; a change of a
-  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long.
-  /// Less costs quality: with 350 a pair of animals ends 3% higher.
+  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
+  /// animals ends 3% higher.
   int coarsest = 700;
   /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
   /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
@@ -514,7 +513,7 @@ struct Options {
   /// nor loses by shrinking; a little more lets it grow; much more trades low distortion for
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
-  int max_iterations = 1000;  // ≥ 0
+  int max_iterations = 1000;  // ≥ 0, on the meshes given; with 0 there are no coarse levels either
   /// Stop when, averaged over the last Tuning::window iterations, E fell by less than this fraction
   /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall,
   /// a quasi-Newton step as a fifth of one.
@@ -687,7 +686,7 @@ class Solver {
   /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
   /// the state is not one of the same meshes, or not injective. The next step computes the
   /// derivatives in the memory anew, up to Tuning::history_length times what an iteration does. A
-  /// state without a map begins the embedding anew.
+  /// state without a map begins the embedding anew, one from the coarse levels begins these anew.
   bool restore(const SolverState& state);
 
   /// Goes on with other landmarks and options (pins, weights, limits, ...) from the map there is,
@@ -7950,9 +7949,9 @@ class Hierarchy {
   int grow_by_one() {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
-    const bool is_ear = approach_ == Approach::kEmbedded && c.changed.empty();
-    const Array<int>& around = is_ear ? mesh_.faces_of[c.v] : c.changed;
-    mean_jacobian_ = mean_jacobian(around);
+    const bool is_embedded = approach_ == Approach::kEmbedded;
+    const Array<int>& around = is_embedded && c.changed.empty() ? mesh_.faces_of[c.v] : c.changed;
+    if (is_embedded) mean_jacobian_ = mean_over(around, [](const Mat2& J) { return J; });
     local_metric_ = local_metric(around);
     mesh_.undo(c);
     return place(c) ? -1 : c.u;
@@ -7976,7 +7975,7 @@ class Hierarchy {
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
-  /// The mean over some faces, weighted by area, of a function of their Jacobians; zero of none.
+  /// The mean over some faces, weighted by area, of a function of their Jacobians.
   template <class Function>
   Mat2 mean_over(const Array<int>& faces, const Function& function) const {
     Mat2 sum;
@@ -7988,11 +7987,7 @@ class Hierarchy {
       sum += area * function(jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R)));
       total += area;
     }
-    return faces.empty() ? sum : 1 / total * sum;
-  }
-
-  Mat2 mean_jacobian(const Array<int>& faces) const {
-    return mean_over(faces, [](const Mat2& J) { return J; });
+    return 1 / total * sum;
   }
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
@@ -12394,7 +12389,7 @@ class Run {
   }
 
   Result& result() {
-    if (coarse_ && is_usable(result_.status)) take_positions_from(coarse_->positions());
+    if (is_behind_) hand_over_positions();
     return latest();
   }
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
@@ -12433,8 +12428,9 @@ class Run {
     if (run->is_embedding() && optimizer_) {
       SavedRun saved = now();
       saved.status = static_cast<int>(Status::kUnfinished);
-      saved.f = own_positions(0, s_.n_a);
-      saved.g = own_positions(s_.n_a, s_.mesh.n_vertices);
+      const Points2 x = own_positions();
+      saved.f = rows_between(x, 0, s_.n_a);
+      saved.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
       saved.log.clear();
       saved.is_changed = true;
       saved.pulled = landmarks_to_pull(landmarks, options.exact_landmarks);
@@ -12563,10 +12559,9 @@ class Run {
            add_vertices({all.begin() + static_cast<std::ptrdiff_t>(n), all.end()}, s);
   }
 
-  /// Of all vertices, rows begin to end - 1, in the unit that positions were given in.
-  Points2 own_positions(int begin, int end) const {
-    const Points2 x = coarse_ ? coarse_->positions() : optimizer_->positions();
-    return rows_between(scaled(1 / scale_, x), begin, end);
+  /// Of all vertices, in the unit that positions were given in.
+  Points2 own_positions() const {
+    return scaled(1 / scale_, coarse_ ? coarse_->positions() : optimizer_->positions());
   }
 
   /// Of other landmarks, all if they shall be exact; of those that only guide, the ones that are
@@ -12805,18 +12800,21 @@ class Run {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
     if (result_.status != Status::kInvalidLandmarks)
       result_.message = words_of(result_.status).sentence;
+    is_behind_ = coarse_ && is_usable(result_.status);
+    if (is_behind_) return;  // to bring a coarse map up takes longer than a step
     if (is_usable(result_.status)) {
-      take_positions_from(optimizer_->positions());
+      hand_over_positions();
     } else {
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
     }
   }
 
-  void take_positions_from(const Points2& x) {
-    const Points2 own = scaled(1 / scale_, x);
-    result_.f = rows_between(own, 0, s_.n_a);
-    result_.g = rows_between(own, s_.n_a, s_.mesh.n_vertices);
+  void hand_over_positions() {
+    const Points2 x = own_positions();
+    result_.f = rows_between(x, 0, s_.n_a);
+    result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
+    is_behind_ = false;
   }
 
   // ---- closed surfaces ----
@@ -12914,6 +12912,7 @@ class Run {
   Held held_;
   std::unique_ptr<Optimizer> optimizer_;
   std::unique_ptr<CoarseToFine> coarse_;  // before the optimizer begins
+  bool is_behind_ = false;                // the result, of the map of the coarse levels
   std::size_t told_ = 0;                  // of the log
   SavedRun before_change_;
   std::unique_ptr<LandmarkPuller> puller_;  // while landmarks are brought together

@@ -733,29 +733,29 @@ std::string json_options(const Arguments& args) {
   return json.text();
 }
 
-std::string json_openings(const std::vector<ism::Opening>& openings) {
+/// [json_of(item), ...]
+template <class Items, class Function>
+std::string json_list(const Items& items, const Function& json_of) {
   std::string text;
-  for (const ism::Opening& o : openings)
-    text += (text.empty() ? "" : ", ") + Json()
-                                             .add("of", o.side == ism::Side::kA ? "A" : "B")
-                                             .add("vertex", o.vertex)
-                                             .add("edges", o.edges)
-                                             .add("over", o.over)
-                                             .text();
+  for (const auto& item : items) text += (text.empty() ? "" : ", ") + json_of(item).text();
   return "[" + text + "]";
 }
 
-std::string json_coarse(const std::vector<ism::CoarseLevel>& levels) {
-  std::string text;
-  for (const ism::CoarseLevel& level : levels)
-    text += (text.empty() ? "" : ", ") + Json()
-                                             .add("vertices_a", level.vertices_a)
-                                             .add("vertices_b", level.vertices_b)
-                                             .add("iterations", level.iterations)
-                                             .add("mean_distortion", level.mean_distortion)
-                                             .add("seconds", level.seconds)
-                                             .text();
-  return "[" + text + "]";
+Json json_opening(const ism::Opening& o) {
+  return Json()
+      .add("of", o.side == ism::Side::kA ? "A" : "B")
+      .add("vertex", o.vertex)
+      .add("edges", o.edges)
+      .add("over", o.over);
+}
+
+Json json_coarse(const ism::CoarseLevel& level) {
+  return Json()
+      .add("vertices_a", level.vertices_a)
+      .add("vertices_b", level.vertices_b)
+      .add("iterations", level.iterations)
+      .add("mean_distortion", level.mean_distortion)
+      .add("seconds", level.seconds);
 }
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
@@ -789,10 +789,10 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
              .add("landmarks", static_cast<int>(input.landmarks.size()))
              .add("memory_estimate", ism::memory_estimate(input.a, input.b, args.options))
              .add("is_closed", found.is_closed)
-             .raw("openings", json_openings(found.openings))
+             .raw("openings", json_list(found.openings, json_opening))
              .raw("options", json_options(args))
              .raw("start", start.text())
-             .raw("coarse", json_coarse(result.coarse))
+             .raw("coarse", json_list(result.coarse, json_coarse))
              .raw("final", final.text())
              .raw("seconds", seconds)
              .raw("iterations", log + "]")

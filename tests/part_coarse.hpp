@@ -35,6 +35,12 @@ std::vector<Disk> disks(Rng& rng) {
   return all;
 }
 
+Disk bent_grid(int nx, int ny, double bend, Rng& rng) {
+  Disk d = shapes::perturbed_grid(nx, ny, 0.2, rng);
+  shapes::bend(d, bend);
+  return d;
+}
+
 Hierarchy embedded(const Surface& s, const Disk& disk, const Array<char>& is_protected, int base,
                    const Executor& executor) {
   return Hierarchy(s, Side::kA, is_protected, base, disk.plane, executor);
@@ -113,9 +119,7 @@ TEST_CASE("what returns goes where an affine map takes it, and stays there") {
 
 TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations") {
   Rng rng(53);
-  Disk a = shapes::perturbed_grid(26, 26, 0.2, rng), b = shapes::perturbed_grid(22, 30, 0.2, rng);
-  shapes::bend(a, 0.9);
-  shapes::bend(b, -0.7);
+  const Disk a = bent_grid(26, 26, 0.9, rng), b = bent_grid(22, 30, -0.7, rng);
   const std::vector<Landmark> landmarks = {{60, 70}, {500, 480}, {620, 600}};
   Options options = on_one_thread();
   options.tuning.coarsest = 0;
@@ -146,9 +150,7 @@ TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations
 
 TEST_CASE("constraints hold on all levels, and a map is there after every step") {
   Rng rng(54);
-  Disk a = shapes::perturbed_grid(13, 13, 0.2, rng), b = shapes::perturbed_grid(12, 14, 0.2, rng);
-  shapes::bend(a, 0.6);
-  shapes::bend(b, -0.5);
+  const Disk a = bent_grid(13, 13, 0.6, rng), b = bent_grid(12, 14, -0.5, rng);
   const std::vector<Landmark> landmarks = {{30, 31}, {150, 140}, {100, 100}};
   Options free = on_one_thread(), pinned = free, exact = free, fixed = free, slide = free;
   pinned.pins_a = {88, 60};
@@ -200,9 +202,7 @@ TEST_CASE("surfaces with openings pass through coarse levels, too") {
 
 TEST_CASE("nothing is lost where the start is the end already") {
   Rng rng(56);
-  Disk a = shapes::perturbed_grid(20, 20, 0.2, rng), b = shapes::perturbed_grid(19, 21, 0.2, rng);
-  shapes::bend(a, 0.8);
-  shapes::bend(b, -0.8);
+  const Disk a = bent_grid(20, 20, 0.8, rng), b = bent_grid(19, 21, -0.8, rng);
   Options options = on_one_thread();
   options.tuning.coarsest = 60;
   const Result first = map_of(a, b, {{50, 50}, {350, 350}}, options);
