@@ -496,9 +496,9 @@ struct Tuning {
   /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
   /// find with the factor for ω_L. 1e-6 neither costs nor gains anything.
   double solve_tolerance = 1e-3;
-  /// ≥ 1: the iterations over which Options::tolerance is averaged. It bridges the pauses before E
-  /// falls again; while ω_L comes down and is above 1e-3, nothing stops. Less stops earlier: 5
-  /// after 57 iterations in place of 67, with a distortion higher by 0.07%, on a pair of hands.
+  /// ≥ 1: the iterations over which Options::tolerance is averaged, half as many after coarse
+  /// levels. It bridges the pauses before E falls again; while ω_L comes down and is above 1e-3,
+  /// nothing stops.
   int window = 20;
   /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
   /// step on that would make one meet itself. Without, a run stalls there.
@@ -514,10 +514,10 @@ struct Options {
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
   int max_iterations = 1000;  // ≥ 0, on the meshes given; with 0 there are no coarse levels either
-  /// Stop when, averaged over the last Tuning::window iterations, E fell by less than this fraction
-  /// of E + κ (area A + area B) per iteration; one that finds no step counts as one without a fall,
-  /// a quasi-Newton step as a fifth of one.
-  double tolerance = 2e-4;  // ≥ 0
+  /// Stop when, averaged over the last iterations of Tuning::window, E fell by less than this
+  /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
+  /// without a fall, a quasi-Newton step as a fifth of one.
+  double tolerance = 3e-4;  // ≥ 0
   bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
@@ -1336,6 +1336,38 @@ class Crew {
 };
 #endif
 
+/// A lock that is held for a few instructions; it works where there is no <mutex>.
+class SpinLock {
+ public:
+  class Guard {
+   public:
+    explicit Guard(SpinLock& lock) : flag_(lock.flag_) {
+      while (flag_.test_and_set(std::memory_order_acquire)) {
+      }
+    }
+    ~Guard() { flag_.clear(std::memory_order_release); }
+
+   private:
+    std::atomic_flag& flag_;
+  };
+
+ private:
+  std::atomic_flag flag_ = ATOMIC_FLAG_INIT;
+};
+
+/// How many threads a call has, that of the caller included, if it has no job system of its own.
+inline int thread_count(const Options& options) {
+#ifdef ISM_NO_THREADS
+  static_cast<void>(options);
+  return 1;
+#else
+  constexpr int kMostPerProcessor = 4;
+  const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
+  return options.threads <= 0 ? processors
+                              : (std::min)(options.threads, kMostPerProcessor * processors);
+#endif
+}
+
 /// What a call has from its caller: threads, an ear for progress, and the wish to stop.
 ///
 /// Independent tasks are cut without regard to the number of threads and write to places of their
@@ -1352,11 +1384,7 @@ class Executor {
         stop_(options.stop),
         max_seconds_(options.max_seconds) {
 #ifndef ISM_NO_THREADS
-    constexpr int kMostPerProcessor = 4;
-    const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
-    const int threads = options.threads <= 0
-                            ? processors
-                            : (std::min)(options.threads, kMostPerProcessor * processors);
+    const int threads = thread_count(options);
     if (threads > 1 && !hook_) crew_ = std::make_unique<Crew>(threads - 1);
 #endif
   }
@@ -4117,13 +4145,35 @@ struct BlockMatrix {
   int blocks() const { return column.size(); }
 };
 
+/// The lower triangle of a matrix, in strips of columns of which each has the rows from its first
+/// diagonal entry on.
+struct LowerTriangle {
+  static constexpr Eigen::Index kWidth = 64;
+  double* data;
+  Eigen::Index n;
+
+  static Eigen::Index before(Eigen::Index n, Eigen::Index strip) {
+    return kWidth * (strip * n - kWidth * strip * (strip - 1) / 2);
+  }
+  static Eigen::Index numbers(Eigen::Index n) {
+    const Eigen::Index last = n / kWidth, rest = n - last * kWidth;
+    return before(n, last) + rest * rest;
+  }
+  /// Entry (i, j), i ≥ j, is col(j)[i].
+  double* col(Eigen::Index j) const {
+    const Eigen::Index strip = j / kWidth, first = strip * kWidth;
+    return data + before(n, strip) + (j - first) * (n - first) - first;
+  }
+};
+
 /// A front of the elimination tree: the vertices eliminated together, and the later vertices their
 /// elimination touches. Vertices are meant by their place in the elimination order.
 struct Front {
-  int begin = 0, end = 0;  // own vertices
-  Array<int> rows;         // later vertices, ascending
-  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
-  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
+  int begin = 0, end = 0;    // own vertices
+  Array<int> rows;           // later vertices, ascending
+  Array<int> parent_row;     // for every row, its place in the parent's front, own vertices first
+  std::int64_t panel = 0;    // where its part of LdltFactor::panels starts,
+  std::int64_t update = -1;  // and of updates, if it is the last one of its group
   int parent = -1;
   int depth = 0;
   Array<int> children;
@@ -4147,7 +4197,7 @@ struct LdltSymbolic {
   Array<int> order;     // order[i] is the vertex eliminated as the i-th
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
-  std::int64_t panels_size = 0;
+  std::int64_t panels_size = 0, updates_size[2] = {0, 0};
   /// The groups of a stage can be eliminated side by side: first whole subtrees below a fixed
   /// depth, then the fronts above it, level by level.
   Array<Array<FrontGroup>> stages;
@@ -4263,10 +4313,8 @@ class NestedDissection {
     schedule();
     for (const Array<FrontGroup>& stage : result_.stages)
       executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group].fronts); });
-    for (Front& front : result_.fronts) {
-      front.panel = result_.panels_size;
-      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
-    }
+    place_panels();
+    place_updates();
     return std::move(result_);
   }
 
@@ -4575,6 +4623,28 @@ class NestedDissection {
     }
   }
 
+  void place_panels() {
+    for (Front& front : result_.fronts) {
+      front.panel = result_.panels_size;
+      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
+    }
+  }
+
+  /// The update matrices that a stage leaves are one behind the other, where those were that the
+  /// stage before has used up.
+  void place_updates() {
+    for (const Array<FrontGroup>& stage : result_.stages) {
+      std::int64_t size = 0;
+      for (const FrontGroup& group : stage) {
+        Front& last = result_.fronts[group.fronts.back()];
+        last.update = size;
+        size += LowerTriangle::numbers(2 * last.rows.size());
+        std::int64_t& most = result_.updates_size[last.depth % 2];
+        most = (std::max)(most, size);
+      }
+    }
+  }
+
   const BlockMatrix& pattern_;
   const Points2& positions_;
   const Executor& executor_;
@@ -4694,31 +4764,35 @@ inline bool factor_panel(const DenseBlock& A, int& negative) {
   return factor_panel(A.block(left, left, n - left, right), negative);
 }
 
-/// update = -L₂ D L₂ᵀ, lower triangle. Chunks of columns of L₂ keep what Eigen packs of them small.
-inline void set_schur(const DenseBlock& panel, const DenseBlock& update) {
-  constexpr Eigen::Index kChunk = 96;
-  const Eigen::Index n = update.rows;
-  std::fill(update.data, update.data + n * n, 0.0);
+/// update = -L₂ D L₂ᵀ. Chunks of columns of L₂ keep what Eigen packs of them small.
+inline void set_schur(const DenseBlock& panel, const LowerTriangle& update) {
+  constexpr Eigen::Index kChunk = 96, kWidth = LowerTriangle::kWidth;
+  const Eigen::Index n = update.n;
+  std::fill(update.data, update.data + LowerTriangle::numbers(n), 0.0);
   Eigen::VectorXd memory;
   for (Eigen::Index j = 0; n > 0 && j < panel.cols; j += kChunk) {
     const Eigen::Index width = (std::min)(kChunk, panel.cols - j);
     const DenseBlock L2 = panel.block(panel.cols, j, n, width);
     const DenseBlock W = scaled_transpose(panel.block(j, j, width, width), L2, memory);
-    subtract_product_lower(L2, W, update);
+    for (Eigen::Index first = 0; first < n; first += kWidth) {
+      const Eigen::Index rows = n - first, columns = (std::min)(kWidth, rows);
+      const DenseBlock strip = {update.col(first) + first, rows, columns, rows};
+      subtract_product(L2.block(first, 0, rows, width), W.block(0, first, width, columns), strip);
+    }
   }
 }
 
 // ---- factorisation ----
 
 /// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
-/// not. The lock is held for a few instructions, and works where there is no <mutex>.
+/// not.
 class MemoryPool {
  public:
   /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
   Eigen::VectorXd take(Eigen::Index n) {
     Eigen::VectorXd memory;
     {
-      const Lock lock(locked_);
+      const SpinLock::Guard guard(lock_);
       int best = 0;
       for (int i = 1; i < pieces_.size(); ++i)
         if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
@@ -4734,7 +4808,7 @@ class MemoryPool {
 
   void give(Eigen::VectorXd& memory) {
     if (memory.size() == 0) return;
-    const Lock lock(locked_);
+    const SpinLock::Guard guard(lock_);
     pieces_.push_back(std::move(memory));
   }
 
@@ -4744,29 +4818,23 @@ class MemoryPool {
     return size > than;
   }
 
-  struct Lock {
-    std::atomic_flag& flag;
-    explicit Lock(std::atomic_flag& f) : flag(f) {
-      while (flag.test_and_set(std::memory_order_acquire)) {
-      }
-    }
-    ~Lock() { flag.clear(std::memory_order_release); }
-  };
-
-  std::atomic_flag locked_ = ATOMIC_FLAG_INIT;
+  SpinLock lock_;
   Array<Eigen::VectorXd> pieces_;
 };
 
 /// The numeric factor. A panel holds, of one front, L with D on the diagonal of its top block. Its
 /// memory serves again for the next factorisation.
 struct LdltFactor {
-  Eigen::VectorXd panels;         // one behind the other
-  Array<Eigen::VectorXd> update;  // per front, until the parent has taken it
-  MemoryPool spare;               // for update matrices
-  Array<int> negative_pivots;     // per front
-  Array<char> broken;             // per front
-  bool ok = false;                // no zero or non-finite pivot
-  int negative = 0;               // number of negative pivots
+  Eigen::VectorXd panels;  // one behind the other
+  /// Update matrices, until the parents have taken them: those of fronts that are the last of their
+  /// groups, of even and of odd depth, and per front that of the others.
+  Eigen::VectorXd updates[2];
+  Array<Eigen::VectorXd> inner_update;
+  MemoryPool spare;            // for these
+  Array<int> negative_pivots;  // per front
+  Array<char> broken;          // per front
+  bool ok = false;             // no zero or non-finite pivot
+  int negative = 0;            // number of negative pivots
 };
 
 /// The panel of a front, 2 size × 2 own.
@@ -4775,15 +4843,17 @@ inline DenseBlock panel_of(const Front& front, const LdltFactor& factor) {
   return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
 }
 
-/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
-inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
-  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  return {memory.data(), n, n, n};
+/// The update matrix of a front, 2 rows × 2 rows.
+inline LowerTriangle update_of(const Front& front, int id, LdltFactor& factor) {
+  double* data = front.update < 0 ? factor.inner_update[id].data()
+                                  : factor.updates[front.depth % 2].data() + front.update;
+  return {data, 2 * Eigen::Index{front.rows.size()}};
 }
 
 /// Adds those columns of a child's update matrix that are, or are not, the parent's own.
-inline void extend_add(const Front& child, const DenseBlock& from, int own, bool into_own,
-                       const DenseBlock& target) {
+template <class Target>
+void extend_add(const Front& child, const LowerTriangle& from, int own, bool into_own,
+                const Target& target) {
   const int n = child.rows.size(), shift = into_own ? 0 : own;
   for (int c = 0; c < n; ++c) {
     if ((child.parent_row[c] < own) != into_own) continue;
@@ -4823,28 +4893,33 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
     for (int c = 0; c < 2; ++c)
       for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
   }
-  const auto add_children = [&](bool into_own, const DenseBlock& target) {
+  const auto add_children = [&](bool into_own, const auto& target) {
     for (int id_child : front.children) {
       const Front& child = symbolic.fronts[id_child];
-      extend_add(child, update_of(child, factor.update[id_child]), front.own(), into_own, target);
+      extend_add(child, update_of(child, id_child, factor), front.own(), into_own, target);
     }
   };
   add_children(true, panel);
   factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
   const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  if (n > 0) factor.update[id] = factor.spare.take(n * n);
-  const DenseBlock update = update_of(front, factor.update[id]);
+  if (n > 0 && front.update < 0)
+    factor.inner_update[id] = factor.spare.take(LowerTriangle::numbers(n));
+  const LowerTriangle update = update_of(front, id, factor);
   set_schur(panel, update);
   add_children(false, update);
-  for (int child : front.children) factor.spare.give(factor.update[child]);
+  for (int child : front.children) factor.spare.give(factor.inner_update[child]);
 }
 
 inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
                            const Executor& executor, LdltFactor& factor) {
   const int n = symbolic.fronts.size();
-  if (factor.panels.size() < symbolic.panels_size) factor.panels.resize(symbolic.panels_size);
-  factor.update.clear();
-  factor.update.resize(n);
+  const auto grow = [](Eigen::VectorXd& memory, std::int64_t size) {
+    if (memory.size() < size) memory.resize(size);
+  };
+  grow(factor.panels, symbolic.panels_size);
+  for (int k : {0, 1}) grow(factor.updates[k], symbolic.updates_size[k]);
+  factor.inner_update.clear();
+  factor.inner_update.resize(n);
   factor.negative_pivots.assign(n, 0);
   factor.broken.assign(n, 0);
   for (const Array<FrontGroup>& stage : symbolic.stages)
@@ -6366,54 +6441,80 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// What a line search has found.
-struct SearchResult {
-  int best = -1;          // of the trials; -1 if none is acceptable
-  bool collided = false;  // a trial failed because a boundary meets itself
-};
+/// The trials of a line search, of which the best one is kept; the others' memory serves again.
+class Trials {
+ public:
+  bool found = false;     // an acceptable one
+  bool collided = false;  // one failed because a boundary meets itself
+  Trial best;             // if found
 
-/// Tries candidates side by side, in trials from `first` on.
-inline void try_candidates(const SearchProblem& problem, const Executor& executor, int first,
-                           const Array<Candidate>& candidates, Array<Trial>& trials,
-                           SearchResult& result) {
-  const int n = candidates.size();
-  if (trials.size() < first + n) trials.resize(first + n);
-  const double best = result.best < 0 ? kInfinity : trials[result.best].value();
-  executor.run(n, [&](int i) {
-    trials[first + i].candidate = candidates[i];
-    trials[first + i].accepted = false;
-    if (!executor.is_stopped()) evaluate_trial(problem, best, trials[first + i]);
-  });
-  for (int i = first; i < first + n; ++i) {
-    const Trial& t = trials[i];
-    result.collided = result.collided || t.collides;
-    if (t.accepted && (result.best < 0 || t.value() < trials[result.best].value())) result.best = i;
+  void clear() {
+    found = collided = false;
+    tried_ = 0;
   }
-}
+
+  /// Tries candidates side by side. Of trials of one value the first one is the best.
+  void add(const SearchProblem& problem, const Executor& executor,
+           const Array<Candidate>& candidates) {
+    const double least = found ? best.value() : kInfinity;
+    executor.run(candidates.size(), [&](int i) {
+      if (executor.is_stopped()) return;
+      Trial t = take();
+      t.candidate = candidates[i];
+      evaluate_trial(problem, least, t);
+      give(t, tried_ + i);
+    });
+    tried_ += candidates.size();
+  }
+
+ private:
+  Trial take() {
+    const SpinLock::Guard guard(lock_);
+    Trial t;
+    if (!spare_.empty()) {
+      std::swap(t, spare_.back());
+      spare_.pop_back();
+    }
+    return t;
+  }
+
+  void give(Trial& t, int number) {
+    const SpinLock::Guard guard(lock_);
+    collided = collided || t.collides;
+    if (t.accepted && (!found || t.value() < best.value() ||
+                       (t.value() == best.value() && number < number_of_best_))) {
+      found = true;
+      number_of_best_ = number;
+      std::swap(t, best);
+    }
+    spare_.push_back(std::move(t));
+  }
+
+  SpinLock lock_;
+  int tried_ = 0, number_of_best_ = 0;
+  Array<Trial> spare_;
+};
 
 /// Tries all directions, block by block, and where not all steps are tried, the neighbours of the
 /// best acceptable one (lines 17 to 23).
-inline SearchResult line_search(const SearchProblem& problem, const Executor& executor,
-                                Array<Trial>& trials) {
+inline void line_search(const SearchProblem& problem, const Executor& executor, Trials& trials) {
   constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
   const int covered = trials_per_block(problem.stride) * problem.stride;
-  SearchResult result;
-  for (int block = 0; block * covered < kMost && result.best < 0; ++block) {
+  trials.clear();
+  for (int block = 0; block * covered < kMost && !trials.found; ++block) {
     if (executor.is_stopped()) break;
     Array<Candidate> candidates;
     for (int k = 0; k < problem.directions.size(); ++k)
       add_block(k, problem.directions[k], block, problem.stride, candidates);
-    try_candidates(problem, executor, 0, candidates, trials, result);
-    if (result.best < 0 || problem.stride == 1) continue;
-    const Candidate best = trials[result.best].candidate;
-    const int tried = candidates.size();
+    trials.add(problem, executor, candidates);
+    if (!trials.found || problem.stride == 1) continue;
+    const Candidate best = trials.best.candidate;
     const double longest = problem.directions[best.direction].first_step;
     candidates.clear();
     candidates.push_back({best.direction, (std::min)(best.step / kShrink, longest)});
     candidates.push_back({best.direction, best.step * kShrink});
-    try_candidates(problem, executor, tried, candidates, trials, result);
+    trials.add(problem, executor, candidates);
   }
-  return result;
 }
 
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
@@ -6547,6 +6648,7 @@ class Optimizer {
     if (static_cast<int>(result.log.size()) >= options_.max_iterations)
       return result.status = Status::kIterationLimit, false;
     if (!remember_visited()) return false;
+    last_step_ = last_full_step(result);
     bool found = quick_.steps_left > 0 && take_quasi_newton_step();
     if (executor_.is_stopped()) return false;
     if (!found) {
@@ -6647,12 +6749,12 @@ class Optimizer {
     constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
     constexpr double kMost = 0.99;    // of a run that is not over
     const double n = static_cast<double>(result.log.size());
-    const Stretch last = last_stretch(result, options_.tuning.window);
+    const int most = window(result);
+    const Stretch last = last_stretch(result, most);
     const double fall = fall_over(result, last) / last.iterations;
     const double settled =
         fall > 0 ? std::log(fall / kAtFirst) / std::log(options_.tolerance / kAtFirst) : 1;
-    const double by_fall =
-        clamp01(settled) * (std::min)(1.0, last.iterations / options_.tuning.window);
+    const double by_fall = clamp01(settled) * (std::min)(1.0, last.iterations / most);
     return (std::min)(kMost, (std::max)(by_fall, n / (std::max)(1, options_.max_iterations)));
   }
 
@@ -6760,11 +6862,10 @@ class Optimizer {
       if (executor_.is_stopped()) return false;
       is_stationary_ = promise_little(directions, kRounding);
       if (is_stationary_ || directions.empty()) return false;
-      const SearchResult found = search(directions, log);  // lines 17 to 23
+      search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
-      const bool is_new = notice_collision(found);
-      if (found.best >= 0) {
-        std::swap(chosen_, trials_[found.best]);
+      const bool is_new = notice_collision();
+      if (trials_.found) {
         plan_quasi_newton_steps();
         return true;
       }
@@ -6812,14 +6913,23 @@ class Optimizer {
     quick_.has_scaffold = has_scaffold();
   }
 
-  /// (H + ω Lᵀ M L) d = -g for ω, ω/α and α ω (§5.4).
-  Array<Direction> solve(const LinearSystem& system) {
+  /// ω, ω/α and α ω (§5.4). Where ω_L hardly acts, more of it is of use after a short step only.
+  Array<double> omegas_to_try(const LinearSystem& system) const {
+    constexpr double kShort = 0.1;
     Array<double> omegas(1, omega_);
-    if (system.has_Q()) {
-      const double smaller = omega_ / options_.tuning.omega_factor;
-      if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
+    if (!system.has_Q()) return omegas;
+    const double smaller = omega_ / options_.tuning.omega_factor;
+    if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
+    if (tries_all_steps() || omega_ > kHardlyActs || last_step_ < kShort)
       omegas.push_back(omega_ * options_.tuning.omega_factor);
-    }
+    return omegas;
+  }
+
+  bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
+
+  /// (H + ω Lᵀ M L) d = -g for each ω.
+  Array<Direction> solve(const LinearSystem& system) {
+    Array<double> omegas = omegas_to_try(system);
     factorize(system, omega_, x_.x);
     if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
     const Array<Vec2> right = negated(system.gradient);
@@ -6848,6 +6958,8 @@ class Optimizer {
     for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
     direction.first_step = (std::min)(
         0.99 * direction.max_step, options_.tuning.max_displacement * radius_ / std::sqrt(longest));
+    if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
+      direction.first_step = (std::min)(direction.first_step, 1 / kShrink);
   }
 
   SearchProblem search_problem(const Array<Direction>& directions) const {
@@ -6856,22 +6968,22 @@ class Optimizer {
             x_,         directions, options_.tuning.search_stride};
   }
 
-  SearchResult search(const Array<Direction>& directions, IterationLog& log) {
+  void search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    const SearchResult found = line_search(search_problem(directions), executor_, trials_);
+    line_search(search_problem(directions), executor_, trials_);
     log.seconds_search += timer.lap();
-    return found;
   }
 
   void accept(Result& result) {
     result.log.reserve(result.log.size() + 1);
-    std::swap(x_, chosen_.x);
-    omega_ = chosen_.omega;
+    const Trial& best = trials_.best;
+    std::swap(x_, trials_.best.x);
+    omega_ = best.omega;
     describe(s_, followers_, x_, log_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
-    log_.omega = chosen_.omega;
-    log_.step = chosen_.candidate.step;
-    log_.max_step = chosen_.max_step;
+    log_.omega = best.omega;
+    log_.step = best.candidate.step;
+    log_.max_step = best.max_step;
     result.log.push_back(log_);
   }
 
@@ -6887,8 +6999,8 @@ class Optimizer {
 
   /// From the first step on that would make a boundary meet itself, there is a scaffold. True if
   /// this is it.
-  bool notice_collision(const SearchResult& found) {
-    if (is_scaffolded_ || !options_.tuning.scaffold || !found.collided) return false;
+  bool notice_collision() {
+    if (is_scaffolded_ || !options_.tuning.scaffold || !trials_.collided) return false;
     is_scaffolded_ = true;
     return true;
   }
@@ -6929,11 +7041,12 @@ class Optimizer {
   void plan_quasi_newton_steps() {
     constexpr double kLargestOmega = 0.01, kLeastStep = 0.1;
     constexpr double kShare = 0.1;  // of the time of an iteration is what such a step takes
-    const bool pays = chosen_.omega <= kLargestOmega && chosen_.candidate.step >= kLeastStep &&
+    const Trial& best = trials_.best;
+    const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
                       factor_.ok && factor_.negative == 0;
     quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
-    quick_.least_gain = kShare * (x_.energy - chosen_.x.energy);
-    quick_.step = longer(chosen_.candidate.step);
+    quick_.least_gain = kShare * (x_.energy - best.x.energy);
+    quick_.step = longer(best.candidate.step);
   }
 
   /// What is tried first after a step.
@@ -6956,9 +7069,9 @@ class Optimizer {
     log_.seconds_solve += timer.lap();
     const bool found = directions[0].slope < 0 && search_back(directions, log_);
     if (executor_.is_stopped()) return false;
-    const bool pays = found && x_.energy - chosen_.x.energy >= quick_.least_gain;
+    const bool pays = found && x_.energy - trials_.best.x.energy >= quick_.least_gain;
     quick_.steps_left = pays ? quick_.steps_left - 1 : 0;
-    quick_.step = longer(chosen_.candidate.step);
+    if (found) quick_.step = longer(trials_.best.candidate.step);
     log_.quasi_newton = found;
     return found;
   }
@@ -6968,16 +7081,15 @@ class Optimizer {
     constexpr double kShortest = 1e-3;
     Timer timer;
     const SearchProblem problem = search_problem(directions);
-    SearchResult found;
+    trials_.clear();
     double step = (std::min)(quick_.step, directions[0].first_step);
-    for (; step > kShortest && found.best < 0 && !executor_.is_stopped(); step /= 4) {
+    for (; step > kShortest && !trials_.found && !executor_.is_stopped(); step /= 4) {
       Array<Candidate> candidates(1, Candidate{0, step});
       candidates.push_back({0, step / 2});
-      try_candidates(problem, executor_, 0, candidates, trials_, found);
+      trials_.add(problem, executor_, candidates);
     }
-    if (found.best >= 0) std::swap(chosen_, trials_[found.best]);
     log.seconds_search += timer.lap();
-    return found.best >= 0;
+    return trials_.found;
   }
 
   /// Of a gradient, or a step without its followers, what the unknowns have.
@@ -7049,10 +7161,23 @@ class Optimizer {
     return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area);
   }
 
+  /// That of the last iteration but quasi-Newton ones; 1 before there is any.
+  static double last_full_step(const Result& result) {
+    for (std::size_t i = result.log.size(); i > 0; --i)
+      if (!result.log[i - 1].quasi_newton) return result.log[i - 1].step;
+    return 1;
+  }
+
   /// What the log says of so many entries ago.
   static const IterationLog& state_before(const Result& result, int entries) {
     const int n = static_cast<int>(result.log.size());
     return n == entries ? result.initial : result.log[static_cast<std::size_t>(n - 1 - entries)];
+  }
+
+  /// That of the stopping rule; what begins near its end makes shorter pauses.
+  int window(const Result& result) const {
+    const int window = options_.tuning.window;
+    return result.coarse.empty() ? window : (std::max)(1, window / 2);
   }
 
   /// The stopping rule of Options::tolerance: over this many last iterations, E fell by less than
@@ -7062,11 +7187,11 @@ class Optimizer {
     if (last.iterations < iterations) return false;
     const double omega = result.final_state().omega;
     if (omega < state_before(result, last.entries).omega && omega > kHardlyActs) return false;
-    return fall_over(result, last) < options_.tuning.window * options_.tolerance;
+    return fall_over(result, last) < window(result) * options_.tolerance;
   }
 
   Status status_after_step(const Result& result) const {
-    return has_settled(result, options_.tuning.window) ? Status::kConverged : Status::kUnfinished;
+    return has_settled(result, window(result)) ? Status::kConverged : Status::kUnfinished;
   }
 
   /// How a run ends that finds no step: that counts as an iteration of the window in which E did
@@ -7074,7 +7199,7 @@ class Optimizer {
   Status status_without_step(const Result& result) const {
     if (is_stationary_) return Status::kConverged;
     if (!factor_.ok) return Status::kNumericalFailure;
-    const int before = (std::max)(1, options_.tuning.window - 1);
+    const int before = (std::max)(1, window(result) - 1);
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
 
@@ -7089,6 +7214,7 @@ class Optimizer {
   double omega_;
   double radius_ = 1;
   bool is_stationary_ = false;
+  double last_step_ = 1;  // of the last iteration that was no quasi-Newton step
   FixedCoordinates is_fixed_;
   bool is_held_ = false;  // else rigid motions are removed by the anchors
   Anchors anchors_;
@@ -7101,8 +7227,7 @@ class Optimizer {
   LdltFactor factor_;
   bool has_factor_ = false;
   QuickSteps quick_;
-  Array<Trial> trials_;
-  Trial chosen_;
+  Trials trials_;
   bool is_scaffolded_ = false;  // once a trial has met a boundary
   Scaffold scaffold_;
   Array<Spring> springs_;
@@ -11949,9 +12074,8 @@ inline double memory_of_run(double vertices, double faces_a, double faces_b,
   // the factor, by nested dissection.
   const double of_Q = options.tuning.omega_start > 0 ? 10 : 1;
   const double blocks = of_Q * vertices + (1.1 + 0.07 * (std::min)(models, 12.0)) * polygons;
-  const double solver = blocks * (100 + 80 * std::log2(vertices));
-  const double iterates =
-      3 * trials_per_block(options.tuning.search_stride) + 7;  // trials, and some more
+  const double solver = blocks * (150 + 44 * std::log2(vertices));
+  const double iterates = thread_count(options) + 4;  // trials, and some more
   const double elements = polygons * (490 + 34 * iterates) + faces * (890 + 47 * iterates);
   constexpr double kAllocator = 1.1;  // what its pieces waste
   return kAllocator * (history + solver + elements);
@@ -12867,6 +12991,7 @@ class Run {
     r.g = rows_between(x, pair.a.mesh.n_vertices, rows_of(x));
     if (!is_first) return;
     r.initial = result_.initial;
+    r.coarse = result_.coarse;
     r.start = result_.start;
     r.start.f = r.f;
     r.start.g = r.g;

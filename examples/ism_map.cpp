@@ -60,7 +60,7 @@ landmarks is taken; what was done is printed.
                      an isometry, not 2
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 1000)
-  --tolerance T      stop below this relative decrease per iteration (default 2e-4)
+  --tolerance T      stop below this relative decrease per iteration (default 3e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
   --no-prepare       refuse meshes with defects

@@ -313,6 +313,15 @@ TEST_CASE("pins stay where the start puts them when the map is closed, on coarse
   }
 }
 
+TEST_CASE("closed surfaces pass through coarse levels, too") {
+  const auto [a, b, landmarks] = blobs(3, 5);
+  Options options = iterations(10);
+  options.tuning.coarsest = 60;
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  CHECK_FALSE(r.coarse.empty());
+  check_closed(a, b, r);
+}
+
 TEST_CASE("any vertices can be pinned; none can be fixed in the plane if the map is closed") {
   const auto [a, b, landmarks] = blobs(1, 2);
   int uncovered = 0;

@@ -480,7 +480,7 @@ TEST_CASE("memory used again holds nothing of the last factorisation, and no upd
   CHECK(factor.negative == 0);
   CHECK(same_factor(symbolic, factor, fresh));
   CHECK(factor.panels.size() == symbolic.panels_size);
-  for (const VectorXd& update : factor.update) CHECK(update.size() == 0);
+  for (const VectorXd& update : factor.inner_update) CHECK(update.size() == 0);
 }
 
 TEST_CASE("factors and solutions are the same bits for any number of threads") {

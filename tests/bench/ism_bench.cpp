@@ -1,12 +1,13 @@
 // ism_bench: how long the parts of ism.hpp take, beside other libraries on the same data.
 //
-//   ism_bench [A B [LANDMARKS]] [--threads N] [--repeats N] [--no-run] [--scaling] [--json FILE]
+//   ism_bench [A B [LANDMARKS]] [--threads N] [--repeats N] [--no-run] [--json FILE]
+//   ism_bench [A B [LANDMARKS]] [--threads N] --scaling [--largest TRIANGLES]
 //
 // Without meshes it takes ../shared/meshes/pig_camel, seen from the project, and where that is
 // absent a generated pair. All parts are measured in one process, on the state that the iteration
 // starts from and on the one after 20 iterations; seconds are medians. Rivals run on the same
-// input with as many threads, and their results are compared. --scaling instead refines a pair
-// again and again and fits an exponent.
+// input with as many threads, and their results are compared. --scaling instead makes whole runs of
+// a pair that is refined again and again, and fits exponents.
 
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"
@@ -24,6 +25,7 @@
 #include <fstream>
 #include <functional>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -40,6 +42,7 @@ struct Arguments {
   int repeats = 5;
   bool run = true;
   bool scaling = false;
+  double largest = 300000;  // triangles of both meshes
   std::string json;
 };
 
@@ -59,6 +62,8 @@ Arguments parse(int argc, char** argv) {
       args.run = false;
     else if (flag == "--scaling")
       args.scaling = true;
+    else if (flag == "--largest")
+      args.largest = std::atof(value().c_str());
     else if (flag == "--json")
       args.json = value();
     else if (flag.rfind("--", 0) == 0)
@@ -449,8 +454,17 @@ void bench_state(State s, const char* title, double omega, const Arguments& args
 
 // ---- growth with the number of triangles ----
 
-/// Every triangle in four, new vertices in the middles of edges.
-ism::TriangleMesh refined(const ism::TriangleMesh& mesh) {
+Eigen::RowVector3d normal(const ism::TriangleMesh& mesh, int face) {
+  const auto corner = [&](int k) -> Eigen::RowVector3d {
+    return mesh.vertices.row(mesh.triangles(face, k));
+  };
+  return (corner(1) - corner(0)).cross(corner(2) - corner(0)).normalized();
+}
+
+/// Every triangle in four. New vertices lie above or below the middles of edges, by up to a tenth
+/// of their lengths at random.
+ism::TriangleMesh refined(const ism::TriangleMesh& mesh, std::mt19937& random) {
+  constexpr double kHeight = 0.1;
   const int n = static_cast<int>(mesh.vertices.rows());
   const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
   Array<int> middle(3 * static_cast<int>(mesh.triangles.rows()));
@@ -458,7 +472,11 @@ ism::TriangleMesh refined(const ism::TriangleMesh& mesh) {
   for_each_edge(uses, [&](int begin, int end) {
     for (int k = begin; k < end; ++k)
       middle[uses[k].half_edge] = n + static_cast<int>(added.size());
-    added.push_back(0.5 * (mesh.vertices.row(uses[begin].lo) + mesh.vertices.row(uses[begin].hi)));
+    const Eigen::RowVector3d lo = mesh.vertices.row(uses[begin].lo);
+    const Eigen::RowVector3d hi = mesh.vertices.row(uses[begin].hi);
+    const double height =
+        kHeight * (2 * static_cast<double>(random()) / std::mt19937::max() - 1) * (hi - lo).norm();
+    added.push_back(0.5 * (lo + hi) + height * normal(mesh, uses[begin].half_edge / 3));
   });
   ism::TriangleMesh fine;
   fine.vertices.resize(n + static_cast<int>(added.size()), 3);
@@ -490,32 +508,46 @@ double exponent(const std::vector<double>& x, const std::vector<double>& y) {
 }
 
 void bench_scaling(const Arguments& args) {
-  constexpr int kIterations = 5;
-  constexpr double kLargest = 300000;  // triangles of both meshes
   Problem problem = problem_of(args, "pig_camel_coarse", 32);
   std::printf("%s, refined; %d threads\n\n", problem.name.c_str(), args.threads);
-  std::printf("| triangles | polygons | embedding s | an iteration s | peak memory MiB |\n");
-  std::printf("|---:|---:|---:|---:|---:|\n");
-  std::vector<double> triangles, embedding, iteration;
+  std::printf(
+      "| triangles | on coarse levels | iterations | distortion | polygons | embedding s |"
+      " coarse s | a full iteration s | run s | peak memory MiB |\n");
+  std::printf("|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+  std::vector<double> triangles, embedding, run;
+  std::mt19937 random(1);
   for (;;) {
     const double n = static_cast<double>(problem.a.triangles.rows() + problem.b.triangles.rows());
-    if (n > kLargest) break;
+    if (n > args.largest) break;
     ism::Options options;
     options.threads = args.threads;
-    options.max_iterations = kIterations;
+    const auto start = bench::Clock::now();
     const ism::Result result = ism::compute_map(problem.a, problem.b, problem.landmarks, options);
-    if (!ism::is_usable(result.status)) fail(result.message);
+    if (result.status != ism::Status::kConverged) fail(result.message);
     triangles.push_back(n);
+    run.push_back(bench::seconds_since(start));
     embedding.push_back(result.start.seconds);
-    iteration.push_back(result.seconds / static_cast<double>(result.log.size()));
-    std::printf("| %.0f | %d | %.2f | %.3f | %.0f |\n", n, result.final_state().polygons,
-                embedding.back(), iteration.back(), peak_memory());
+    std::string levels;
+    double coarse = 0;
+    for (const ism::CoarseLevel& level : result.coarse) {
+      levels += (levels.empty() ? "" : " + ") + std::to_string(level.iterations);
+      coarse += level.seconds;
+    }
+    std::vector<double> full;
+    for (const ism::IterationLog& log : result.log)
+      if (!log.quasi_newton)
+        full.push_back(log.seconds_derivatives + log.seconds_assembly + log.seconds_solve +
+                       log.seconds_search);
+    std::printf("| %.0f | %s | %d (%d) | %.4f | %d | %.1f | %.1f | %.3f | %.1f | %.0f |\n", n,
+                levels.c_str(), static_cast<int>(result.log.size()), static_cast<int>(full.size()),
+                result.final_state().mean_distortion, result.final_state().polygons,
+                embedding.back(), coarse, median(full), run.back(), peak_memory());
     std::fflush(stdout);
-    problem.a = refined(problem.a);
-    problem.b = refined(problem.b);
+    problem.a = refined(problem.a, random);
+    problem.b = refined(problem.b, random);
   }
-  std::printf("\nThe embedding grows as n^%.2f, an iteration as n^%.2f.\n",
-              exponent(triangles, embedding), exponent(triangles, iteration));
+  std::printf("\nThe embedding grows as n^%.2f, the whole run as n^%.2f.\n",
+              exponent(triangles, embedding), exponent(triangles, run));
 }
 
 }  // namespace
