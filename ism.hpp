@@ -45,16 +45,16 @@
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own. A task takes at most 64 KB of stack where the compiler
-//            optimises. An Eigen before 3.4 may take 256 KB more; with it and -fopenmp, define
-//            EIGEN_DONT_PARALLELIZE: else it splits large products, and rounds them, by its number
-//            of threads.
-//            Where the system gives fewer threads, fewer do the work (with exceptions enabled).
+//            optimises. Where the system gives fewer threads, fewer do the work (with exceptions
+//            enabled).
 // ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
 //            the ids of offending elements. Exceptions of allocations and of callbacks, in any
 //            thread, reach the caller, and nothing is leaked; what was begun then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [18]
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [19]
 //            ISM_NO_THREADS       there: builds without <thread>
+//            ISM_NO_AVX2          there: no AVX2 chosen at run time (x86-64 with g++ or clang++);
+//                                 results then have the same bits on all such processors
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
 // CONTENTS   [1] version and configuration   [2] public API        [3] notation
@@ -63,8 +63,8 @@
 //            [10] objective and its quadratic model                [11] constraints
 //            [12] scaffold, step bound and line search             [13] the loop (Algorithm 1)
 //            [14] initial embedding          [15] map evaluation and meta mesh
-//            [16] applications               [17] closed surfaces
-//            [18] entry points
+//            [16] coarse to fine             [17] applications     [18] closed surfaces
+//            [19] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -908,6 +908,20 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 #if defined(ISM_IMPLEMENTATION) && !defined(ISM_HPP_IMPLEMENTED)
 #define ISM_HPP_IMPLEMENTED
+
+// Programs for any x86-64 use AVX2 where they find it. ISM_NO_AVX2 leaves that out, so that all
+// processors compute the same bits.
+#if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX2__) && !defined(ISM_NO_AVX2)
+#define ISM_CHOOSES_LANES
+#include <immintrin.h>
+#endif
+
+// Before a short loop whose variables shall be in registers: g++ -O2 leaves them in memory else.
+#if defined(__GNUC__) && !defined(__clang__)
+#define ISM_UNROLL _Pragma("GCC unroll 4")
+#else
+#define ISM_UNROLL
+#endif
 
 #include <algorithm>
 #include <chrono>
@@ -4657,7 +4671,7 @@ class NestedDissection {
   Array<char> moved_;
 };
 
-// ---- dense kernels, which are Eigen's ----
+// ---- dense kernels ----
 
 /// A block of a matrix by columns.
 struct DenseBlock {
@@ -4671,38 +4685,138 @@ struct DenseBlock {
   }
 };
 
-using DenseMap = Eigen::Map<Eigen::MatrixXd, Eigen::Unaligned, Eigen::OuterStride<>>;
 using DenseVector = Eigen::Map<Eigen::VectorXd>;
-inline DenseMap mapped(const DenseBlock& A) {
-  return DenseMap(A.data, A.rows, A.cols, Eigen::OuterStride<>(A.stride));
+
+/// C -= A B goes by tiles of C that the registers hold, three packets high. What a tile takes of A
+/// and of B lies packed in the order in which it is read [Goto and van de Geijn 2008].
+inline constexpr int kTileColumns = 4;
+
+inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, double* c,
+                          Eigen::Index stride) {
+  using namespace Eigen::internal;
+  constexpr int kWidth = packet_traits<double>::size;
+  Packet sum[3][kTileColumns];
+  for (auto& row : sum)
+    for (Packet& entry : row) entry = pset1<Packet>(0);
+  for (Eigen::Index k = 0; k < depth; ++k, a += 3 * kWidth, b += kTileColumns) {
+    const Packet rows[3] = {ploadu<Packet>(a), ploadu<Packet>(a + kWidth),
+                            ploadu<Packet>(a + 2 * kWidth)};
+    ISM_UNROLL
+    for (int j = 0; j < kTileColumns; ++j) {
+      const Packet column = pset1<Packet>(b[j]);
+      ISM_UNROLL
+      for (int i = 0; i < 3; ++i) sum[i][j] = pmadd(rows[i], column, sum[i][j]);
+    }
+  }
+  ISM_UNROLL
+  for (int j = 0; j < kTileColumns; ++j) {
+    ISM_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      double* at = c + j * stride + i * kWidth;
+      pstoreu(at, psub(ploadu<Packet>(at), sum[i][j]));
+    }
+  }
 }
 
-/// Eigen's product of large matrices, as its operators call it, but on one thread whatever Eigen
-/// would take, and with memory for what it packs, which else lies on the stack, up to 256 KB.
-#if EIGEN_VERSION_AT_LEAST(3, 3, 90)
-inline void subtract_large_product(const DenseMap& A, const DenseMap& B, DenseMap C) {
-  constexpr Eigen::Index kSmall = 2048;  // numbers that the stack may hold
-  using Gemm = Eigen::internal::general_matrix_matrix_product<Eigen::Index, double, 0, false,
-                                                              double, 0, false, 0, 1>;
-  using Blocking = Eigen::internal::gemm_blocking_space<0, double, double, -1, -1, -1>;
-  Blocking blocking(C.rows(), C.cols(), A.cols(), 1, true);
-  if ((C.rows() + C.cols()) * A.cols() > kSmall) blocking.allocateAll();
-  Eigen::internal::gemm_functor<double, Eigen::Index, Gemm, DenseMap, DenseMap, DenseMap, Blocking>(
-      A, B, C, -1, blocking)(0, C.rows());
-}
-#else
-inline void subtract_large_product(const DenseMap& A, const DenseMap& B, DenseMap C) {
-  C.noalias() -= A * B;
+#ifdef ISM_CHOOSES_LANES
+/// The same for processors with AVX2, in a program that is compiled for those without.
+__attribute__((target("avx2,fma"))) inline void subtract_tile_avx2(const double* a, const double* b,
+                                                                   Eigen::Index depth, double* c,
+                                                                   Eigen::Index stride) {
+  __m256d sum[3][kTileColumns];
+  for (auto& row : sum)
+    for (__m256d& entry : row) entry = _mm256_setzero_pd();
+  for (Eigen::Index k = 0; k < depth; ++k, a += 12, b += kTileColumns) {
+    const __m256d rows[3] = {_mm256_loadu_pd(a), _mm256_loadu_pd(a + 4), _mm256_loadu_pd(a + 8)};
+    ISM_UNROLL
+    for (int j = 0; j < kTileColumns; ++j) {
+      const __m256d column = _mm256_broadcast_sd(b + j);
+      ISM_UNROLL
+      for (int i = 0; i < 3; ++i) sum[i][j] = _mm256_fmadd_pd(rows[i], column, sum[i][j]);
+    }
+  }
+  ISM_UNROLL
+  for (int j = 0; j < kTileColumns; ++j) {
+    ISM_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      double* at = c + j * stride + 4 * i;
+      _mm256_storeu_pd(at, _mm256_sub_pd(_mm256_loadu_pd(at), sum[i][j]));
+    }
+  }
 }
 #endif
 
+struct TileKernel {
+  int rows = 3 * Eigen::internal::packet_traits<double>::size;
+  void (*subtract)(const double*, const double*, Eigen::Index, double*,
+                   Eigen::Index) = subtract_tile;
+};
+
+/// The widest one that this processor has.
+inline TileKernel tile_kernel() {
+  TileKernel kernel;
+#ifdef ISM_CHOOSES_LANES
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    kernel = {12, subtract_tile_avx2};
+#endif
+  return kernel;
+}
+
+/// Packs rows of A by tiles, the last one filled with zeros.
+inline void pack_rows(const DenseBlock& A, int rows, double* packed) {
+  for (Eigen::Index first = 0; first < A.rows; first += rows) {
+    const Eigen::Index n = (std::min)(Eigen::Index{rows}, A.rows - first);
+    for (Eigen::Index k = 0; k < A.cols; ++k, packed += rows) {
+      std::copy_n(A.col(k) + first, n, packed);
+      std::fill_n(packed + n, rows - n, 0.0);
+    }
+  }
+}
+
+/// Packs columns of B by tiles, the last one filled with zeros.
+inline void pack_columns(const DenseBlock& B, double* packed) {
+  for (Eigen::Index first = 0; first < B.cols; first += kTileColumns) {
+    const Eigen::Index n = (std::min)(Eigen::Index{kTileColumns}, B.cols - first);
+    for (Eigen::Index k = 0; k < B.rows; ++k, packed += kTileColumns)
+      for (int j = 0; j < kTileColumns; ++j) packed[j] = j < n ? B(k, first + j) : 0;
+  }
+}
+
+/// C -= A B, all of which are packed.
+inline void subtract_packed(const TileKernel& kernel, const double* a, const double* b,
+                            Eigen::Index depth, const DenseBlock& C) {
+  constexpr int kMostRows = 64;
+  for (Eigen::Index j = 0; j < C.cols; j += kTileColumns)
+    for (Eigen::Index i = 0; i < C.rows; i += kernel.rows) {
+      const double *rows = a + i * depth, *columns = b + j * depth;
+      const Eigen::Index height = (std::min)(Eigen::Index{kernel.rows}, C.rows - i);
+      const Eigen::Index width = (std::min)(Eigen::Index{kTileColumns}, C.cols - j);
+      if (height == kernel.rows && width == kTileColumns) {
+        kernel.subtract(rows, columns, depth, &C(i, j), C.stride);
+        continue;
+      }
+      double rest[kMostRows * kTileColumns] = {};
+      kernel.subtract(rows, columns, depth, rest, kernel.rows);
+      for (Eigen::Index q = 0; q < width; ++q)
+        for (Eigen::Index r = 0; r < height; ++r) C(i + r, j + q) += rest[q * kernel.rows + r];
+    }
+}
+
 /// C -= A B.
-inline void subtract_product(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C) {
-  constexpr Eigen::Index kTiny = 20;  // below, Eigen packs nothing
-  if (C.rows + C.cols + A.cols < kTiny)
-    mapped(C).noalias() -= mapped(A) * mapped(B);
-  else
-    subtract_large_product(mapped(A), mapped(B), mapped(C));
+inline void subtract_product(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C,
+                             const TileKernel& kernel = tile_kernel()) {
+  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of A that the second cache holds
+  const Eigen::Index depth = (std::min)(kDepth, A.cols), height = (std::min)(kRows, A.rows);
+  Eigen::VectorXd a((height + kernel.rows) * depth), b((B.cols + kTileColumns) * depth);
+  for (Eigen::Index k = 0; k < A.cols; k += depth) {
+    const Eigen::Index n = (std::min)(depth, A.cols - k);
+    pack_columns(B.block(k, 0, n, B.cols), b.data());
+    for (Eigen::Index i = 0; i < A.rows; i += kRows) {
+      const Eigen::Index m = (std::min)(kRows, A.rows - i);
+      pack_rows(A.block(i, k, m, n), kernel.rows, a.data());
+      subtract_packed(kernel, a.data(), b.data(), n, C.block(i, 0, m, C.cols));
+    }
+  }
 }
 
 /// The same for the lower triangle of C, in halves. What is above its diagonal does not count.

@@ -238,9 +238,14 @@ bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
          (bytes == 0 || std::memcmp(a.data(), b.data(), bytes) == 0);
 }
 
+Eigen::MatrixXd matrix_of(const DenseBlock& A) {
+  return Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>(A.data, A.rows, A.cols,
+                                                                    Eigen::OuterStride<>(A.stride));
+}
+
 bool same_factor(const LdltSymbolic& symbolic, const LdltFactor& a, const LdltFactor& b) {
   for (const Front& front : symbolic.fronts)
-    if (!same_bits(mapped(panel_of(front, a)), mapped(panel_of(front, b)))) return false;
+    if (!same_bits(matrix_of(panel_of(front, a)), matrix_of(panel_of(front, b)))) return false;
   return true;
 }
 
@@ -465,6 +470,32 @@ TEST_CASE("a singular matrix whose last pivot cancels exactly is reported") {
   ldlt_factorize(symbolic, {&A, nullptr, 0}, executor(1), factor);
   CHECK(factor.ok);  // the same memory, and nothing left of the failure
   CHECK(factor.negative == 0);
+}
+
+TEST_CASE("products by tiles are those of Eigen, for any sizes, strides and lanes") {
+  Rng rng(16);
+  for (const TileKernel& kernel : {TileKernel(), tile_kernel()})
+    for (int rows : {1, 5, 24, 61, 200, 390})
+      for (int columns : {1, 3, 8, 64})
+        for (int depth : {1, 2, 17, 96, 200}) {
+          CAPTURE(kernel.rows);
+          CAPTURE(rows);
+          CAPTURE(columns);
+          CAPTURE(depth);
+          const int gap = 3;
+          Eigen::MatrixXd A =
+              Eigen::MatrixXd::NullaryExpr(rows + gap, depth, [&] { return rng.uniform(-1, 1); });
+          Eigen::MatrixXd B =
+              Eigen::MatrixXd::NullaryExpr(depth, columns, [&] { return rng.uniform(-1, 1); });
+          const Eigen::MatrixXd before =
+              Eigen::MatrixXd::NullaryExpr(rows + gap, columns, [&] { return rng.uniform(-1, 1); });
+          Eigen::MatrixXd C = before;
+          subtract_product({A.data(), rows, depth, rows + gap}, {B.data(), depth, columns, depth},
+                           {C.data(), rows, columns, rows + gap}, kernel);
+          const Eigen::MatrixXd expected = before.topRows(rows) - A.topRows(rows) * B;
+          CHECK((C.topRows(rows) - expected).cwiseAbs().maxCoeff() < 1e-14 * (depth + 1));
+          CHECK(C.bottomRows(gap) == before.bottomRows(gap));
+        }
 }
 
 TEST_CASE("memory used again holds nothing of the last factorisation, and no update matrices") {
