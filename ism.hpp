@@ -910,10 +910,13 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #if defined(ISM_IMPLEMENTATION) && !defined(ISM_HPP_IMPLEMENTED)
 #define ISM_HPP_IMPLEMENTED
 
-// Programs for any x86-64 use AVX2 where they find it. ISM_NO_AVX2 leaves that out, so that all
-// processors compute the same bits.
+// Programs for any x86-64 use AVX2 where they find it, unless ISM_NO_AVX2 is defined. A flat
+// function takes in all that it calls; those of clang++ take in what they call themselves only.
 #if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX2__) && !defined(ISM_NO_AVX2)
-#define ISM_CHOOSES_LANES
+#define ISM_AVX2 __attribute__((target("avx2,fma")))
+#ifndef __clang__
+#define ISM_AVX2_FLAT __attribute__((target("avx2,fma"), flatten))
+#endif
 #include <immintrin.h>
 #endif
 
@@ -3566,77 +3569,140 @@ inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<
 // projected in batches: every operation below acts on all lanes, by the widest vector instructions
 // that the compiler may use. Lanes do not mix, so results do not depend on what else is in a batch.
 
-using Packet = Eigen::internal::packet_traits<double>::type;  // what one instruction takes
-/// Two packets: the second one fills the pauses of the first; more do not fit the registers.
-inline constexpr int kLanes = 2 * Eigen::internal::packet_traits<double>::size;
-
-struct Lanes {
-  Packet a, b;
-  Lanes() = default;
-  Lanes(Packet first, Packet second) : a(first), b(second) {}
-  Lanes(double x) : a(Eigen::internal::pset1<Packet>(x)), b(a) {}
-  double& operator[](int lane) { return reinterpret_cast<double*>(this)[lane]; }
-  double operator[](int lane) const { return reinterpret_cast<const double*>(this)[lane]; }
+/// What one instruction takes.
+struct Packet {
+  using Native = Eigen::internal::packet_traits<double>::type;
+  Native at;
+  Packet() = default;
+  Packet(Native x) : at(x) {}
+  explicit Packet(double x) : at(Eigen::internal::pset1<Native>(x)) {}
 };
 
-inline Lanes operator+(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::padd(x.a, y.a), Eigen::internal::padd(x.b, y.b)};
+inline Packet operator+(const Packet& x, const Packet& y) {
+  return Eigen::internal::padd(x.at, y.at);
 }
-inline Lanes operator-(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::psub(x.a, y.a), Eigen::internal::psub(x.b, y.b)};
+inline Packet operator-(const Packet& x, const Packet& y) {
+  return Eigen::internal::psub(x.at, y.at);
 }
-inline Lanes operator*(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmul(x.a, y.a), Eigen::internal::pmul(x.b, y.b)};
+inline Packet operator*(const Packet& x, const Packet& y) {
+  return Eigen::internal::pmul(x.at, y.at);
 }
-inline Lanes operator/(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pdiv(x.a, y.a), Eigen::internal::pdiv(x.b, y.b)};
+inline Packet operator/(const Packet& x, const Packet& y) {
+  return Eigen::internal::pdiv(x.at, y.at);
 }
-inline Lanes operator-(const Lanes& x) {
-  return {Eigen::internal::pnegate(x.a), Eigen::internal::pnegate(x.b)};
-}
-inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
-inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
-inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
-inline Lanes square(const Lanes& x) { return x * x; }
-inline Lanes sqrt(const Lanes& x) {
-  return {Eigen::internal::psqrt(x.a), Eigen::internal::psqrt(x.b)};
-}
-inline Lanes abs(const Lanes& x) {
-  return {Eigen::internal::pabs(x.a), Eigen::internal::pabs(x.b)};
-}
-inline Lanes larger(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmax(x.a, y.a), Eigen::internal::pmax(x.b, y.b)};
-}
-inline Lanes smaller(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmin(x.a, y.a), Eigen::internal::pmin(x.b, y.b)};
-}
-inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
-
-/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
-/// double.
-inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
-
-inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
-  return which * one + (1 - which) * zero;
+inline Packet operator-(const Packet& x) { return Eigen::internal::pnegate(x.at); }
+inline Packet sqrt(const Packet& x) { return Eigen::internal::psqrt(x.at); }
+inline Packet abs(const Packet& x) { return Eigen::internal::pabs(x.at); }
+inline Packet larger(const Packet& x, const Packet& y) { return Eigen::internal::pmax(x.at, y.at); }
+inline Packet smaller(const Packet& x, const Packet& y) {
+  return Eigen::internal::pmin(x.at, y.at);
 }
 
-inline bool any_positive(const Lanes& x) {
-  bool any = false;
-  for (int lane = 0; lane < kLanes; ++lane) any |= x[lane] > 0;
-  return any;
-}
+#ifdef ISM_AVX2
+inline bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+#endif
 
-inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lanes& by) {
-  return ax * by - ay * bx;
+#ifdef ISM_AVX2_FLAT
+/// What one instruction of AVX2 takes, for functions that are called where the processor has it.
+struct alignas(32) Avx2Packet {
+  double at[4];  // no __m256d, which callers without AVX2 would pass otherwise
+  Avx2Packet() = default;
+  ISM_AVX2 Avx2Packet(__m256d x) { _mm256_store_pd(at, x); }
+  ISM_AVX2 explicit Avx2Packet(double x) : Avx2Packet(_mm256_set1_pd(x)) {}
+  ISM_AVX2 operator __m256d() const { return _mm256_load_pd(at); }
+};
+
+ISM_AVX2 inline Avx2Packet operator+(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_add_pd(x, y);
 }
+ISM_AVX2 inline Avx2Packet operator-(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_sub_pd(x, y);
+}
+ISM_AVX2 inline Avx2Packet operator*(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_mul_pd(x, y);
+}
+ISM_AVX2 inline Avx2Packet operator/(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_div_pd(x, y);
+}
+ISM_AVX2 inline Avx2Packet operator-(const Avx2Packet& x) {
+  return _mm256_xor_pd(x, _mm256_set1_pd(-0.0));
+}
+ISM_AVX2 inline Avx2Packet sqrt(const Avx2Packet& x) { return _mm256_sqrt_pd(x); }
+ISM_AVX2 inline Avx2Packet abs(const Avx2Packet& x) {
+  return _mm256_andnot_pd(_mm256_set1_pd(-0.0), x);
+}
+ISM_AVX2 inline Avx2Packet larger(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_max_pd(y, x);
+}
+ISM_AVX2 inline Avx2Packet smaller(const Avx2Packet& x, const Avx2Packet& y) {
+  return _mm256_min_pd(y, x);
+}
+#endif
+
+/// Two of them: the second one fills the pauses of the first; more do not fit the registers.
+template <class P>
+struct alignas(sizeof(P)) Pair {
+  static constexpr int kSize = sizeof(P) / sizeof(double) * 2;
+
+  P a, b;
+  Pair() = default;
+  Pair(const P& first, const P& second) : a(first), b(second) {}
+  Pair(double x) : a(x), b(x) {}
+  double& operator[](int lane) { return reinterpret_cast<double*>(this)[lane]; }
+  double operator[](int lane) const { return reinterpret_cast<const double*>(this)[lane]; }
+
+  friend Pair operator+(const Pair& x, const Pair& y) { return {x.a + y.a, x.b + y.b}; }
+  friend Pair operator-(const Pair& x, const Pair& y) { return {x.a - y.a, x.b - y.b}; }
+  friend Pair operator*(const Pair& x, const Pair& y) { return {x.a * y.a, x.b * y.b}; }
+  friend Pair operator/(const Pair& x, const Pair& y) { return {x.a / y.a, x.b / y.b}; }
+  friend Pair operator-(const Pair& x) { return {-x.a, -x.b}; }
+  friend Pair& operator+=(Pair& x, const Pair& y) { return x = x + y; }
+  friend Pair& operator-=(Pair& x, const Pair& y) { return x = x - y; }
+  friend Pair& operator*=(Pair& x, const Pair& y) { return x = x * y; }
+  friend Pair square(const Pair& x) { return x * x; }
+  friend Pair sqrt(const Pair& x) { return {sqrt(x.a), sqrt(x.b)}; }
+  friend Pair abs(const Pair& x) { return {abs(x.a), abs(x.b)}; }
+  friend Pair larger(const Pair& x, const Pair& y) { return {larger(x.a, y.a), larger(x.b, y.b)}; }
+  friend Pair smaller(const Pair& x, const Pair& y) {
+    return {smaller(x.a, y.a), smaller(x.b, y.b)};
+  }
+  friend Pair clamp01(const Pair& x) { return smaller(larger(x, 0.0), 1.0); }
+
+  /// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
+  /// double.
+  friend Pair is_positive(const Pair& x) { return clamp01(x * 1e300 * 1e300); }
+
+  friend Pair select(const Pair& which, const Pair& one, const Pair& zero) {
+    return which * one + (1 - which) * zero;
+  }
+
+  friend bool any_positive(const Pair& x) {
+    bool any = false;
+    for (int lane = 0; lane < kSize; ++lane) any |= x[lane] > 0;
+    return any;
+  }
+
+  friend Pair cross(const Pair& ax, const Pair& ay, const Pair& bx, const Pair& by) {
+    return ax * by - ay * bx;
+  }
+};
+
+#ifdef ISM_AVX2_FLAT
+using Lanes = Pair<Pair<Packet>>;
+using Avx2Lanes = Pair<Avx2Packet>;  // the same numbers
+static_assert(sizeof(Lanes) == sizeof(Avx2Lanes), "SSE2 has half as many lanes");
+#else
+using Lanes = Pair<Packet>;
+#endif
+inline constexpr int kLanes = Lanes::kSize;
 
 /// A symmetric matrix in every lane, of which the lower triangles count.
-template <int N>
+template <int N, class L = Lanes>
 struct LaneMatrix {
-  Lanes entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
-  Lanes& operator()(int i, int j) { return entry[i][j]; }
-  const Lanes& operator()(int i, int j) const { return entry[i][j]; }
-  const Lanes& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
+  L entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
+  L& operator()(int i, int j) { return entry[i][j]; }
+  const L& operator()(int i, int j) const { return entry[i][j]; }
+  const L& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
   /// The 2×2 block (i, j) of one lane.
   Mat2 block(int i, int j, int lane) const {
     return {{symmetric(2 * i, 2 * j)[lane], symmetric(2 * i + 1, 2 * j)[lane],
@@ -3649,29 +3715,28 @@ struct LaneMatrix {
 /// Eigenvalues and eigenvectors of small symmetric matrices by Householder tridiagonalisation and
 /// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Lanes that are done wait for
 /// the others.
-template <int N>
+template <int N, class L = Lanes>
 struct LaneEigen {
-  Lanes value[static_cast<std::size_t>(N)];
-  Lanes vector[static_cast<std::size_t>(N)]
-              [static_cast<std::size_t>(N)];  // row i belongs to value[i]
+  L value[static_cast<std::size_t>(N)];
+  L vector[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
-  explicit LaneEigen(LaneMatrix<N> a) {
+  explicit LaneEigen(LaneMatrix<N, L>& a) {  // which is lost
     tridiagonalize(a);
     for (int l = 0; l + 1 < N; ++l) isolate(l);
   }
 
  private:
-  Lanes below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
+  L below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
 
   /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
-  void tridiagonalize(LaneMatrix<N>& a) {
-    Lanes beta[static_cast<std::size_t>(N)];
+  void tridiagonalize(LaneMatrix<N, L>& a) {
+    L beta[static_cast<std::size_t>(N)];
     for (int k = 0; k + 1 < N; ++k) {
       value[k] = a(k, k);
-      Lanes tail = 0.0;
+      L tail = 0.0;
       for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
-      const Lanes head = a(k + 1, k), norm = sqrt(square(head) + tail);
-      const Lanes some = is_positive(tail), signed_norm = select(is_positive(head), norm, -norm);
+      const L head = a(k + 1, k), norm = sqrt(square(head) + tail);
+      const L some = is_positive(tail), signed_norm = select(is_positive(head), norm, -norm);
       below[k] = select(some, -signed_norm, head);
       a(k + 1, k) = some * (head + signed_norm);
       beta[k] = some / (signed_norm * (head + signed_norm) + (1 - some));  // 2 / vᵀv
@@ -3683,18 +3748,18 @@ struct LaneEigen {
   }
 
   /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
-  static void reflect(LaneMatrix<N>& a, int k, const Lanes& beta) {
-    Lanes w[static_cast<std::size_t>(N)];
+  static void reflect(LaneMatrix<N, L>& a, int k, const L& beta) {
+    L w[static_cast<std::size_t>(N)];
     for (int i = k + 1; i < N; ++i) w[i] = 0.0;
     for (int j = k + 1; j < N; ++j) {
-      Lanes sum = a(j, j) * a(j, k);
+      L sum = a(j, j) * a(j, k);
       for (int i = j + 1; i < N; ++i) {
         sum += a(i, j) * a(i, k);
         w[i] += a(i, j) * a(j, k);
       }
       w[j] += sum;
     }
-    Lanes vw = 0.0;
+    L vw = 0.0;
     for (int i = k + 1; i < N; ++i) {
       w[i] *= beta;
       vw += a(i, k) * w[i];
@@ -3705,12 +3770,12 @@ struct LaneEigen {
   }
 
   /// vector = Qᵀ, the product of the reflections.
-  void accumulate(const LaneMatrix<N>& v, const Lanes* beta) {
+  void accumulate(const LaneMatrix<N, L>& v, const L* beta) {
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) vector[i][j] = i == j ? 1.0 : 0.0;
     for (int k = N - 2; k >= 0; --k)
       for (int i = k + 1; i < N; ++i) {
-        Lanes sum = 0.0;
+        L sum = 0.0;
         for (int j = k + 1; j < N; ++j) sum += vector[i][j] * v(j, k);
         sum *= beta[k];
         for (int j = k + 1; j < N; ++j) vector[i][j] -= sum * v(j, k);
@@ -3718,14 +3783,14 @@ struct LaneEigen {
   }
 
   /// 1 in the lanes whose sweep, which starts at m, has passed place i.
-  static Lanes is_above(const Lanes& m, int i) { return clamp01(m - static_cast<double>(i)); }
+  static L is_above(const L& m, int i) { return clamp01(m - static_cast<double>(i)); }
 
   /// The first negligible subdiagonal entry from l on.
-  Lanes split(int l) const {
+  L split(int l) const {
     constexpr double kNegligible = std::numeric_limits<double>::epsilon();
-    Lanes m = static_cast<double>(N - 1);
+    L m = static_cast<double>(N - 1);
     for (int i = N - 2; i >= l; --i) {
-      const Lanes excess = abs(below[i]) - kNegligible * (abs(value[i]) + abs(value[i + 1]));
+      const L excess = abs(below[i]) - kNegligible * (abs(value[i]) + abs(value[i + 1]));
       m = select(is_positive(excess), m, static_cast<double>(i));
     }
     return m;
@@ -3735,15 +3800,15 @@ struct LaneEigen {
   void isolate(int l) {
     constexpr int kMostSweeps = 50;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-      const Lanes m = split(l);
+      const L m = split(l);
       int last = l;  // NaN does not count
-      for (int k = 0; k < kLanes; ++k)
+      for (int k = 0; k < L::kSize; ++k)
         if (m[k] > last) last = static_cast<int>(m[k]);
       if (last == l) return;
-      const Lanes on = is_above(m, l), off = 1 - on;
-      const Lanes half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
-      const Lanes root = abs(half) + sqrt(square(half) + 1);
-      Lanes end = value[l + 1];  // value[m]
+      const L on = is_above(m, l), off = 1 - on;
+      const L half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
+      const L root = abs(half) + sqrt(square(half) + 1);
+      L end = value[l + 1];  // value[m]
       for (int i = l + 2; i <= last; ++i) end = select(is_above(m, i - 1), value[i], end);
       Sweep state;
       state.g = end - value[l] + (2 * is_positive(half) - 1) * below[l] / root;
@@ -3755,28 +3820,28 @@ struct LaneEigen {
   }
 
   struct Sweep {
-    Lanes g, s = 1.0, c = 1.0, p = 0.0;
+    L g, s = 1.0, c = 1.0, p = 0.0;
   };
 
   /// One rotation of a sweep, in the lanes that have started.
-  void rotate(int i, const Lanes& m, Sweep& state) {
+  void rotate(int i, const L& m, Sweep& state) {
     constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
-    const Lanes on = is_above(m, i), off = 1 - on;
-    const Lanes f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
-    const Lanes r2 = square(f) + square(g), r = sqrt(r2);
-    const Lanes inverse = r * (1 / r2);  // beside the root, not after it
-    const Lanes s = f * inverse, c = g * inverse;
-    const Lanes h = value[i + 1] - state.p;
-    const Lanes t = (value[i] - h) * s + 2 * c * b, p = s * t;
+    const L on = is_above(m, i), off = 1 - on;
+    const L f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
+    const L r2 = square(f) + square(g), r = sqrt(r2);
+    const L inverse = r * (1 / r2);  // beside the root, not after it
+    const L s = f * inverse, c = g * inverse;
+    const L h = value[i + 1] - state.p;
+    const L t = (value[i] - h) * s + 2 * c * b, p = s * t;
     below[i + 1] = on * r + off * below[i + 1];
     value[i + 1] = on * (h + p) + off * value[i + 1];
     state.g = on * (c * t - b) + off * state.g;
     state.p = on * p;
-    const Lanes sine = on * s, cosine = on * c + off;
+    const L sine = on * s, cosine = on * c + off;
     state.s = sine + off;
     state.c = cosine;
     for (int k = 0; k < N; ++k) {
-      const Lanes x = vector[i][k], y = vector[i + 1][k];
+      const L x = vector[i][k], y = vector[i + 1][k];
       vector[i + 1][k] = sine * x + cosine * y;
       vector[i][k] = cosine * x - sine * y;
     }
@@ -3787,35 +3852,52 @@ struct LaneEigen {
 /// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
 /// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
 /// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
-template <int P>
-void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
+template <int P, class L>
+void raise_eigenvalues(LaneMatrix<2 * P, L>& H, double epsilon) {
   constexpr int N = 2 * (P - 1);
   const double root = std::sqrt(static_cast<double>(P)), gamma = 1 / (1 + root);
-  LaneMatrix<N> reduced;
+  LaneMatrix<N, L> reduced;
   for (int i = 0; i < N; ++i)
     for (int j = 0; j <= i; ++j) {
       const int r = i % 2, q = j % 2;
       reduced(i, j) =
           H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
     }
-  const LaneEigen<N> eigen(reduced);
-  Lanes v[static_cast<std::size_t>(2 * P)];
+  const LaneEigen<N, L> eigen(reduced);
+  L v[static_cast<std::size_t>(2 * P)];
   for (int k = 0; k < N; ++k) {
-    const Lanes lift = larger(epsilon - eigen.value[k], 0.0);
+    const L lift = larger(epsilon - eigen.value[k], 0.0);
     if (!any_positive(lift)) continue;
     for (int r = 0; r < 2; ++r) {
-      Lanes sum = 0.0;
+      L sum = 0.0;
       for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
       v[r] = -sum / root;
       for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
     }
     for (int i = 0; i < 2 * P; ++i) {
-      const Lanes lifted = lift * v[i];
+      const L lifted = lift * v[i];
       for (int j = 0; j <= i; ++j) H(i, j) += lifted * v[j];
     }
   }
   for (int i = 0; i < 2 * P; ++i)
     for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
+}
+
+#ifdef ISM_AVX2_FLAT
+template <int P>
+ISM_AVX2_FLAT void raise_eigenvalues_avx2(LaneMatrix<2 * P, Avx2Lanes>& H, double epsilon) {
+  raise_eigenvalues<P>(H, epsilon);
+}
+#endif
+
+/// That, by the widest lanes that this processor has.
+template <int P>
+void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
+#ifdef ISM_AVX2_FLAT
+  if (has_avx2())
+    return raise_eigenvalues_avx2<P>(reinterpret_cast<LaneMatrix<2 * P, Avx2Lanes>&>(H), epsilon);
+#endif
+  raise_eigenvalues<P>(H, epsilon);
 }
 
 // ---- a batch of triangles ----
@@ -4695,16 +4777,17 @@ inline constexpr int kTileColumns = 4;
 inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, double* c,
                           Eigen::Index stride) {
   using namespace Eigen::internal;
+  using Native = packet_traits<double>::type;
   constexpr int kWidth = packet_traits<double>::size;
-  Packet sum[3][kTileColumns];
+  Native sum[3][kTileColumns];
   for (auto& row : sum)
-    for (Packet& entry : row) entry = pset1<Packet>(0);
+    for (Native& entry : row) entry = pset1<Native>(0);
   for (Eigen::Index k = 0; k < depth; ++k, a += 3 * kWidth, b += kTileColumns) {
-    const Packet rows[3] = {ploadu<Packet>(a), ploadu<Packet>(a + kWidth),
-                            ploadu<Packet>(a + 2 * kWidth)};
+    const Native rows[3] = {ploadu<Native>(a), ploadu<Native>(a + kWidth),
+                            ploadu<Native>(a + 2 * kWidth)};
     ISM_UNROLL
     for (int j = 0; j < kTileColumns; ++j) {
-      const Packet column = pset1<Packet>(b[j]);
+      const Native column = pset1<Native>(b[j]);
       ISM_UNROLL
       for (int i = 0; i < 3; ++i) sum[i][j] = pmadd(rows[i], column, sum[i][j]);
     }
@@ -4714,16 +4797,15 @@ inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, 
     ISM_UNROLL
     for (int i = 0; i < 3; ++i) {
       double* at = c + j * stride + i * kWidth;
-      pstoreu(at, psub(ploadu<Packet>(at), sum[i][j]));
+      pstoreu(at, psub(ploadu<Native>(at), sum[i][j]));
     }
   }
 }
 
-#ifdef ISM_CHOOSES_LANES
+#ifdef ISM_AVX2
 /// The same for processors with AVX2, in a program that is compiled for those without.
-__attribute__((target("avx2,fma"))) inline void subtract_tile_avx2(const double* a, const double* b,
-                                                                   Eigen::Index depth, double* c,
-                                                                   Eigen::Index stride) {
+ISM_AVX2 inline void subtract_tile_avx2(const double* a, const double* b, Eigen::Index depth,
+                                        double* c, Eigen::Index stride) {
   __m256d sum[3][kTileColumns];
   for (auto& row : sum)
     for (__m256d& entry : row) entry = _mm256_setzero_pd();
@@ -4756,9 +4838,8 @@ struct TileKernel {
 /// The widest one that this processor has.
 inline TileKernel tile_kernel() {
   TileKernel kernel;
-#ifdef ISM_CHOOSES_LANES
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-    kernel = {12, subtract_tile_avx2};
+#ifdef ISM_AVX2
+  if (has_avx2()) kernel = {12, subtract_tile_avx2};
 #endif
   return kernel;
 }

@@ -808,6 +808,21 @@ TEST_CASE("a lane does not depend on the others, nor on their being numbers") {
     }
 }
 
+TEST_CASE("project_spd does by any lanes what it does by those of every processor") {
+  Rng rng(18);
+  for (int round = 0; round < 100; ++round) {
+    LaneMatrix<12> lanes;
+    for (int lane = 0; lane < kLanes; ++lane) elements::put(random_hessian(6, rng), lane, lanes);
+    LaneMatrix<12> expected = lanes;
+    ism::detail::project_spd<6>(lanes, 1e-3);
+    ism::detail::raise_eigenvalues<6>(expected, 1e-3);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const MatrixXd M = elements::get(expected, lane);
+      CHECK((elements::get(lanes, lane) - M).norm() < 1e-13 * M.norm());
+    }
+  }
+}
+
 TEST_CASE("project_spd makes polygon Hessians definite and keeps their scale") {
   Rng rng(15);
   int indefinite = 0;
