@@ -20,7 +20,7 @@ ism::Options pinched(const ism::Points2& plane) {
   ism::Options options;
   options.coverage_weight = -2;  // no reward
   options.keep_scale = true;
-  options.max_iterations = 200;
+  options.max_iterations = 500;
   options.tolerance = 1e-5;
   options.pins_a = {0, 1, 2, 3};
   options.initial_f.resize(4, 2);
