@@ -3720,7 +3720,7 @@ struct LaneEigen {
   L value[static_cast<std::size_t>(N)];
   L vector[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
-  explicit LaneEigen(LaneMatrix<N, L>& a) {  // which is lost
+  void decompose(LaneMatrix<N, L>& a) {  // which is lost
     tridiagonalize(a);
     for (int l = 0; l + 1 < N; ++l) isolate(l);
   }
@@ -3848,56 +3848,58 @@ struct LaneEigen {
   }
 };
 
+#ifdef ISM_AVX2_FLAT
+template <int N>
+ISM_AVX2_FLAT void decompose_avx2(LaneMatrix<N, Avx2Lanes>& a, LaneEigen<N, Avx2Lanes>& eigen) {
+  eigen.decompose(a);
+}
+#endif
+
+/// That of a, which is lost, by the widest lanes that this processor has.
+template <int N>
+void decompose(LaneMatrix<N>& a, LaneEigen<N>& eigen) {
+#ifdef ISM_AVX2_FLAT
+  if (has_avx2())
+    return decompose_avx2(reinterpret_cast<LaneMatrix<N, Avx2Lanes>&>(a),
+                          reinterpret_cast<LaneEigen<N, Avx2Lanes>&>(eigen));
+#endif
+  eigen.decompose(a);
+}
+
 /// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
 /// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
 /// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
 /// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
-template <int P, class L>
-void raise_eigenvalues(LaneMatrix<2 * P, L>& H, double epsilon) {
+template <int P>
+void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
   constexpr int N = 2 * (P - 1);
   const double root = std::sqrt(static_cast<double>(P)), gamma = 1 / (1 + root);
-  LaneMatrix<N, L> reduced;
+  LaneMatrix<N> reduced;
   for (int i = 0; i < N; ++i)
     for (int j = 0; j <= i; ++j) {
       const int r = i % 2, q = j % 2;
       reduced(i, j) =
           H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
     }
-  const LaneEigen<N, L> eigen(reduced);
-  L v[static_cast<std::size_t>(2 * P)];
+  LaneEigen<N> eigen;
+  decompose(reduced, eigen);
+  Lanes v[static_cast<std::size_t>(2 * P)];
   for (int k = 0; k < N; ++k) {
-    const L lift = larger(epsilon - eigen.value[k], 0.0);
+    const Lanes lift = larger(epsilon - eigen.value[k], 0.0);
     if (!any_positive(lift)) continue;
     for (int r = 0; r < 2; ++r) {
-      L sum = 0.0;
+      Lanes sum = 0.0;
       for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
       v[r] = -sum / root;
       for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
     }
     for (int i = 0; i < 2 * P; ++i) {
-      const L lifted = lift * v[i];
+      const Lanes lifted = lift * v[i];
       for (int j = 0; j <= i; ++j) H(i, j) += lifted * v[j];
     }
   }
   for (int i = 0; i < 2 * P; ++i)
     for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
-}
-
-#ifdef ISM_AVX2_FLAT
-template <int P>
-ISM_AVX2_FLAT void raise_eigenvalues_avx2(LaneMatrix<2 * P, Avx2Lanes>& H, double epsilon) {
-  raise_eigenvalues<P>(H, epsilon);
-}
-#endif
-
-/// That, by the widest lanes that this processor has.
-template <int P>
-void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
-#ifdef ISM_AVX2_FLAT
-  if (has_avx2())
-    return raise_eigenvalues_avx2<P>(reinterpret_cast<LaneMatrix<2 * P, Avx2Lanes>&>(H), epsilon);
-#endif
-  raise_eigenvalues<P>(H, epsilon);
 }
 
 // ---- a batch of triangles ----
