@@ -11735,6 +11735,7 @@ class Closer {
       log_.push_back(whole(result_.log.back()));
     }
     status_ = result_.status;
+    if (status_ == Status::kStalled && has_settled()) status_ = Status::kConverged;
     return has_more;
   }
 
@@ -12018,6 +12019,16 @@ class Closer {
     body_.energy_f -= cap.energy_f;
     body_.energy_g -= cap.energy_g;
     body_.polygons -= cap.polygons;
+  }
+
+  /// Whether E of the whole has hardly fallen over the last iterations; that of the caps, which are
+  /// a small part of it, may still.
+  bool has_settled() const {
+    const std::size_t n = log_.size(), window = static_cast<std::size_t>(options_.tuning.window);
+    if (n <= window) return false;
+    const double now = log_.back().energy, before = log_.data()[n - 1 - window].energy;
+    const double scale = now + coverage_reward(options_) * (area_a_ + area_b_);
+    return before - now < options_.tuning.window * options_.tolerance * scale;
   }
 
   /// What an iteration on the caps means for the whole.
