@@ -64,7 +64,7 @@
 //            [12] scaffold, step bound and line search             [13] the loop (Algorithm 1)
 //            [14] initial embedding          [15] map evaluation and meta mesh
 //            [16] coarse to fine             [17] applications     [18] closed surfaces
-//            [19] entry points
+//            [19] verification             [20] entry points
 //
 // LICENSE    MIT, see the end of the file.
 
@@ -84,7 +84,9 @@
 #define ISM_ABI v0_1
 #endif
 
-#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
+// What the macros do not tell, as of clang's -fassociative-math, arithmetic_is_sound() finds.
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST) || \
+    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0)
 #error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math and the like"
 #endif
 #include <cfloat>
@@ -784,6 +786,7 @@ class SurfaceMap {
   Status status() const;
   const std::string& message() const;
   const TriangleMesh& mesh(Side side) const;
+  Points2 planar_positions(Side side) const;  // f or g, as given; no rows where there is no map
   /// True for a map of two closed surfaces that is closed: every point has an image, both ways.
   bool is_closed() const;
 
@@ -820,6 +823,15 @@ class SurfaceMap {
   friend Remesh remesh(const SurfaceMap& map, Side side);
   std::shared_ptr<const detail::MapData> data_;
 };
+
+/// Proves of a map that is there what compute_map() promises, in another way than it was made, with
+/// integers in place of floating-point numbers: f and g are injective, so Φ is continuous and
+/// injective where it is defined; and the meta mesh has every polygon of theirs that touches
+/// another one, once. To 1e-9 of the size: that corners of the meta mesh lie where planes and
+/// surfaces say, and that a closed map covers both surfaces. kDone; the status of the map, if that
+/// is another one; or kNumericalFailure, a bug of the library, with the vertex or the triangles
+/// where it shows. Cost O(n log n), some microseconds per triangle and polygon. Thread-safe.
+Outcome verify(const SurfaceMap& map);
 
 /// The vertices along edges of a mesh to which vertices were added (Embedding::added_a): the
 /// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost O(n log n).
@@ -933,6 +945,8 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <cstring>
 #include <exception>
 #include <initializer_list>
+#include <iterator>
+#include <set>
 #include <utility>
 
 #ifndef ISM_NO_THREADS
@@ -1091,7 +1105,14 @@ class Array {
   explicit Array(int n, const T& value = T()) : Array() { assign(n, value); }
   Array(const Array& other) : Array() { append(other.begin(), other.size_); }
   Array(Array&& other) noexcept { swap(other); }
-  Array& operator=(Array other) noexcept { return swap(other), *this; }
+  Array& operator=(const Array& other) {  // by value, it would make that of a struct noexcept
+    Array copy(other);
+    return swap(copy), *this;
+  }
+  Array& operator=(Array&& other) noexcept {
+    Array taken(std::move(other));
+    return swap(taken), *this;
+  }
   ~Array() {
     clear();
     ::operator delete(items_);
@@ -1564,7 +1585,12 @@ struct Expansion {
     add(product);
   }
 
-  double sign() const { return size == 0 ? 0.0 : term[size - 1]; }
+  /// The sum but for a rounding, of its sign.
+  double value() const {
+    double sum = 0;
+    for (int i = 0; i < size; ++i) sum += term[i];
+    return sum;
+  }
 };
 
 inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
@@ -1574,7 +1600,7 @@ inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
     sum.add_product(p[i].x, p[i + 1].y);
     sum.add_product(-p[i].y, p[i + 1].x);
   }
-  return sum.sign();
+  return sum.value();
 }
 
 inline constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
@@ -1585,6 +1611,16 @@ inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
   const double right = (a.y - c.y) * (b.x - c.x);
   const double det = left - right;
   if (std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right))) return det;
+  return orient2d_exact(a, b, c);
+}
+
+/// The same as a number: twice the area of the triangle, to twelve digits.
+inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) {
+  constexpr double kCancelled = 1e-3;  // what is left of the products has lost so many of 16 digits
+  const double left = (a.x - c.x) * (b.y - c.y);
+  const double right = (a.y - c.y) * (b.x - c.x);
+  const double det = left - right;
+  if (std::abs(det) > kCancelled * (std::abs(left) + std::abs(right))) return det;
   return orient2d_exact(a, b, c);
 }
 
@@ -1617,6 +1653,28 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
   };
   order(0, 1), order(1, 2), order(0, 1);
   return perturbed_sign(q[0]->p, q[1]->p, q[2]->p) == even;
+}
+
+/// False where flags or the settings of the processor break the above: additions that are reordered
+/// (-fassociative-math, of which clang tells by no macro) or do not round to nearest, comparisons
+/// that take NaN for a number. Reads its numbers from memory, so that no compiler knows them.
+inline bool arithmetic_is_sound() {
+  const volatile double one = 1, small = 0x1p-60, half_ulp = 0x1p-53, infinity = kInfinity;
+  const double a = one, b = small, inf = infinity, nan = inf - inf;
+  const double sum = a + b, virtual_b = sum - a, tail = (a - (sum - virtual_b)) + (b - virtual_b);
+  const bool rounds_to_nearest = sum == a && a - b == a && -a - b == -a && tail == b;
+  const Vec2 p = {0.5 * a, 0.5 * a + half_ulp}, q = {12 * a, 12 * a}, r = {24 * a, 24 * a};
+  return rounds_to_nearest && orient2d(p, q, r) > 0 && orient2d(q, p, r) < 0 &&
+         orient2d(q, r, {0.5 * a, 0.5 * a}) == 0 && !std::isfinite(inf) && !std::isfinite(nan) &&
+         !(nan >= a) && !(nan < a);
+}
+
+/// Nothing is promised where the predicates are not exact.
+inline bool check_arithmetic(Outcome& outcome) {
+  return arithmetic_is_sound() ||
+         fail(outcome, Status::kNumericalFailure,
+              {"the arithmetic of this program is not IEEE's: compile the implementation without "
+               "-ffast-math and its parts, and call it with rounding to nearest"});
 }
 
 // ==== [6] HALF-EDGE MESH =========================================================================
@@ -4772,6 +4830,14 @@ struct DenseBlock {
 
 using DenseVector = Eigen::Map<Eigen::VectorXd>;
 
+/// Room for n numbers, which are lost. Eigen frees what there is before it allocates, and once more
+/// if that fails: so it is made empty first.
+inline void reserve(Eigen::VectorXd& memory, Eigen::Index n) {
+  if (memory.size() >= n) return;
+  memory.resize(0);
+  memory.resize(n);
+}
+
 /// C -= A B goes by tiles of C that the registers hold, three packets high. What a tile takes of A
 /// and of B lies packed in the order in which it is read [Goto and van de Geijn 2008].
 inline constexpr int kTileColumns = 4;
@@ -4927,7 +4993,7 @@ inline double inner_product(const double* x, const double* y, Eigen::Index n) {
 /// D Lᵀ, where L has D.rows columns and D is a diagonal matrix.
 inline DenseBlock scaled_transpose(const DenseBlock& D, const DenseBlock& L,
                                    Eigen::VectorXd& memory) {
-  memory.resize(L.rows * L.cols);
+  reserve(memory, L.rows * L.cols);
   const DenseBlock W = {memory.data(), L.cols, L.rows, L.cols};
   for (Eigen::Index i = 0; i < L.rows; ++i)
     for (Eigen::Index j = 0; j < L.cols; ++j) W(j, i) = D(j, j) * L(i, j);
@@ -5000,7 +5066,7 @@ class MemoryPool {
         pieces_.pop_back();
       }
     }
-    if (memory.size() < n) memory.resize(n);
+    reserve(memory, n);
     return memory;
   }
 
@@ -5111,11 +5177,8 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
 inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
                            const Executor& executor, LdltFactor& factor) {
   const int n = symbolic.fronts.size();
-  const auto grow = [](Eigen::VectorXd& memory, std::int64_t size) {
-    if (memory.size() < size) memory.resize(size);
-  };
-  grow(factor.panels, symbolic.panels_size);
-  for (int k : {0, 1}) grow(factor.updates[k], symbolic.updates_size[k]);
+  reserve(factor.panels, symbolic.panels_size);
+  for (int k : {0, 1}) reserve(factor.updates[k], symbolic.updates_size[k]);
   factor.inner_update.clear();
   factor.inner_update.resize(n);
   factor.negative_pivots.assign(n, 0);
@@ -6242,9 +6305,12 @@ inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Point
 // ---- step bound [Smith and Schaefer 2015] ----
 
 /// Smallest s > 0 at which the triangle p + s d loses its area: first root of
-/// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv).
+/// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv). Of a sliver that is positive,
+/// the rounded area may be 0 or less; it is then about as small as its rounding.
 inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
-  const double c = cross(u, v), b = cross(u, dv) + cross(du, v), a = cross(du, dv);
+  const double rounding = DBL_EPSILON * (std::abs(u.x * v.y) + std::abs(u.y * v.x));
+  const double c = (std::max)({cross(u, v), rounding, DBL_MIN});
+  const double b = cross(u, dv) + cross(du, v), a = cross(du, dv);
   const double discriminant = b * b - 4 * a * c;
   if (!(discriminant >= 0)) return kInfinity;
   const double root = std::sqrt(discriminant);
@@ -6578,6 +6644,7 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
                           const Trial& t) {
   const Iterate& to = t.x;
   return std::isfinite(to.energy) && to.energy <= largest_energy(from, d, t) &&
+         t.value() < from.energy &&  // a step of nothing is none
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
          to.area_b > rules.least_area_b;
@@ -9374,8 +9441,9 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
     add_place(l.a, pair.a.mesh.n_vertices, a);
     add_place(l.b, pair.b.mesh.n_vertices, b);
   }
-  add_vertices(a, pair.a);
-  add_vertices(b, pair.b);
+  if (!add_vertices(a, pair.a) || !add_vertices(b, pair.b))
+    return fail(outcome, Status::kInvalidLandmarks,
+                {"landmarks are too close to each other to become vertices"});
   for (Side side : {Side::kA, Side::kB}) {
     const Surface& s = side == Side::kA ? pair.a : pair.b;
     ProblemList thin;
@@ -9652,25 +9720,51 @@ inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
 
-inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
-  return barycentric(p, row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)));
+/// Barycentric coordinates, and how far below 0 rounding may put those of a point in the triangle.
+struct Barycentric {
+  Vec3 weights;
+  double slack = 0;
+};
+
+/// Of a positive triangle, be it a sliver.
+inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
+  constexpr double kLeastSlack = 1e-12, kRounding = 8 * DBL_EPSILON;
+  const Vec2 a = row2(x, m.corner(f, 0)), b = row2(x, m.corner(f, 1)), c = row2(x, m.corner(f, 2));
+  const double area = accurate_area(a, b, c);
+  const double edge =
+      std::sqrt((std::max)({squared_norm(b - a), squared_norm(c - b), squared_norm(a - c)}));
+  const double height = area / edge, rounding = kRounding * (norm(p) + edge);
+  return {
+      {accurate_area(b, c, p) / area, accurate_area(c, a, p) / area, accurate_area(a, b, p) / area},
+      (std::max)(kLeastSlack, rounding / height)};
 }
 
-/// The same for a point that may lie outside by rounding; a point of the triangle.
+/// The same for a point that may lie outside by rounding; a point of the triangle. What a corner
+/// has less than nothing of is taken from the nearest one, which moves the point least.
 inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
-  Vec3 b = barycentric(m, x, f, p);
+  Vec3 b = barycentric(m, x, f, p).weights;
+  const auto squared_length = [&](int k, int l) {
+    return squared_norm(row2(x, m.corner(f, k)) - row2(x, m.corner(f, l)));
+  };
+  for (int k = 0; k < 3; ++k) {
+    if (!(b[k] < 0)) continue;
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    b[squared_length(k, i) < squared_length(k, j) ? i : j] += b[k];
+    b[k] = 0;
+  }
   for (int k = 0; k < 3; ++k) b[k] = (std::max)(b[k], 0.0);
   const double sum = b.x + b.y + b.z;
-  return surface_point(f, sum > 0 ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
+  const bool is_sound = sum > 0 && sum < kInfinity;
+  return surface_point(f, is_sound ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
 }
 
 /// Of several faces, the one that a point lies deepest in: its least barycentric coordinate counts.
 struct DeepestFace {
-  double least = -1e-12;  // rounding may put a point on an edge outside both its faces
+  double least = -kInfinity;
   int face = -1;
-  void consider(int candidate, const Vec3& b) {
+  void consider(int candidate, const Vec3& b, double slack) {
     const double depth = (std::min)({b.x, b.y, b.z});
-    if (!(depth > least)) return;
+    if (!(depth > least && depth > -slack)) return;
     least = depth;
     face = candidate;
   }
@@ -9811,15 +9905,13 @@ struct EmbeddedPair {
     return sum;
   }
 
+  /// Rounding may put a point on an edge outside both its faces; of closed surfaces, every point
+  /// has an image.
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
-    for_each_target(face, [&](int t) { best.consider(t, barycentric(s.mesh, x, t, p)); });
-  }
-
-  /// Of closed surfaces, every point has an image, whatever rounding says.
-  DeepestFace any_face() const {
-    DeepestFace best;
-    if (is_closed()) best.least = -kInfinity;
-    return best;
+    for_each_target(face, [&](int t) {
+      const Barycentric b = barycentric(s.mesh, x, t, p);
+      best.consider(t, b.weights, is_closed() ? kInfinity : b.slack);
+    });
   }
 
   MappedPoint image(const DeepestFace& best, Vec2 p) const {
@@ -9828,14 +9920,14 @@ struct EmbeddedPair {
   }
 
   MappedPoint map(const SurfacePoint& point) const {
-    DeepestFace best = any_face();
+    DeepestFace best;
     const Vec2 p = planar_position(point);
     consider_face(point.face, p, best);
     return image(best, p);
   }
 
   MappedPoint map_vertex(int v) const {
-    DeepestFace best = any_face();
+    DeepestFace best;
     s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
     return image(best, row2(x, v));
   }
@@ -10325,6 +10417,11 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
 const TriangleMesh& SurfaceMap::mesh(Side side) const { return data_->mesh(side); }
+Points2 SurfaceMap::planar_positions(Side side) const {
+  const int n_a = data_->pair.s.n_a, n = detail::rows_of(data_->pair.x);
+  return side == Side::kA ? detail::rows_between(data_->pair.x, 0, n_a)
+                          : detail::rows_between(data_->pair.x, n_a, n);
+}
 bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
 MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
@@ -11229,6 +11326,17 @@ inline Surface opened(Surface s, int vertex) {
   return s;
 }
 
+/// The same place on a surface that was cut open: half-edges stay, and some have copies of vertices
+/// as tails. What lies on a cut edge goes to one side of the cut.
+inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open) {
+  const int h = vertex_at(p) >= 0 ? -1 : find_place(whole, p);
+  const Place before = p;
+  for (int k = 0; k < 3 && h >= 0; ++k)
+    for (int e : {h, next(h), prev(h)})
+      if (whole.tail[e] == before.corners[k]) p.corners[k] = open.tail[e];
+  return p;
+}
+
 // ---- the seam ----
 
 /// An embedded surface to which vertices are added.
@@ -12075,7 +12183,385 @@ class Closer {
 
 }  // namespace detail
 
-// ==== [19] ENTRY POINTS ==========================================================================
+// ==== [19] VERIFICATION ==========================================================================
+//
+// Purpose:    proves of a map that is there what the library promises, by another way than the one
+//             it was made: it uses nothing of parts [5] to [18], but the meshes, the planar
+//             positions and the meta mesh.
+// Method:     Arithmetic is that of integers, in which nothing is rounded. An embedding of positive
+//             triangles covers a point as often as its boundary winds around it; a sweep over the
+//             boundary [Shamos and Hoey 1976] shows that it does not meet itself, and that it winds
+//             around a point once or not at all. So f and g are injective, and Φ = g⁻¹ ∘ f is
+//             continuous and injective where both are defined. Of the meta mesh it remains to show
+//             that it has every polygon once, and none is missing beside another; then that its
+//             corners lie where the planes and the surfaces say.
+// Fails:      with the first thing that is not as it should be.
+
+namespace detail {
+
+/// A sum of products of finite doubles, exactly: integers in base 2^24, least digit first.
+class ExactSum {
+ public:
+  void add_product(double a, double b) {
+    const Digits x = digits_of(a), y = digits_of(b);
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) digit_[x.first + y.first + i + j] += x.digit[i] * y.digit[j];
+  }
+
+  int sign() const {
+    std::int64_t carry = 0;
+    bool is_zero = true;
+    for (std::int64_t digit : digit_) {
+      const std::int64_t sum = digit + carry, rest = sum & kMask;
+      carry = (sum - rest) / (kMask + 1);
+      is_zero = is_zero && rest == 0;
+    }
+    if (carry != 0) return carry > 0 ? 1 : -1;
+    return is_zero ? 0 : 1;
+  }
+
+ private:
+  static constexpr std::int64_t kMask = (1 << 24) - 1;
+  static constexpr int kLeastExponent = -24 * 48;  // below that of the last bit of any double
+
+  struct Digits {
+    int first;
+    std::int64_t digit[4];
+  };
+
+  static Digits digits_of(double x) {
+    int exponent;
+    const std::int64_t n = static_cast<std::int64_t>(std::ldexp(std::frexp(x, &exponent), 53));
+    const std::uint64_t bits = static_cast<std::uint64_t>(n < 0 ? -n : n), mask = kMask;
+    const int place = exponent - 53 - kLeastExponent, shift = place % 24;
+    const std::uint64_t rest = bits >> (24 - shift);
+    Digits d = {place / 24, {}};
+    const std::uint64_t digit[4] = {(bits << shift) & mask, rest & mask, (rest >> 24) & mask,
+                                    rest >> 48};
+    for (int i = 0; i < 4; ++i)
+      d.digit[i] =
+          n < 0 ? -static_cast<std::int64_t>(digit[i]) : static_cast<std::int64_t>(digit[i]);
+    return d;
+  }
+
+  std::int64_t digit_[192] = {};  // room for the largest products, and for carries
+};
+
+/// The sign of the area of a triangle.
+inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
+  ExactSum sum;
+  const Vec2 p[4] = {a, b, c, a};
+  for (int i = 0; i < 3; ++i) {
+    sum.add_product(p[i].x, p[i + 1].y);
+    sum.add_product(-p[i].y, p[i + 1].x);
+  }
+  return sum.sign();
+}
+
+inline bool comes_before(Vec2 p, Vec2 q) { return p.x < q.x || (p.x == q.x && p.y < q.y); }
+
+/// A side of a triangle or of a polygon, from u to v.
+struct DirectedSide {
+  int u, v, of;
+  bool operator<(const DirectedSide& o) const { return u != o.u ? u < o.u : v < o.v; }
+};
+
+/// Sides by their ends; finds those without a partner in the other direction. False if one is there
+/// twice, in one direction: `twice` is its polygon.
+inline bool match_sides(Array<DirectedSide>& sides, Array<DirectedSide>& single, int& twice) {
+  std::sort(sides.begin(), sides.end());
+  for (int i = 0; i + 1 < sides.size(); ++i)
+    if (!(sides[i] < sides[i + 1])) return twice = sides[i + 1].of, false;
+  for (const DirectedSide& side : sides)
+    if (!std::binary_search(sides.begin(), sides.end(), DirectedSide{side.v, side.u, -1}))
+      single.push_back(side);
+  return true;
+}
+
+/// Sweeps over the boundary of an embedding, from left to right.
+class BoundarySweep {
+ public:
+  BoundarySweep(const Points2& x, const Array<DirectedSide>& boundary) : x_(x) {
+    for (const DirectedSide& side : boundary) {
+      const bool runs_right = comes_before(at(side.u), at(side.v));
+      segments_.push_back(runs_right ? Segment{side.u, side.v, true}
+                                     : Segment{side.v, side.u, false});
+    }
+  }
+
+  /// True if the boundary does not meet itself and winds around points once or not at all; else
+  /// fault() is a vertex where it does.
+  bool run() {
+    Array<int> order;  // ends of segments, 2 i is the left one of segment i
+    for (int i = 0; i < 2 * segments_.size(); ++i) order.push_back(i);
+    std::sort(order.begin(), order.end(), [&](int i, int j) {
+      const Vec2 p = at(end(i)), q = at(end(j));
+      return p == q ? end(i) < end(j) : comes_before(p, q);
+    });
+    std::set<int, Below> alive(Below{this});
+    Array<std::set<int, Below>::iterator> place(segments_.size(), alive.end());
+    for (int i = 0; i < order.size(); i += 2) {
+      const int v = fault_ = end(order[i]);
+      const bool has_two = end(order[i + 1]) == v;
+      if (!has_two || (i + 2 < order.size() && at(end(order[i + 2])) == at(v))) return false;
+      auto above = alive.end();
+      for (int e : {order[i], order[i + 1]})
+        if (e % 2 == 1) above = alive.erase(place[e / 2]);
+      for (int e : {order[i], order[i + 1]}) {
+        if (e % 2 == 1) continue;
+        const auto added = alive.insert(e / 2);
+        if (!added.second) return false;  // on top of another
+        place[e / 2] = added.first;
+      }
+      for (int e : {order[i], order[i + 1]}) {
+        if (e % 2 == 1) continue;
+        const auto after = std::next(place[e / 2]);
+        if (!may_be_neighbours(alive, place[e / 2]) || !may_be_neighbours(alive, after))
+          return false;
+        above = after;
+      }
+      if (!may_be_neighbours(alive, above)) return false;
+    }
+    return true;
+  }
+
+  int fault() const { return fault_; }
+
+ private:
+  struct Segment {
+    int left, right;
+    bool runs_right;  // then what it bounds is above
+  };
+  /// The order of segments that do not cross along the line that sweeps.
+  struct Below {
+    const BoundarySweep* sweep;
+    bool operator()(int i, int j) const { return sweep->is_below(i, j); }
+  };
+
+  Vec2 at(int v) const { return row2(x_, v); }
+  int end(int i) const { return i % 2 == 0 ? segments_[i / 2].left : segments_[i / 2].right; }
+
+  bool is_below(int i, int j) const {
+    const Segment &s = segments_[i], &t = segments_[j];
+    if (i == j) return false;
+    if (comes_before(at(t.left), at(s.left))) return side(t, s) < 0;
+    return side(s, t) > 0;
+  }
+
+  /// Where t, which begins later, lies: above s (1), below (-1), or on it.
+  int side(const Segment& s, const Segment& t) const {
+    const int at_left = orientation(at(s.left), at(s.right), at(t.left));
+    return at_left != 0 ? at_left : orientation(at(s.left), at(s.right), at(t.right));
+  }
+
+  /// Looks at what comes to lie at and below a place in the order: inside is above one that runs to
+  /// the right and below the next one.
+  bool may_be_neighbours(const std::set<int, Below>& alive,
+                         std::set<int, Below>::iterator upper) const {
+    const bool has_lower = upper != alive.begin(), has_upper = upper != alive.end();
+    const Segment* high = has_upper ? &segments_[*upper] : nullptr;
+    const Segment* low = has_lower ? &segments_[*std::prev(upper)] : nullptr;
+    const bool is_inside = low && low->runs_right;
+    return (high && !high->runs_right) == is_inside && !(low && high && meet(*low, *high));
+  }
+
+  /// Whether two segments have a point in common that is no end of both.
+  bool meet(const Segment& s, const Segment& t) const {
+    if (s.left == t.left || s.right == t.right || s.left == t.right || s.right == t.left)
+      return false;  // on top of each other they have been found to be
+    const Vec2 a = at(s.left), b = at(s.right), c = at(t.left), d = at(t.right);
+    const int of_c = orientation(a, b, c), of_d = orientation(a, b, d);
+    const int of_a = orientation(c, d, a), of_b = orientation(c, d, b);
+    if (of_c == 0 && of_d == 0) return !comes_before(b, c) && !comes_before(d, a);
+    return of_c * of_d <= 0 && of_a * of_b <= 0;
+  }
+
+  const Points2& x_;
+  Array<Segment> segments_;
+  int fault_ = -1;
+};
+
+/// Verifies one embedding; `boundary` becomes the sides of triangles that have no partner.
+inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side side,
+                             Array<DirectedSide>& boundary, Outcome& outcome) {
+  const auto refuse = [&](const char* what, int id, const char* how, Element element) {
+    return fail(outcome, Status::kNumericalFailure, {what, id, " of ", letter(side), how},
+                {{side, element, id}});
+  };
+  for (int v = 0; v < rows_of(x); ++v)
+    if (!std::isfinite(x(v, 0)) || !std::isfinite(x(v, 1)))
+      return refuse("vertex ", v, " has no planar position", Element::kVertex);
+  Array<DirectedSide> sides;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    const int* v = mesh.triangles.data() + 3 * static_cast<std::ptrdiff_t>(f);
+    if (orientation(row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) <= 0)
+      return refuse("triangle ", f, " is not positive in the plane", Element::kFace);
+    for (int k = 0; k < 3; ++k) sides.push_back({v[k], v[(k + 1) % 3], f});
+  }
+  int twice = -1;
+  if (!match_sides(sides, boundary, twice))
+    return refuse("triangle ", twice, " has a side that another one has, too", Element::kFace);
+  BoundarySweep sweep(x, boundary);
+  return sweep.run() ||
+         refuse("at vertex ", sweep.fault(), " the boundary meets itself, or winds the wrong way",
+                Element::kVertex);
+}
+
+/// Verifies the meta mesh of embeddings that are injective.
+class MetaMeshVerifier {
+ public:
+  MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, bool is_closed,
+                   Outcome& outcome)
+      : meta_(std::move(meta)), f_(f), g_(g), is_closed_(is_closed), outcome_(outcome) {}
+
+  bool run(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
+    for (int p = 0; p < meta_.n_polygons(); ++p)
+      if (!verify_polygon(p)) return false;
+    return verify_pairs() && verify_sides(boundary_a, boundary_b) &&
+           (!is_closed_ || verify_coverage());
+  }
+
+ private:
+  bool refuse(int polygon, const char* how) {
+    const int a = meta_.face_a.data()[polygon], b = meta_.face_b.data()[polygon];
+    return fail(outcome_, Status::kNumericalFailure,
+                {"the polygon of triangle ", a, " of A and triangle ", b, " of B ", how},
+                {{Side::kA, Element::kFace, a}, {Side::kB, Element::kFace, b}});
+  }
+
+  int begin(int polygon) const { return meta_.offsets.data()[polygon]; }
+  int end(int polygon) const { return meta_.offsets.data()[polygon + 1]; }
+  int vertex(int corner) const { return meta_.corners.data()[corner]; }
+
+  template <class Positions>
+  static Vec3 place(const TriangleMesh& mesh, const Positions& x, int f, const Vec3& weights) {
+    Vec3 sum;
+    for (int k = 0; k < 3; ++k)
+      for (int c = 0; c < x.cols(); ++c) sum[c] += weights[k] * x(mesh.triangles(f, k), c);
+    return sum;
+  }
+
+  /// A polygon is one of its triangles, and its corners are where the planes and surfaces say.
+  bool verify_polygon(int p) {
+    const int a = meta_.face_a.data()[p], b = meta_.face_b.data()[p];
+    if (end(p) - begin(p) < 3) return refuse(p, "has less than three corners");
+    for (int i = begin(p); i < end(p); ++i) {
+      const Vec3 on_a = row3(meta_.corner_a, i), on_b = row3(meta_.corner_b, i);
+      if (!are_weights(on_a) || !are_weights(on_b)) return refuse(p, "has a corner outside");
+      const Vec3 in_f = place(*meta_.a, f_, a, on_a), in_g = place(*meta_.b, g_, b, on_b);
+      if (!are_close(in_f, in_g, f_) ||
+          !are_close(place(*meta_.a, meta_.a->vertices, a, on_a), row3(meta_.on_a, vertex(i)),
+                     meta_.a->vertices) ||
+          !are_close(place(*meta_.b, meta_.b->vertices, b, on_b), row3(meta_.on_b, vertex(i)),
+                     meta_.b->vertices))
+        return refuse(p, "has a corner at two places");
+    }
+    return true;
+  }
+
+  static bool are_weights(const Vec3& w) {
+    return (std::min)({w.x, w.y, w.z}) >= -kTolerance &&
+           std::abs(w.x + w.y + w.z - 1) <= kTolerance;
+  }
+
+  /// As seen from how large a mesh is.
+  template <class Positions>
+  bool are_close(const Vec3& p, const Vec3& q, const Positions& x) const {
+    return norm(p - q) <= kTolerance * x.cwiseAbs().maxCoeff();
+  }
+
+  /// Two triangles overlap in one convex polygon.
+  bool verify_pairs() {
+    Array<DirectedSide> pairs;
+    for (int p = 0; p < meta_.n_polygons(); ++p)
+      pairs.push_back({meta_.face_a.data()[p], meta_.face_b.data()[p], p});
+    std::sort(pairs.begin(), pairs.end());
+    for (int i = 0; i + 1 < pairs.size(); ++i)
+      if (!(pairs[i] < pairs[i + 1])) return refuse(pairs[i + 1].of, "is there twice");
+    return true;
+  }
+
+  /// Where a polygon ends, another one begins, or a surface ends.
+  bool verify_sides(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
+    Array<DirectedSide> sides, single;
+    for (int p = 0; p < meta_.n_polygons(); ++p)
+      for (int i = begin(p); i < end(p); ++i)
+        sides.push_back({vertex(i), vertex(i + 1 < end(p) ? i + 1 : begin(p)), p});
+    int twice = -1;
+    if (!match_sides(sides, single, twice)) return refuse(twice, "has a side of another one");
+    for (const DirectedSide& side : single)
+      if (is_closed_ || !(ends_there(side, meta_.corner_a, *meta_.a, meta_.face_a, boundary_a) ||
+                          ends_there(side, meta_.corner_b, *meta_.b, meta_.face_b, boundary_b)))
+        return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
+    return true;
+  }
+
+  /// True if a side of a polygon lies on a side of its triangle that is one of the boundary.
+  bool ends_there(const DirectedSide& side, const Points3& weights, const TriangleMesh& mesh,
+                  const std::vector<int>& face, const Array<DirectedSide>& boundary) const {
+    int i = begin(side.of);
+    while (vertex(i) != side.u) ++i;
+    const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = face.data()[side.of];
+    const Vec3 u = row3(weights, i), v = row3(weights, j);
+    for (int k = 0; k < 3; ++k)
+      if (u[k] == 0 && v[k] == 0 &&
+          std::binary_search(
+              boundary.begin(), boundary.end(),
+              DirectedSide{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
+        return true;
+    return false;
+  }
+
+  /// The polygons of a closed map cover both surfaces.
+  bool verify_coverage() {
+    for (Side side : {Side::kA, Side::kB}) {
+      const TriangleMesh& mesh = side == Side::kA ? *meta_.a : *meta_.b;
+      const Points3& on = side == Side::kA ? meta_.on_a : meta_.on_b;
+      double of_mesh = 0, of_polygons = 0;
+      for (int f = 0; f < mesh.triangles.rows(); ++f)
+        of_mesh += area(row3(mesh.vertices, mesh.triangles(f, 0)),
+                        row3(mesh.vertices, mesh.triangles(f, 1)),
+                        row3(mesh.vertices, mesh.triangles(f, 2)));
+      for (int p = 0; p < meta_.n_polygons(); ++p)
+        for (int i = begin(p) + 1; i + 1 < end(p); ++i)
+          of_polygons +=
+              area(row3(on, vertex(begin(p))), row3(on, vertex(i)), row3(on, vertex(i + 1)));
+      if (!(std::abs(of_mesh - of_polygons) <= kTolerance * of_mesh))
+        return fail(outcome_, Status::kNumericalFailure,
+                    {"the map is to be closed, and does not cover ", letter(side)});
+    }
+    return true;
+  }
+
+  static double area(const Vec3& a, const Vec3& b, const Vec3& c) {
+    return 0.5 * norm(cross(b - a, c - a));
+  }
+
+  static constexpr double kTolerance = 1e-9;
+
+  const MetaMesh meta_;
+  const Points2 &f_, &g_;
+  const bool is_closed_;
+  Outcome& outcome_;
+};
+
+}  // namespace detail
+
+Outcome verify(const SurfaceMap& map) {
+  Outcome outcome;
+  if (!detail::check_arithmetic(outcome)) return outcome;
+  if (map.status() != Status::kDone)
+    return detail::fail(outcome, map.status(), {map.message()}), outcome;
+  const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
+  detail::Array<detail::DirectedSide> boundary_a, boundary_b;
+  if (detail::verify_embedding(map.mesh(Side::kA), f, Side::kA, boundary_a, outcome) &&
+      detail::verify_embedding(map.mesh(Side::kB), g, Side::kB, boundary_b, outcome))
+    detail::MetaMeshVerifier(map.meta_mesh(), f, g, map.is_closed(), outcome)
+        .run(boundary_a, boundary_b);
+  return outcome;
+}
+
+// ==== [20] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -12177,6 +12663,7 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
 }
 
 inline bool check_options(const Options& o, Outcome& outcome) {
+  if (!check_arithmetic(outcome)) return false;
   const Tuning& t = o.tuning;
   const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
   const auto in_0_to_1 = [](double x) { return x >= 0 && x < 1; };
@@ -12378,6 +12865,7 @@ inline void return_meshes(const SharedMesh& a, const SharedMesh& b, const Surfac
 /// True if x holds an injective embedding of m.
 inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char* name,
                             Outcome& outcome) {
+  if (!check_arithmetic(outcome)) return false;
   if (x.rows() != m.n_vertices)
     return fail(outcome, Status::kInvalidPositions,
                 {name, " has ", rows_of(x), " rows, the mesh has ", m.n_vertices, " vertices"});
@@ -12552,7 +13040,8 @@ inline int exchanged_size(StateReader& io, int size) {
 
 template <class Archive>
 void exchange(Archive& io, Points2& x) {
-  x.resize(exchanged_size(io, rows_of(x)), 2);
+  const int n = exchanged_size(io, rows_of(x));
+  if (n != rows_of(x)) x = Points2(n, 2);
   for (int i = 0; i < x.size(); ++i) io(x.data()[i]);
 }
 
@@ -12716,6 +13205,7 @@ class Run {
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       result_.status = Status::kNoMapYet;
       whole_ = pair_;
+      opened_ = placed_;
     } else {
       result_.start.status = result_.status;
     }
@@ -12928,7 +13418,7 @@ class Run {
     Optimizer::Memory memory = before_change_.memory;
     std::vector<AddedVertex> a, b;
     if (options_.exact_landmarks &&
-        !add_landmark_vertices(located(placed_, pair_), options_, pair_, a, b, result_))
+        !add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, result_))
       return;
     start.f = with_added(start.f, a);
     start.g = with_added(start.g, b);
@@ -12939,7 +13429,7 @@ class Run {
     return_input();
     return_meshes(a_->mesh, b_->mesh, pair_, start);
     Array<PlacedLandmark> apart, together;
-    const Array<PlacedLandmark> landmarks = located(placed_, pair_);
+    const Array<PlacedLandmark> landmarks = located(opened_, pair_);
     for (int i = 0; i < landmarks.size(); ++i) {
       const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
       const bool is_one = u >= 0 && v >= 0 && row2(start.f, u) == row2(start.g, v);
@@ -12960,7 +13450,7 @@ class Run {
     }
     const bool is_last = !puller_->step();
     Points2 x = optimizer_->positions();
-    const Array<VertexPair> landmarks = vertex_pairs(located(placed_, pair_));
+    const Array<VertexPair> landmarks = vertex_pairs(located(opened_, pair_));
     Array<VertexPair> apart, joined;
     if (options_.exact_landmarks) apart = landmarks;
     join_landmarks(s_, x, apart, joined);
@@ -13036,12 +13526,19 @@ class Run {
   /// The landmarks without that at which the surfaces are opened.
   Array<PlacedLandmark> landmarks_apart() const {
     Array<PlacedLandmark> apart;
-    for (const PlacedLandmark& l : placed_)
+    for (const PlacedLandmark& l : opened_)
       if (opening_.a < 0 || vertex_at(l.a) != opening_.a) apart.push_back(l);
     return apart;
   }
 
-  void open() { pair_ = {opened(whole_.a, opening_.a), opened(whole_.b, opening_.b)}; }
+  void open() {
+    pair_ = {opened(whole_.a, opening_.a), opened(whole_.b, opening_.b)};
+    opened_ = placed_;
+    for (PlacedLandmark& l : opened_) {
+      l.a = opened(l.a, whole_.a.mesh, pair_.a.mesh);
+      l.b = opened(l.b, whole_.b.mesh, pair_.b.mesh);
+    }
+  }
 
   /// Keeps the start with the least distortion for its coverage; false if there is one more to try.
   bool take_best() {
@@ -13052,13 +13549,14 @@ class Run {
                              : badness(join(pair_), stacked(found.f, found.g));
     found.seconds += best_.start.seconds;
     if (tried_ == 0 || value < best_.badness)
-      best_ = {value, opening_, pair_, std::move(found)};
+      best_ = {value, opening_, pair_, opened_, std::move(found)};
     else
       best_.start.seconds = found.seconds;
     embedder_.reset();
     if (++tried_ < openings_.size()) return false;
     opening_ = best_.opening;
     pair_ = std::move(best_.pair);
+    opened_ = std::move(best_.landmarks);
     result_.start = std::move(best_.start);
     return true;
   }
@@ -13069,9 +13567,9 @@ class Run {
     return_meshes(a_->mesh, b_->mesh, pair_, start);
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
-    start.landmark_distance = largest_landmark_distance(start, located(placed_, pair_));
+    start.landmark_distance = largest_landmark_distance(start, located(opened_, pair_));
     result_.status = Status::kDone;
-    if (!only_start_) begin(located(placed_, pair_));
+    if (!only_start_) begin(located(opened_, pair_));
   }
 
   bool is_stopped_at_end() const {
@@ -13226,7 +13724,8 @@ class Run {
   Executor executor_;
   SurfacePair whole_;             // the surfaces as they are prepared,
   SurfacePair pair_;              // and as they are optimised
-  Array<PlacedLandmark> placed_;  // the landmarks on the meshes as given
+  Array<PlacedLandmark> placed_;  // the landmarks on the meshes as given,
+  Array<PlacedLandmark> opened_;  // and as they were opened
   Array<OpeningPair> openings_;   // to be tried
   int tried_ = 0;
   OpeningPair opening_;  // that of pair_
@@ -13234,6 +13733,7 @@ class Run {
     double badness = kInfinity;
     OpeningPair opening;
     SurfacePair pair;
+    Array<PlacedLandmark> landmarks;
     Embedding start;
   } best_;  // of those tried
   std::unique_ptr<Closer> closer_;

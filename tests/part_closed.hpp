@@ -373,6 +373,32 @@ TEST_CASE("a surface that is closed is valid; one side held needs a boundary") {
   CHECK(r.message == "boundaries cannot be held where there is none, and A is closed");
 }
 
+TEST_CASE(
+    "landmarks in any triangle of a closed surface are where they belong, also beyond the cut") {
+  const TriangleMesh octahedron = shapes::sphere(0), other = shapes::blob(1, 0.1, 3);
+  const auto in = [](int f) { return ism::SurfacePoint{f, {0.3, 0.3, 0.4}}; };
+  Options options = on_one_thread();
+  options.exact_landmarks = true;
+  options.max_iterations = 3;
+  int together = 0;
+  for (int first = 0; first < 8; ++first) {
+    CAPTURE(first);
+    const int f = first, g = (first + 3) % 8, h = (first + 6) % 8;
+    const shapes::Disk disk = shapes::grid(4, 4);
+    const Result onto_disk = ism::compute_map(
+        octahedron, disk.mesh, {{in(f), in(3)}, {in(g), in(12)}, {in(h), in(25)}}, options);
+    CAPTURE(onto_disk.message);
+    CHECK((ism::is_usable(onto_disk.status) || !onto_disk.message.empty()));
+    const Result result = ism::compute_map(
+        octahedron, other, {{in(f), in(4 * f)}, {in(g), in(4 * g)}, {in(h), in(4 * h)}}, options);
+    CAPTURE(result.message);
+    REQUIRE(ism::is_usable(result.status));
+    CHECK(ism::verify(SurfaceMap(result)).status == Status::kDone);
+    together += result.start.landmark_distance < 1e-12;
+  }
+  CHECK(together == 8);
+}
+
 }  // namespace closed_tests
 
 #endif  // ISM_TESTS_PART_CLOSED_HPP

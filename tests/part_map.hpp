@@ -539,6 +539,37 @@ TEST_CASE("a map of a result is the map of its meshes and positions, or has its 
   CHECK(refused.message().find("-1") != std::string::npos);
 }
 
+TEST_CASE("points on edges between slivers have images") {
+  // A fan of thin triangles from a far corner, onto itself, laid at an angle so that it rounds.
+  for (double height : {1e-6, 1e-9, 1e-11, 5e-12}) {
+    CAPTURE(height);
+    shapes::DiskBuilder builder;
+    constexpr int kSlivers = 8;
+    const auto at = [](double x, double y) {
+      return Vector2d(0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y);
+    };
+    builder.vertex(0, 0);
+    for (int i = 0; i <= kSlivers; ++i)
+      builder.vertex(at(1, i * height).x(), at(1, i * height).y());
+    for (int i = 1; i <= kSlivers; ++i) builder.triangle(0, i, i + 1);
+    const Disk fan = builder.build();
+    const SurfaceMap map = map_of(fan, fan);
+    REQUIRE(map.status() == Status::kDone);
+    Rng rng(77);
+    int uncovered = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const double t = rng.uniform();
+      const int f = rng.below(kSlivers);
+      const bool is_first = rng.below(2) == 0;
+      const MappedPoint image =
+          map.forward({f, Vector3d(1 - t, is_first ? t : 0, is_first ? 0 : t)});
+      uncovered += !image.covered;
+      if (image.covered) CHECK(std::abs(image.point.barycentric[0] - (1 - t)) < 1e-14);
+    }
+    CHECK(uncovered == 0);
+  }
+}
+
 TEST_CASE("a point without an image lies nowhere") {
   const auto [a, b] = runs::square_pair(62);
   const SurfaceMap map = runs::good_map(a, b);

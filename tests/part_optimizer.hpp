@@ -449,6 +449,22 @@ TEST_CASE("the step bound is where the first triangle degenerates") {
   CHECK(bounded > 20);
 }
 
+TEST_CASE("the step bound of a positive sliver is positive, whatever rounding makes of its area") {
+  Rng rng(9);
+  int rounded_away = 0;
+  for (int i = 0; i < 200000; ++i) {
+    const double t = rng.uniform(0.3, 3);
+    const Vec2 p = to_vec2(rng.point(1)), u = to_vec2(rng.point(1)), near = p + t * u;
+    const Vec2 corner[3] = {p, p + u, {near.x + 1e-16 * rng.between(-2, 2), near.y}};
+    if (!(ism::detail::orient2d(corner[0], corner[1], corner[2]) > 0)) continue;
+    const Vec2 a = corner[1] - corner[0], b = corner[2] - corner[0];
+    rounded_away += !(cross(a, b) > 0);
+    if (!(triangle_max_step(a, b, to_vec2(rng.point(1)), to_vec2(rng.point(1))) > 0))
+      FAIL("no step from a positive triangle");
+  }
+  CHECK(rounded_away > 20);
+}
+
 // ---- invariance ----
 
 TEST_CASE("moving both planes by one affine map leaves the map energy unchanged") {

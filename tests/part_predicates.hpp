@@ -8,6 +8,7 @@
 
 #include <doctest/doctest.h>
 
+#include <cfenv>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -378,6 +379,37 @@ TEST_CASE("oriented answers fit one configuration of points in general position"
   CHECK(wrong == 0);
   CHECK(applied[0] > 1000);
   CHECK(applied[1] > 1000);
+}
+
+/// Rounds another way until the end of its scope.
+class Rounding {
+ public:
+  explicit Rounding(int mode) : before_(std::fegetround()) { std::fesetround(mode); }
+  ~Rounding() { std::fesetround(before_); }
+  Rounding(const Rounding&) = delete;
+  Rounding& operator=(const Rounding&) = delete;
+
+ private:
+  int before_;
+};
+
+TEST_CASE("arithmetic that is not IEEE's is found before anything relies on it") {
+  CHECK(ism::detail::arithmetic_is_sound());
+  const shapes::Disk disk = shapes::grid(3, 3);
+  for (int mode : {FE_UPWARD, FE_DOWNWARD, FE_TOWARDZERO}) {
+    CAPTURE(mode);
+    ism::Status run = ism::Status::kDone, map = run;
+    bool is_sound = true;
+    {
+      const Rounding rounding(mode);
+      is_sound = ism::detail::arithmetic_is_sound();
+      run = ism::compute_map(disk.mesh, disk.mesh).status;
+      map = shapes::map_of(disk, disk).status();
+    }
+    CHECK_FALSE(is_sound);
+    CHECK(run == ism::Status::kNumericalFailure);
+    CHECK(map == ism::Status::kNumericalFailure);
+  }
 }
 
 }  // namespace predicate_tests

@@ -11,3 +11,4 @@
 #include "part_landmarks.hpp"
 #include "part_map.hpp"
 #include "part_openings.hpp"
+#include "part_verify.hpp"
