@@ -35,13 +35,22 @@
 //            or double, interleaved or not (MeshView).
 // STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
 //            on after landmarks and options were changed.
-// PROMISE    Every iterate, so also the result of a cancelled run, is injective: all triangles of
-//            f and g are positive, angles around interior vertices add up to 2π, boundaries are
-//            simple. Exact predicates decide this on the very coordinates that are returned.
-// NOT KEPT   The result is a local minimum; where A and B overlap in the plane is where they are
-//            mapped, the rest is not covered (IterationLog::coverage_a), unless both are closed, or
-//            Options::boundary lays one on the other. Landmarks guide the start only, unless
-//            Options::exact_landmarks is set.
+// PROMISE    If   both meshes are surfaces of genus 0 for validate(), as they are given or once
+//            prepare() has mended them, and options, landmarks and pins are within what is
+//            documented (else a status says which are not, and nothing is begun),
+//            then every map that is handed out is continuous and injective: at every exit
+//            (converged, iteration and time limit, cancelled, stalled, between the steps of a
+//            Solver) and whatever the levels it came from. All triangles of f and g are positive,
+//            angles around interior vertices add up to 2π, boundaries are simple; so each is
+//            injective, and Φ is a homeomorphism of the covered parts; of the whole, if the map is
+//            closed. Exact predicates decide this on the very coordinates that are returned;
+//            verify() proves it of a given map, by other means.
+// NOT KEPT   That the minimum is the global one: it is a local one. That what corresponds in
+//            meaning is mapped onto each other: landmarks guide the start only, unless
+//            Options::exact_landmarks is set. That all is covered: where A and B overlap in the
+//            plane is where they are mapped, the rest is not (IterationLog::coverage_a), unless
+//            both are closed, or Options::boundary lays one on the other. That the points a
+//            SurfaceMap returns are exact: they are rounded, the map they are points of is not.
 // THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
 //            threads, so results are the same bits for any number. Options::parallel_for plugs in
 //            a job system of your own. A task takes at most 64 KB of stack where the compiler
@@ -51,7 +60,7 @@
 //            the ids of offending elements. Exceptions of allocations and of callbacks, in any
 //            thread, reach the caller, and nothing is leaked; what was begun then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [19]
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [20]
 //            ISM_NO_THREADS       there: builds without <thread>
 //            ISM_NO_AVX2          there: no AVX2 chosen at run time (x86-64 with g++ or clang++);
 //                                 results then have the same bits on all such processors
@@ -10319,17 +10328,31 @@ inline double largest_stretch(const Mat2& J) {
                 std::hypot(J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)));
 }
 
+/// The Jacobian of an embedding in one triangle, and its determinant, which is positive of a sliver
+/// as well, where that of the rounded Jacobian may have any sign.
+struct TriangleMap {
+  Mat2 J;
+  double determinant;
+};
+
+inline TriangleMap triangle_map(const JointSurface& s, const Points2& x, int f, double scale) {
+  const double twice_area = accurate_area(
+      row2(x, s.mesh.corner(f, 0)), row2(x, s.mesh.corner(f, 1)), row2(x, s.mesh.corner(f, 2)));
+  return {scale * triangle_jacobian(s, x, f), scale * scale * twice_area / (2 * s.area[f])};
+}
+
 /// Φ of one polygon, J = J_g⁻¹ J_f. The smaller singular value comes from the determinant, as the
 /// difference of two nearly equal numbers would not have a correct digit.
-inline PolygonDistortion polygon_distortion(const Mat2& F, const Mat2& G, double planar_area) {
-  const double det_f = determinant(F), det_g = determinant(G);
+inline PolygonDistortion polygon_distortion(const TriangleMap& f, const TriangleMap& g,
+                                            double planar_area) {
+  const double stretch = f.determinant / g.determinant;  // of areas
   PolygonDistortion d;
-  d.sigma_max = largest_stretch(inverse(G) * F);
-  d.sigma_min = det_f / det_g / d.sigma_max;
-  d.area_a = planar_area / det_f;
-  d.area_b = planar_area / det_g;
+  d.sigma_max =
+      (std::max)(largest_stretch(1 / g.determinant * (adjugate(g.J) * f.J)), std::sqrt(stretch));
+  d.sigma_min = stretch / d.sigma_max;
+  d.area_a = planar_area / f.determinant;
+  d.area_b = planar_area / g.determinant;
   const double s = d.sigma_min * d.sigma_min, t = d.sigma_max * d.sigma_max;
-  const double stretch = d.sigma_min * d.sigma_max;  // of areas
   d.density = ((s + t) * stretch + (1 / s + 1 / t)) / (stretch + 1);
   return d;
 }
@@ -10342,8 +10365,8 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
   for (const OverlayPolygon& p : pair.overlay.polygons) {
     const SixPoints x = six_points(s.mesh, pair.x, p);
     const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
-    result.push_back(polygon_distortion(scale_a * triangle_jacobian(s, pair.x, p.ta),
-                                        scale_b * triangle_jacobian(s, pair.x, p.tb), area));
+    result.push_back(polygon_distortion(triangle_map(s, pair.x, p.ta, scale_a),
+                                        triangle_map(s, pair.x, p.tb, scale_b), area));
   }
   return result;
 }

@@ -581,6 +581,29 @@ TEST_CASE("a point without an image lies nowhere") {
   CHECK(SurfaceMap().position_on_a({0, Vector3d(1, 0, 0)}).hasNaN());
 }
 
+TEST_CASE("distortions of slivers are numbers, and areas at least 0") {
+  Rng rng(91);
+  int maps = 0;
+  for (int i = 0; i < 3000; ++i) {
+    Points2 x[2] = {Points2(3, 2), Points2(3, 2)};
+    for (Points2& p : x)
+      for (int k = 0; k < 3; ++k)
+        p.row(k) << std::ldexp(rng.between(-9, 9), -130), std::ldexp(rng.between(-9, 9), -57);
+    Disk disk = shapes::single_triangle();
+    const SurfaceMap map(disk.mesh, disk.mesh, x[0], x[1]);
+    if (map.status() != Status::kDone) continue;
+    ++maps;
+    for (const ism::PolygonDistortion& d : map.distortion()) {
+      CHECK(d.area_a >= 0);
+      CHECK(d.area_b >= 0);
+      CHECK(d.sigma_min > 0);
+      CHECK(d.sigma_max >= d.sigma_min * (1 - 1e-12));
+      CHECK(d.density >= 2 * (1 - 1e-12));
+    }
+  }
+  CHECK(maps > 100);
+}
+
 }  // namespace map_tests
 
 #endif  // ISM_TESTS_PART_MAP_HPP
