@@ -8,15 +8,32 @@
 
 namespace {
 std::atomic<std::size_t> count{0}, pieces{0}, before_failure{kNever};
+std::atomic<bool> fails_for_good{false}, has_failed{false};
+
+bool is_refused() {
+  if (has_failed) return fails_for_good;
+  if (before_failure == kNever) return false;
+  if (before_failure-- != 0) return false;
+  has_failed = true;
+  return true;
 }
+
+void start(std::size_t n, bool for_good) {
+  fails_for_good = for_good;
+  has_failed = false;
+  before_failure = n;
+}
+}  // namespace
 
 std::size_t allocations() { return count; }
 std::size_t memory_in_use() { return pieces; }
-void fail_allocation(std::size_t n) { before_failure = n; }
+void fail_allocation(std::size_t n) { start(n, false); }
+void fail_allocations_from(std::size_t n) { start(n, true); }
+bool has_failed_allocation() { return has_failed; }
 
 void* operator new(std::size_t size) {
   ++count;
-  if (before_failure != kNever && before_failure-- == 0) throw std::bad_alloc();
+  if (is_refused()) throw std::bad_alloc();
   void* memory = std::malloc(size);
   if (memory == nullptr) throw std::bad_alloc();
   ++pieces;

@@ -11,3 +11,7 @@ std::size_t memory_in_use();  // in pieces
 
 /// The n-th allocation from now on, counted from 0, fails once.
 void fail_allocation(std::size_t n);
+/// It and all behind it fail, until fail_allocation(kNever).
+void fail_allocations_from(std::size_t n);
+/// Has one failed since either of these was called?
+bool has_failed_allocation();

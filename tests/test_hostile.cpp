@@ -96,11 +96,11 @@ void check_broken(uint64_t first, uint64_t n, bool prints) {
 }  // namespace
 
 TEST_CASE("a valid surface has a map, whatever its shape") {
-  check_valid(0, 150, hostile::valid_case, false);
+  check_valid(0, 110, hostile::valid_case, false);
 }
 
 TEST_CASE("a defect is named, refused, and mended where it can be") {
-  check_broken(0, 8 * hostile::kDefects, false);
+  check_broken(0, 4 * hostile::kDefects, false);
 }
 
 // Corners of triangles beside the cut through a closed surface are copies then, of which landmarks
