@@ -438,6 +438,21 @@ inline void require_images(const ism::SurfaceMap& map) {
     if (m.covered) require_point(map.mesh(ism::Side::kA), m.point);
 }
 
+/// No triangle is a sliver of which rounding leaves nothing.
+template <class Points>
+bool well_shaped(const Points& points, const ism::Triangles& triangles) {
+  for (int f = 0; f < triangles.rows(); ++f) {
+    const auto p = points.row(triangles(f, 0)).eval();
+    const auto u = (points.row(triangles(f, 1)) - p).eval();
+    const auto v = (points.row(triangles(f, 2)) - p).eval();
+    const double size = (std::max)(u.stableNorm(), v.stableNorm());
+    const auto x = (u / size).eval(), y = (v / size).eval();
+    const double gram = x.squaredNorm() * y.squaredNorm() - x.dot(y) * x.dot(y);
+    if (!(gram > 1e-8)) return false;
+  }
+  return true;
+}
+
 /// Sizes for which Options::keep_scale promises to work.
 inline bool of_fair_size(const ism::TriangleMesh& mesh) {
   const double size = (mesh.vertices.rowwise() - mesh.vertices.row(0)).cwiseAbs().maxCoeff();
@@ -489,12 +504,20 @@ inline void ask(const ism::SurfaceMap& map, Bytes& bytes) {
   map.forward_curve(curve_a), map.backward_curve(curve_b);
 }
 
-/// Of a map that can be used.
-inline void require_map(const ism::SurfaceMap& map, Bytes& bytes) {
-  require_images(map);
+inline void require_distortion(const ism::SurfaceMap& map, const ism::Points2& f,
+                               const ism::Points2& g) {
+  const ism::TriangleMesh &a = map.mesh(ism::Side::kA), &b = map.mesh(ism::Side::kB);
+  if (!well_shaped(f, a.triangles) || !well_shaped(g, b.triangles)) return;
+  if (!well_shaped(a.vertices, a.triangles) || !well_shaped(b.vertices, b.triangles)) return;
   require_distortion(map, false);
-  if (of_fair_size(map.mesh(ism::Side::kA)) && of_fair_size(map.mesh(ism::Side::kB)))
-    require_distortion(map, true);
+  if (of_fair_size(a) && of_fair_size(b)) require_distortion(map, true);
+}
+
+/// Of a map that can be used, by the embeddings f and g.
+inline void require_map(const ism::SurfaceMap& map, const ism::Points2& f, const ism::Points2& g,
+                        Bytes& bytes) {
+  require_images(map);
+  require_distortion(map, f, g);
   const ism::MetaMesh meta = map.meta_mesh();
   require_meta_mesh(meta);
   using ism::Element;

@@ -179,7 +179,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (map.status() == ism::Status::kDone) {
     fuzz::require_injective(in.a.triangles, in.f);
     fuzz::require_injective(in.b.triangles, in.g);
-    fuzz::require_map(map, bytes);
+    fuzz::require_map(map, in.f, in.g, bytes);
   } else {
     fuzz::require(!map.message().empty(), "a failure says why");
     fuzz::ask(map, bytes);
