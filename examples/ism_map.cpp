@@ -1037,13 +1037,15 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
 
 std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile> files) {
   std::error_code ec;
-  std::filesystem::create_directories(folder, ec);
+  const bool is_new = std::filesystem::create_directories(folder, ec);
   if (ec) return "-o " + folder + ": the folder cannot be made";
   for (mesh_io::TextFile& file : files) file.path.insert(0, folder + '/');
 #ifdef SIGXFSZ
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of the file size is an error like a full disk
 #endif
-  return mesh_io::write_files(files);
+  const std::string error = mesh_io::write_files(files);
+  if (!error.empty() && is_new) std::filesystem::remove(folder, ec);
+  return error;
 }
 
 void print_landmarks(const Input& input, const ism::Result& result, const LandmarkError& error) {
@@ -1197,15 +1199,25 @@ int run(Arguments& args) {
   return 0;
 }
 
+/// What was printed may be in a buffer still; a full disk shows only when it leaves that.
+int flushed(int code) {
+  const bool was_written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  return code == 0 && !was_written ? fail(kComputationFailed, "the output cannot be written")
+                                   : code;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   Arguments args;
   const std::string error = read_arguments(std::vector<std::string>(argv + 1, argv + argc), args);
   if (!error.empty()) return fail(kBadInput, error);
-  if (args.help) return std::fputs(kHelp, stdout) < 0 ? kComputationFailed : 0;
+  if (args.help) {
+    std::fputs(kHelp, stdout);
+    return flushed(0);
+  }
   try {
-    return run(args);
+    return flushed(run(args));
   } catch (const std::bad_alloc&) {
     return fail(kComputationFailed, "there is not enough memory for these meshes");
   }

@@ -295,6 +295,51 @@ grep -q "^ism_map: out/one/.*: the file cannot be written$" stderr.txt ||
   fail "a full disk: $(cat stderr.txt)"
 [ "$(cat out/one/* | cksum)" = "$before" ] || fail "a full disk changed $(ls out/one)"
 
+# no_output SENTENCE FOLDER ARGUMENT...: nothing can be written there, and nothing is left.
+no_output() {
+  local sentence="ism_map: $1" folder="$2" code=0
+  shift 2
+  "$ism_map" a.obj b.obj -o "$folder" --iterations 0 "$@" >stdout.txt 2>stderr.txt || code=$?
+  [ "$code" != 0 ] || fail "$folder: written"
+  tail -n 1 stderr.txt | grep -qF "$sentence" || fail "$folder: $(cat stderr.txt)"
+  if find . -name '*.tmp' | grep -q .; then fail "$folder: half a file is left"; fi
+}
+code=0
+(ulimit -f 16 && "$ism_map" a.obj b.obj -o new >stdout.txt 2>stderr.txt) || code=$?
+[ "$code" = 1 ] || fail "a full disk: exit code $code"
+[ ! -e new ] || fail "a full disk left a folder"
+no_output "-o b.obj/x: " b.obj/x
+mkdir -p blocked/report.json
+no_output "-o blocked: its report.json is a folder" blocked
+[ "$(ls blocked)" = report.json ] || fail "files were written before one that cannot be"
+mkdir locked && chmod a-w locked
+if ! touch locked/x 2>/dev/null; then  # a superuser may write everywhere
+  no_output "locked/" locked
+  [ -z "$(ls locked)" ] || fail "something is left in locked"
+fi
+rm -rf blocked locked
+if [ -w /dev/full ]; then
+  for arguments in "--help" "a.obj b.obj -o full --iterations 0"; do
+    code=0
+    # shellcheck disable=SC2086
+    "$ism_map" $arguments >/dev/full 2>stderr.txt || code=$?
+    [ "$code" = 1 ] || fail "$arguments on a full disk: exit code $code"
+    tail -n 1 stderr.txt | grep -qx "ism_map: the output cannot be written" ||
+      fail "$arguments on a full disk: $(cat stderr.txt)"
+  done
+  rm -rf full
+fi
+
+# A file that ends too early is named; nothing is computed.
+for part in 3 30; do
+  head -c "$(($(wc -c <a.obj) * part / 100 / 2 * 2))" a.obj >cut.obj
+  code=0
+  "$ism_map" cut.obj b.obj -o cut --iterations 0 >stdout.txt 2>stderr.txt || code=$?
+  [ "$code" = 2 ] || fail "a cut file: exit code $code"
+  grep -q "^ism_map: cut.obj" stderr.txt || fail "a cut file: $(cat stderr.txt)"
+  [ ! -e cut ] || fail "a cut file left a folder"
+done
+
 "$ism_map" a.obj b.obj -o out/arap --measure arap --iterations 3 >stdout.txt 2>/dev/null ||
   fail "--measure"
 grep -q " 0 is an isometry" stdout.txt || fail "--measure arap: $(cat stdout.txt)"

@@ -96,27 +96,38 @@ void check_broken(uint64_t first, uint64_t n, bool prints) {
 }  // namespace
 
 TEST_CASE("a valid surface has a map, whatever its shape") {
-  check_valid(0, 110, hostile::valid_case, false);
+  check_valid(0, 80, hostile::valid_case, false);
 }
 
 TEST_CASE("a defect is named, refused, and mended where it can be") {
-  check_broken(0, 4 * hostile::kDefects, false);
+  check_broken(0, 3 * hostile::kDefects, false);
 }
 
-// Corners of triangles beside the cut through a closed surface are copies then, of which landmarks
-// in these triangles know nothing: vertices of such a mesh are read past their end.
-TEST_CASE("exact landmarks lie in triangles of closed surfaces" * doctest::skip(true)) {
-  check_valid(0, 60, hostile::closed_exact_case, true);
+// Corners of triangles beside the cut through a closed surface are copies then, which landmarks in
+// these triangles must follow.
+TEST_CASE("exact landmarks lie in triangles of closed surfaces") {
+  check_valid(0, 20, hostile::closed_exact_case, false);
+}
+
+// Two planes are taken to overlap where one lies in an opening of the other, and then nothing does.
+TEST_CASE("a surface may fit into an opening of the other" * doctest::may_fail(true)) {
+  for (uint64_t seed : {1709u, 3786u}) check_valid(seed, 1, hostile::valid_case, false);
+}
+
+// Each ring is a hundredth of the next one: what is said names the mesh, but no vertex.
+TEST_CASE("a graded disk is laid along a square" * doctest::may_fail(true)) {
+  check_valid(2147, 1, hostile::valid_case, false);
 }
 
 TEST_CASE("thousands of surfaces") {
   const uint64_t first = number_of("ISM_HOSTILE_FIRST", 0), n = number_of("ISM_HOSTILE", 0);
   const uint64_t one = number_of("ISM_HOSTILE_SEED", ~uint64_t{0});
   if (one != ~uint64_t{0}) return check_valid(one, 1, hostile::valid_case, true);
-  if (n == 0) {
-    MESSAGE("skipped: ISM_HOSTILE is not set");
-    return;
-  }
-  check_valid(first, n, hostile::valid_case, true);
-  check_broken(first, n / 4, true);
+  if (n == 0) MESSAGE("skipped: ISM_HOSTILE is not set");
+  if (n > 0) check_valid(first, n, hostile::valid_case, true);
+}
+
+TEST_CASE("thousands of meshes with a defect") {
+  const uint64_t first = number_of("ISM_HOSTILE_FIRST", 0), n = number_of("ISM_HOSTILE", 0);
+  if (n > 0) check_broken(first, n, true);
 }

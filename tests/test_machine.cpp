@@ -203,7 +203,8 @@ TEST_CASE("validate and prepare without memory") {
 }
 
 TEST_CASE("compute_map without memory") {
-  const auto [a, b] = small_pair();
+  const std::pair<Disk, Disk> disks = small_pair();
+  const Disk &a = disks.first, &b = disks.second;
   ism::Options options = options_of(1, 1);
   std::vector<ism::Landmark> landmarks = kLandmarks;
   SUBCASE("free") {}
@@ -225,7 +226,8 @@ TEST_CASE("compute_map of closed surfaces without memory") {
 }
 
 TEST_CASE("two threads without memory") {
-  const auto [a, b] = helped_pair();
+  const std::pair<Disk, Disk> disks = helped_pair();
+  const Disk &a = disks.first, &b = disks.second;
   const ism::Options options = options_of(2, 1);
   const std::vector<ism::Landmark> landmarks = {{20, 20}, {110, 90}};
   // Which thread takes what differs by a few pieces from run to run, and so does the end.
@@ -234,7 +236,8 @@ TEST_CASE("two threads without memory") {
 }
 
 TEST_CASE("a Solver without memory") {
-  const auto [a, b] = small_pair();
+  const std::pair<Disk, Disk> disks = small_pair();
+  const Disk &a = disks.first, &b = disks.second;
   const ism::Options options = options_of(1, 2);
   ism::Solver done(a.mesh, b.mesh, kLandmarks, options);
   while (done.step()) {
@@ -260,7 +263,8 @@ TEST_CASE("a Solver without memory") {
 }
 
 TEST_CASE("a Solver that ran out of memory can be assigned to, and then works") {
-  const auto [a, b] = small_pair();
+  const std::pair<Disk, Disk> disks = small_pair();
+  const Disk &a = disks.first, &b = disks.second;
   const ism::Options options = options_of(1, 2);
   const ism::Result expected = ism::compute_map(a.mesh, b.mesh, kLandmarks, options);
   int failed = 0;
@@ -283,7 +287,8 @@ TEST_CASE("a Solver that ran out of memory can be assigned to, and then works") 
 }
 
 TEST_CASE("queries without memory") {
-  const auto [a, b] = small_pair();
+  const std::pair<Disk, Disk> disks = small_pair();
+  const Disk &a = disks.first, &b = disks.second;
   const ism::Result result = ism::compute_map(a.mesh, b.mesh, kLandmarks, options_of(1, 1));
   REQUIRE(ism::is_usable(result.status));
   const ism::Values values = a.mesh.vertices;
@@ -309,7 +314,8 @@ TEST_CASE("queries without memory") {
 #endif
 
 TEST_CASE("what callbacks throw comes through a Solver, which can be assigned to") {
-  const auto [a, b] = helped_pair();
+  const std::pair<Disk, Disk> disks = helped_pair();
+  const Disk &a = disks.first, &b = disks.second;
   const std::vector<ism::Landmark> landmarks = {{20, 20}, {110, 90}};
   const ism::Result expected = ism::compute_map(a.mesh, b.mesh, landmarks, options_of(1, 2));
   for (int last = 0; last < 60; last += 3)
