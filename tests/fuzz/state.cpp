@@ -19,6 +19,11 @@ void steps(Solver& solver, int n) {
   fuzz::require_result(solver.result());
 }
 
+int next_to(int value, int step) {
+  return static_cast<int>(static_cast<unsigned>(value) + static_cast<unsigned>(step));
+}
+double next_to(double value, int step) { return value + step; }
+
 /// Changes, inserts or erases one entry.
 template <class T>
 void spoil(Bytes& bytes, std::vector<T>& list, T value) {
@@ -30,7 +35,7 @@ void spoil(Bytes& bytes, std::vector<T>& list, T value) {
   } else if (at != list.end()) {
     if (kind == 1) list.erase(at);
     if (kind == 2) *at = value;
-    if (kind == 3) *at = static_cast<T>(*at + static_cast<T>(bytes.between(-1, 1)));
+    if (kind == 3) *at = next_to(*at, bytes.between(-1, 1));
   }
 }
 
