@@ -245,7 +245,8 @@ enum class Status {
   kStalled,           // no step along any direction lowers the energy; the result is still valid
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
   kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
-  kMemoryLimit,       // it would take more memory than Options::max_memory; nothing was begun
+  kMemoryLimit,       // it would take more memory than Options::max_memory, and nothing was begun;
+                      // or the overlay has more than 16 million polygons
   kInvalidMesh,       // an input mesh is not a clean surface, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
@@ -790,8 +791,8 @@ class SurfaceMap {
   /// vertices than those given. Where it found none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
 
-  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions or kNoOverlap; all
-  /// points are then uncovered.
+  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions, kNoOverlap or, for more
+  /// than 16 million polygons, kMemoryLimit; all points are then uncovered.
   Status status() const;
   const std::string& message() const;
   const TriangleMesh& mesh(Side side) const;
@@ -949,6 +950,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #endif
 
 #include <algorithm>
+#include <cfenv>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -1273,6 +1275,19 @@ class Callback {
   void (*call_)(const void*, Arguments...);
 };
 
+/// While it lives, floating-point exceptions do not trap where the caller has them do so: what
+/// works in lanes computes on in those that do not count, and over- or underflows there by intent.
+class NoTraps {
+ public:
+  NoTraps() { std::feholdexcept(&environment_); }
+  NoTraps(const NoTraps&) = delete;
+  NoTraps& operator=(const NoTraps&) = delete;
+  ~NoTraps() { std::fesetenv(&environment_); }
+
+ private:
+  std::fenv_t environment_;
+};
+
 /// Keeps the first exception of some tasks until all of them have ended.
 class FirstError {
  public:
@@ -1440,7 +1455,10 @@ class Executor {
   void run(int n, const Task& task) const {
     FirstError error;
     const auto task_and_tick = [&](int i) {
-      task(i);
+      {
+        const NoTraps no_traps;
+        task(i);
+      }
       tick();
     };
     const auto guarded = [&](int i) { error.guard(task_and_tick, i); };
@@ -1669,13 +1687,14 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 /// that take NaN for a number. Reads its numbers from memory, so that no compiler knows them.
 inline bool arithmetic_is_sound() {
   const volatile double one = 1, small = 0x1p-60, half_ulp = 0x1p-53, infinity = kInfinity;
-  const double a = one, b = small, inf = infinity, nan = inf - inf;
+  const volatile double quiet_nan = std::numeric_limits<double>::quiet_NaN();
+  const double a = one, b = small, inf = infinity, nan = quiet_nan, same_nan = quiet_nan;
   const double sum = a + b, virtual_b = sum - a, tail = (a - (sum - virtual_b)) + (b - virtual_b);
   const bool rounds_to_nearest = sum == a && a - b == a && -a - b == -a && tail == b;
   const Vec2 p = {0.5 * a, 0.5 * a + half_ulp}, q = {12 * a, 12 * a}, r = {24 * a, 24 * a};
   return rounds_to_nearest && orient2d(p, q, r) > 0 && orient2d(q, p, r) < 0 &&
          orient2d(q, r, {0.5 * a, 0.5 * a}) == 0 && !std::isfinite(inf) && !std::isfinite(nan) &&
-         !(nan >= a) && !(nan < a);
+         nan != same_nan;  // nothing here traps
 }
 
 /// Nothing is promised where the predicates are not exact.
@@ -1727,6 +1746,9 @@ struct HalfEdgeMesh {
     }
   }
 };
+
+/// Neighbours of a vertex; what is quadratic in them is not done where there are more.
+inline constexpr int kHub = 128;
 
 /// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
 struct EdgeUse {
@@ -2705,8 +2727,9 @@ class Preparer {
     const int n = static_cast<int>(given_.vertices.rows());
     Array<char> is_at(n + static_cast<int>(F_.rows()), 0);  // vertices, then triangles
     for (const LandmarkPoint& l : landmarks) {
-      const int at = l.vertex >= 0 ? l.vertex : n + l.point.face;
-      if (l.vertex < n && at >= 0 && at < is_at.size()) is_at[at] = 1;
+      const bool at_vertex = l.vertex >= 0;
+      const int at = at_vertex ? l.vertex : l.point.face;
+      if (at >= 0 && at < (at_vertex ? n : F_.rows())) is_at[at_vertex ? at : n + at] = 1;
     }
     Array<std::array<int, 2>> found;
     for (int h = 0; h < corner_.size(); ++h)
@@ -2886,9 +2909,13 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 // Invariants: every decision is the sign of orient2d of three input vertices, mixed triples under
 //             the symbolic perturbation; so neighbouring polygons agree on their common corners and
 //             no polygon has fewer than 3 or more than 6 corners.
-// Fails:      never on injective embeddings; cost is linear in the number of polygons, unless a
-//             triangle of A meets B in many separate pieces, plus O((a + b + crossings) log(a b))
-//             for boundaries of a and b edges.
+// Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
+//             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
+//             O((a + b + crossings) log(a b)) for boundaries of a and b edges.
+
+/// Those of a map between meshes of some five million triangles. Where two vertices of m and n
+/// edges lie over each other, there are m n / 4, so that small meshes can have as many.
+inline constexpr int kMostPolygons = 1 << 24;
 
 /// One polygon of the meta mesh. Its boundary is a cycle of pieces, each on an edge of t_A
 /// (0, 1, 2) or of t_B (3, 4, 5), three bits per piece, counter-clockwise. Corner i is where
@@ -2909,36 +2936,55 @@ struct OverlayPolygon {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
-/// Axis-parallel boxes of runs of 2^k consecutive segments of a boundary, as a binary tree.
-class BoundaryTree {
+/// Axis-parallel boxes of items, and of runs of 2^k consecutive ones, as a binary tree. The box of
+/// an item that is not there is empty.
+class BoxTree {
  public:
-  /// Of the segments begin to end - 1 of m.boundary. Memory of an earlier tree is used again.
-  void build(const HalfEdgeMesh& m, const Points2& x, int begin, int end) {
-    const int n = end - begin;
+  /// Of n items, none of which is there. Memory of an earlier tree is used again.
+  void reset(int n) {
     for (leaves_ = 1; leaves_ < n;) leaves_ *= 2;
     lo_.assign(2 * leaves_, {kInfinity, kInfinity});
     hi_.assign(2 * leaves_, {-kInfinity, -kInfinity});
-    for (int i = 0; i < n; ++i) {
-      const int h = m.boundary[begin + i];
-      const Vec2 p = row2(x, m.tail[h]), q = row2(x, m.tip(h));
-      lo_[leaves_ + i] = lower(p, q);
-      hi_[leaves_ + i] = upper(p, q);
-    }
-    for (int i = leaves_ - 1; i >= 1; --i) {
-      lo_[i] = lower(lo_[2 * i], lo_[2 * i + 1]);
-      hi_[i] = upper(hi_[2 * i], hi_[2 * i + 1]);
-    }
   }
 
-  /// Calls visit(i, j) for all segments i of this and j of the other tree whose boxes meet.
+  /// Sets the box of an item; once all are set, join() finds those of runs.
+  void set(int i, Vec2 lo, Vec2 hi) {
+    lo_[leaves_ + i] = lo;
+    hi_[leaves_ + i] = hi;
+  }
+  void join() {
+    for (int i = leaves_ - 1; i >= 1; --i) join_children(i);
+  }
+
+  /// Changes the box of an item, and those of its runs.
+  void change(int i, Vec2 lo, Vec2 hi) {
+    set(i, lo, hi);
+    for (int k = (leaves_ + i) / 2; k >= 1; k /= 2) join_children(k);
+  }
+  void remove(int i) { change(i, {kInfinity, kInfinity}, {-kInfinity, -kInfinity}); }
+
+  /// True if is_it(i) is, for one of the items in whose boxes, and those of their runs, it may be.
+  template <class MayBeIn, class IsIt>
+  bool find(const MayBeIn& may_be_in, const IsIt& is_it, int node = 1) const {
+    if (!(lo_[node].x <= hi_[node].x) || !may_be_in(lo_[node], hi_[node])) return false;
+    if (node >= leaves_) return is_it(node - leaves_);
+    return find(may_be_in, is_it, 2 * node) || find(may_be_in, is_it, 2 * node + 1);
+  }
+
+  /// Calls visit(i, j) for all items i of this and j of the other tree whose boxes meet.
   template <class Visit>
-  void for_each_pair(const BoundaryTree& other, Visit visit) const {
+  void for_each_pair(const BoxTree& other, Visit visit) const {
     descend(1, other, 1, visit);
   }
 
  private:
+  void join_children(int i) {
+    lo_[i] = lower(lo_[2 * i], lo_[2 * i + 1]);
+    hi_[i] = upper(hi_[2 * i], hi_[2 * i + 1]);
+  }
+
   template <class Visit>
-  void descend(int i, const BoundaryTree& other, int j, Visit& visit) const {
+  void descend(int i, const BoxTree& other, int j, Visit& visit) const {
     if (lo_[i].x > other.hi_[j].x || lo_[i].y > other.hi_[j].y) return;
     if (other.lo_[j].x > hi_[i].x || other.lo_[j].y > hi_[i].y) return;
     const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
@@ -2955,6 +3001,21 @@ class BoundaryTree {
   int leaves_ = 1;
   Array<Vec2> lo_, hi_;
 };
+
+inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
+  return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
+}
+
+/// Makes a tree of the segments begin to end - 1 of m.boundary.
+inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int end, BoxTree& tree) {
+  tree.reset(end - begin);
+  for (int i = begin; i < end; ++i) {
+    const int h = m.boundary[i];
+    const Vec2 p = row2(x, m.tail[h]), q = row2(x, m.tip(h));
+    tree.set(i - begin, lower(p, q), upper(p, q));
+  }
+  tree.join();
+}
 
 // ---- injectivity of one embedding (§4.4) ----
 
@@ -3013,8 +3074,8 @@ inline bool loops_are_simple(const HalfEdgeMesh& m, const Points2& x, int first_
                              int last_loop) {
   const int begin = m.loop[first_loop];
   bool simple = true;
-  BoundaryTree tree;
-  tree.build(m, x, begin, m.loop[last_loop]);
+  BoxTree tree;
+  build_tree(m, x, begin, m.loop[last_loop], tree);
   tree.for_each_pair(tree, [&](int i, int j) {
     if (i >= j || !simple) return;
     const int h = m.boundary[begin + i], k = m.boundary[begin + j];
@@ -3165,12 +3226,13 @@ struct Seed {
 /// The polygons of an overlay, and the memory to compute the next one without allocating.
 struct Overlay {
   Array<OverlayPolygon> polygons;
-  Array<int> newest;  // per triangle of A: the polygon found last, or -1
-  Array<int> older;   // per polygon: the one found before in the same triangle of A, or -1
-  Array<int> mark;    // per triangle of B: the triangle of A that is known to meet it
+  bool is_too_large = false;  // some are missing
+  Array<int> newest;          // per triangle of A: the polygon found last, or -1
+  Array<int> older;           // per polygon: the one found before in the same triangle of A, or -1
+  Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
   Array<char> is_crossed;  // per boundary loop: by one of the other mesh
-  BoundaryTree boundary_a, boundary_b;
+  BoxTree boundary_a, boundary_b;
 };
 
 class OverlayBuilder {
@@ -3179,6 +3241,7 @@ class OverlayBuilder {
       : s_(s), m_(s.mesh), x_(x), overlay_(overlay) {}
 
   void build() {
+    overlay_.is_too_large = false;
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
@@ -3198,6 +3261,8 @@ class OverlayBuilder {
       const Seed seed = overlay_.seeds.back();
       overlay_.seeds.pop_back();
       flood(seed.ta, seed.tb);
+      overlay_.is_too_large = overlay_.polygons.size() > kMostPolygons;
+      if (overlay_.is_too_large) overlay_.seeds.clear();
     }
   }
 
@@ -3247,8 +3312,8 @@ class OverlayBuilder {
   /// edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
     overlay_.is_crossed.assign(m_.loops(), 0);
-    overlay_.boundary_a.build(m_, x_, 0, s_.boundary_a);
-    overlay_.boundary_b.build(m_, x_, s_.boundary_a, m_.boundary.size());
+    build_tree(m_, x_, 0, s_.boundary_a, overlay_.boundary_a);
+    build_tree(m_, x_, s_.boundary_a, m_.boundary.size(), overlay_.boundary_b);
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
       const int ha = m_.boundary[i], hb = m_.boundary[s_.boundary_a + j];
       const LabelledPoint p = label(m_.tail[ha]), q = label(m_.tip(ha));
@@ -4534,7 +4599,9 @@ class NestedDissection {
     for (Array<int>& count : coupled_) count.assign(pattern_.rows(), 0);
     moved_.assign(pattern_.rows(), 0);
     sets_.push_back({0, pattern_.rows(), 0});
-    for (int first = 0, last = 1; first < last; first = last, last = sets_.size()) {
+    const bool has_hubs = set_hubs_apart();
+    for (int first = has_hubs, last = sets_.size(); first < last;
+         first = last, last = sets_.size()) {
       executor_.run(last - first, [&](int i) { split(sets_[first + i]); });
       for (int i = first; i < last; ++i) {
         const Set set = sets_[i];
@@ -4544,6 +4611,24 @@ class NestedDissection {
         sets_.push_back({set.left_end, set.right_end, set.depth + 1});
       }
     }
+  }
+
+  /// Vertices coupled to more others than separators have, in the plane, come into none of them:
+  /// they are eliminated last. False if there are none.
+  bool set_hubs_apart() {
+    constexpr int kLeast = 1000;
+    const int n = pattern_.rows();
+    const double most = (std::max)(double{kLeast}, 4 * std::sqrt(n));
+    const auto is_hub = [&](int v) { return start_[v + 1] - start_[v] > most; };
+    const int* const rest = std::stable_partition(result_.order.begin(), result_.order.end(),
+                                                  [&](int v) { return !is_hub(v); });
+    const int end = static_cast<int>(rest - result_.order.begin());
+    if (end == n) return false;
+    sets_[0].left_end = sets_[0].right_end = end;
+    sets_[0].child = 1;
+    sets_.push_back({0, end, 1});
+    sets_.push_back({end, end, 1});
+    return true;
   }
 
   int& vertex(int i) { return result_.order[i]; }
@@ -5381,9 +5466,9 @@ inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measu
   return true;
 }
 
-/// E at the positions x.x (§5); the overlay is computed anew. Gives up, with an infinite E, as soon
-/// as E would exceed `limit` even if what is left of the overlay covered all the area there is
-/// without any distortion.
+/// E at the positions x.x (§5); the overlay is computed anew. Gives up, with an infinite E, if that
+/// is too large, and as soon as E would exceed `limit` even if what is left of it covered all the
+/// area there is without any distortion.
 inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
@@ -5395,7 +5480,7 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
   const double most = limit - embeddings + weights.kappa * s.total_area;
   if (most < 0) return;
   compute_overlay(s, x.x, x.overlay);
-  if (!add_map_energy(s, *weights.measure, most, x)) return;
+  if (x.overlay.is_too_large || !add_map_energy(s, *weights.measure, most, x)) return;
   x.energy = x.map_energy - weights.kappa * (x.area_a + x.area_b) + embeddings;
 }
 
@@ -5792,8 +5877,9 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   row.push_back({u, 0});
   const auto add = [&](int v, double weight) {
     row[0].value += weight;
-    for (RowEntry& entry : row)
-      if (entry.column == v) return void(entry.value -= weight);
+    // Neighbours come in order: again, if at all, comes the last one or, in the end, the first.
+    if (row.back().column == v) return void(row.back().value -= weight);
+    if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
     row.push_back({v, -weight});
   };
   s.mesh.for_each_outgoing(u, [&](int h) {
@@ -5805,14 +5891,17 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
 }
 
 /// Lᵀ M L = C M⁻¹ C, which treats both coordinates alike. Scaled by the mean area, so that ω_L has
-/// no unit.
+/// no unit. A row of C couples all its vertices, so that of a vertex with very many neighbours is
+/// left out: it is smoothed by the rows of the neighbours, like vertices of the boundary.
 inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
   const Array<double> mass = vertex_areas(s);
+  const Array<RowEntry> none;
   Array<Array<RowEntry>> C(s.mesh.n_vertices);
   for (int u = 0; u < C.size(); ++u) cotangent_row(s, u, C[u]);
   return build_rows(C.size(), executor, [&](int u, RowWriter& row) {
+    row.add(u, {});
     for (const RowEntry& k : C[u])
-      for (const RowEntry& v : C[k.column])
+      for (const RowEntry& v : C[k.column].size() <= kHub + 1 ? C[k.column] : none)
         if (u <= v.column)
           row.add(v.column, diagonal(0.5 * s.total_area * k.value * v.value / mass[k.column]));
   });
@@ -6392,57 +6481,120 @@ inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Sc
   return polygon;
 }
 
-/// Clips the ears of a polygon one after the other. O(n²) on usual outlines, O(n³) at worst.
+/// True if a box lies to the right of p → q, exactly.
+inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
+  const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
+  return orient2d(p, q, leftmost) < 0;
+}
+
+/// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
+/// fans that take n² flips to be Delaunay. What was no ear is tested again once a neighbour of it
+/// or the vertex found in its way is gone. About O(n log n).
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
-      : polygon_(polygon), next_(polygon.size()), prev_(polygon.size()) {
+      : polygon_(polygon),
+        next_(polygon.size()),
+        prev_(polygon.size()),
+        due_(polygon.size(), -1),
+        last_behind_(polygon.size(), -1) {
     const int n = polygon.size();
+    tree_.reset(n);
     for (int i = 0; i < n; ++i) {
       point_.push_back(scaffold.point(x, polygon[i]));
+      tree_.set(i, point_[i], point_[i]);
       next_[i] = (i + 1) % n;
       prev_[i] = (i + n - 1) % n;
+      wait(i, 0);
     }
+    tree_.join();
   }
 
   /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
-    int left = polygon_.size();
-    for (int i = 0, misses = 0; left >= 3 && misses < left; i = next_[i]) {
-      if (!is_ear(i)) {
-        ++misses;
-        continue;
-      }
-      misses = 0;
+    for (int i, left = polygon_.size(); left >= 3 && (i = next_to_test()) >= 0;) {
+      if (!is_ear(i)) continue;
       for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
-      next_[prev_[i]] = next_[i];
-      prev_[next_[i]] = prev_[i];
+      clip(i);
       --left;
     }
     return corners;
   }
 
  private:
+  /// A vertex in whose way another one was, and the entry before of the same one.
+  struct Blocked {
+    int vertex, before;
+  };
+
+  /// Lets i be tested in this round or the next one.
+  void wait(int i, int round) {
+    if (due_[i] == round) return;
+    due_[i] = round;
+    Array<int>& heap = round == round_ ? this_round_ : next_round_;
+    heap.push_back(i);
+    std::push_heap(heap.begin(), heap.end(), std::greater<int>());
+  }
+
+  /// -1 if all that is left are no ears.
+  int next_to_test() {
+    while (true) {
+      if (this_round_.empty()) this_round_.swap(next_round_), ++round_;
+      if (this_round_.empty()) return -1;
+      std::pop_heap(this_round_.begin(), this_round_.end(), std::greater<int>());
+      const int i = this_round_.back();
+      this_round_.pop_back();
+      if (due_[i] != round_) continue;
+      due_[i] = -1;
+      return i;
+    }
+  }
+
+  void clip(int i) {
+    const auto wait_for_turn = [&](int k) {
+      if (k != i) wait(k, k > i ? round_ : round_ + 1);
+    };
+    next_[prev_[i]] = next_[i];
+    prev_[next_[i]] = prev_[i];
+    tree_.remove(i);
+    for (int b = last_behind_[i]; b >= 0; b = blocked_[b].before)
+      if (!is_gone(blocked_[b].vertex)) wait_for_turn(blocked_[b].vertex);
+    wait_for_turn(prev_[i]);
+    wait(next_[i], round_ + 1);
+  }
+
+  bool is_gone(int i) const { return next_[prev_[i]] != i; }
+
   /// True if the triangle at i is positive and empty of all other vertices that are left.
-  bool is_ear(int i) const {
-    const int a = prev_[i], c = next_[i];
-    const Vec2 p = point_[a], q = point_[i], r = point_[c];
+  bool is_ear(int i) {
+    const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
+    const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
     if (!(orient2d(p, q, r) > 0)) return false;
     const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
-    for (int k = next_[c]; k != a; k = next_[k]) {
-      const Vec2 s = point_[k];
-      if (s.x < lo.x || s.y < lo.y || s.x > hi.x || s.y > hi.y) continue;
+    const auto may_be_in = [&](Vec2 box_lo, Vec2 box_hi) {
+      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
+             !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
+    };
+    const auto is_in_the_way = [&](int k) {
       const int v = polygon_[k];  // the ends of the bridge are there twice
-      if (v == polygon_[a] || v == polygon_[i] || v == polygon_[c]) continue;
-      if (orient2d(p, q, s) >= 0 && orient2d(q, r, s) >= 0 && orient2d(r, p, s) >= 0) return false;
-    }
-    return true;
+      if (v == a || v == b || v == c) return false;
+      blocked_.push_back({i, last_behind_[k]});
+      last_behind_[k] = blocked_.size() - 1;
+      return true;
+    };
+    return !tree_.find(may_be_in, is_in_the_way);  // of a point, the box is to the right or in
   }
 
   const Array<int>& polygon_;
   Array<Vec2> point_;
   Array<int> next_, prev_;
+  Array<int> due_;                      // the round in which a vertex is tested, or -1
+  Array<int> this_round_, next_round_;  // heaps, the first one on top
+  Array<int> last_behind_;              // per vertex, the last entry of `blocked_`, or -1
+  Array<Blocked> blocked_;
+  int round_ = 0;
+  BoxTree tree_;  // of the vertices that are left
 };
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
@@ -6814,7 +6966,8 @@ inline void line_search(const SearchProblem& problem, const Executor& executor, 
 // where it is within these bounds (add_block); Armijo's slope is that of the newest gradient, so
 // that E never grows (set_direction); history weights add up to 1, so that ω_L means the same in
 // the first iterations (blend); a scaffold once a boundary was met (notice_collision); where no
-// step is found, what smooths the direction is let go (recover); stopping rules (has_settled). For
+// step is found, what smooths the direction is let go (recover), and gradients from all sides of a
+// kink are joined (leave_kink); stopping rules (has_settled). For
 // speed, one matrix is factorised, and conjugate gradients use its factor for the other ω_L
 // (solve); of the steps of the line search some are tried, then the neighbours of the best
 // (line_search); and once ω_L is small, quasi-Newton steps with the same factor follow
@@ -6866,6 +7019,71 @@ inline Array<Vec2> quasi_newton_direction(const LdltSymbolic& symbolic, const Ld
   return d;
 }
 
+/// Gradients g from the sides of a kink, and d = -B g for the inverse B of a Hessian.
+class GradientBundle {
+ public:
+  struct Shortest {
+    double squared_length;  // gᵀ B g of the convex combination g for which that is least
+    Array<Vec2> direction;  // -B g
+  };
+
+  int size() const { return gradient_.size(); }
+
+  void add(Array<Vec2> gradient, Array<Vec2> direction) {
+    weight_.push_back(size() == 0 ? 1 : 0);
+    gradient_.push_back(std::move(gradient));
+    direction_.push_back(std::move(direction));
+    product_.push_back({});
+    for (int i = 0; i < size(); ++i)
+      product_.back().push_back(-dot(gradient_[i], direction_.back()));
+    for (int i = 0; i + 1 < size(); ++i) product_[i].push_back(product_.back()[i]);
+  }
+
+  /// Weight goes from the gradient that is longest along the combination to the shortest one, pair
+  /// by pair.
+  Shortest shortest() {
+    constexpr int kMost = 1000;
+    for (int k = 0; k < kMost && move_weight(); ++k) {
+    }
+    Shortest result = {0, Array<Vec2>(direction_[0].size())};
+    for (int i = 0; i < size(); ++i) {
+      result.squared_length += weight_[i] * along(i);
+      for (int v = 0; v < result.direction.size(); ++v)
+        result.direction[v] += weight_[i] * direction_[i][v];
+    }
+    return result;
+  }
+
+ private:
+  /// gᵢᵀ B g.
+  double along(int i) const {
+    double sum = 0;
+    for (int j = 0; j < size(); ++j) sum += product_[i][j] * weight_[j];
+    return sum;
+  }
+
+  /// False where none is left to move.
+  bool move_weight() {
+    constexpr double kRounding = 1e-12;
+    int to = 0, from = -1;
+    for (int i = 0; i < size(); ++i) {
+      if (along(i) < along(to)) to = i;
+      if (weight_[i] > 0 && (from < 0 || along(i) > along(from))) from = i;
+    }
+    const double gain = along(from) - along(to);
+    const double length = product_[from][from] - 2 * product_[from][to] + product_[to][to];
+    if (!(gain > kRounding * std::abs(along(from)) && length > 0)) return false;
+    const double moved = (std::min)(weight_[from], gain / length);
+    weight_[from] -= moved;
+    weight_[to] += moved;
+    return true;
+  }
+
+  Array<Array<Vec2>> gradient_, direction_;
+  Array<Array<double>> product_;  // gᵢᵀ B gⱼ
+  Array<double> weight_;
+};
+
 class Optimizer {
  public:
   Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers,
@@ -6896,6 +7114,7 @@ class Optimizer {
     result.status = Status::kUnfinished;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
     if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
+    if (x_.overlay.is_too_large) result.status = Status::kMemoryLimit;
     if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
 
@@ -7025,7 +7244,7 @@ class Optimizer {
     const double n = static_cast<double>(result.log.size());
     const int most = window(result);
     const Stretch last = last_stretch(result, most);
-    const double fall = fall_over(result, last) / last.iterations;
+    const double fall = last.entries > 0 ? fall_over(result, last) / last.iterations : 0;
     const double settled =
         fall > 0 ? std::log(fall / kAtFirst) / std::log(options_.tolerance / kAtFirst) : 1;
     const double by_fall = clamp01(settled) * (std::min)(1.0, last.iterations / most);
@@ -7139,13 +7358,10 @@ class Optimizer {
       search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision();
-      if (trials_.found) {
-        plan_quasi_newton_steps();
-        return true;
-      }
-      if (recover(is_new, log)) continue;
-      is_stationary_ = promise_little(directions, options_.tolerance);
-      return false;
+      if (!trials_.found && recover(is_new, log)) continue;
+      if (!trials_.found && !leave_kink(log)) return false;
+      plan_quasi_newton_steps();
+      return true;
     }
   }
 
@@ -7263,11 +7479,15 @@ class Optimizer {
 
   // ---- beyond the paper ----
 
-  /// True if all directions promise to lower E by less than a fraction of its parts.
+  /// True if a fall of E is less than a fraction of its parts.
+  bool is_little(double fall, double fraction) const {
+    return fall <= fraction * (x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b));
+  }
+
+  /// True if all directions promise no more than that.
   bool promise_little(const Array<Direction>& directions, double fraction) const {
-    const double scale = x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b);
     for (const Direction& d : directions)
-      if (!(-d.slope <= fraction * scale)) return false;
+      if (!is_little(-d.slope, fraction)) return false;
     return !directions.empty();
   }
 
@@ -7307,6 +7527,73 @@ class Optimizer {
     return true;
   }
 
+  // -- kinks --
+
+  /// E has kinks where vertices of A come to lie on edges of B, as everywhere on two equal planes.
+  /// There, E may climb along a direction at whose beginning it falls. Gradients from the sides of
+  /// the kink are collected until the shortest of their convex combinations gives a direction along
+  /// which E falls, or promises so little that x is stationary [Kiwiel 1985]. True if there is a
+  /// step.
+  bool leave_kink(IterationLog& log) {
+    constexpr int kMost = 24;
+    if (!make_factor_positive()) return false;
+    GradientBundle bundle;
+    add_to_bundle(gradient_at(0), bundle);
+    while (!executor_.is_stopped()) {
+      const GradientBundle::Shortest shortest = bundle.shortest();
+      is_stationary_ = is_little(shortest.squared_length, options_.tolerance);
+      if (is_stationary_ || bundle.size() == kMost) return false;
+      const Array<Direction> directions(1, full_direction(shortest.direction));
+      quick_.step = 1;
+      if (!(directions[0].slope < 0)) return false;
+      if (search_back(directions, log)) return true;
+      Array<Vec2> gradient = gradient_along(directions[0]);
+      if (gradient.empty()) return false;
+      add_to_bundle(std::move(gradient), bundle);
+    }
+    return false;
+  }
+
+  /// Rounding may have made a factor indefinite; with more of Q it is not.
+  bool make_factor_positive() {
+    constexpr double kMore = 100, kMost = 1;
+    for (double omega = kHardlyActs; factor_.negative > 0 && omega <= kMost; omega *= kMore) {
+      const LinearSystem system = blended_system(0);
+      if (!system.has_Q() || executor_.is_stopped()) break;
+      factorize(system, omega, x_.x);
+    }
+    return factor_.ok && factor_.negative == 0;
+  }
+
+  void add_to_bundle(Array<Vec2> gradient, GradientBundle& bundle) const {
+    Array<Vec2> d = ldlt_solve(symbolic_, factor_, negated(gradient));
+    bundle.add(std::move(gradient), std::move(d));
+  }
+
+  /// The direction of all vertices for that of the unknowns.
+  Direction full_direction(Array<Vec2> d) const {
+    Direction direction;
+    direction.omega = omega_;
+    expand_direction(followers_, d);
+    set_direction(d, direction);
+    return direction;
+  }
+
+  /// The gradient of the unknowns a little along a direction; empty if there is no map there.
+  Array<Vec2> gradient_along(const Direction& direction) {
+    constexpr double kLittle = 1e-5;
+    Iterate y;
+    y.x = moved(x_.x, direction.d, kLittle * direction.first_step);
+    place_followers(followers_, y.x);
+    if (!is_injective(s_.mesh, y.x)) return {};
+    evaluate(s_, weights_, y);
+    if (!std::isfinite(y.energy)) return {};
+    Array<Vec2> gradient = models_.gradient(y);
+    add_spring_gradient(springs_, y.x, gradient);
+    reduce(gradient);
+    return gradient;
+  }
+
   // -- quasi-Newton steps --
 
   /// After a step of some length: E bends from here on as it did there. As long as ω_L comes down,
@@ -7332,14 +7619,11 @@ class Optimizer {
     if (!has_factor_ && !factorize_anew()) return false;
     if (!is_remembered_ && !differentiate(false)) return false;
     Timer timer;
-    Array<Direction> directions(1);
     Array<Vec2> gradient = blended_gradient(history_, options_.tuning.history_decay);
     add_spring_gradient(springs_, x_.x, gradient);
     reduce(gradient);
-    Array<Vec2> d = quasi_newton_direction(symbolic_, factor_, secants(), std::move(gradient));
-    expand_direction(followers_, d);
-    set_direction(d, directions[0]);
-    directions[0].omega = omega_;
+    const Array<Direction> directions(1, full_direction(quasi_newton_direction(
+                                             symbolic_, factor_, secants(), std::move(gradient))));
     log_.seconds_solve += timer.lap();
     const bool found = directions[0].slope < 0 && search_back(directions, log_);
     if (executor_.is_stopped()) return false;
@@ -7350,9 +7634,10 @@ class Optimizer {
     return found;
   }
 
+  static constexpr double kShortest = 1e-3;  // of the steps below
+
   /// Tries steps two by two, each half as long as the one before.
   bool search_back(const Array<Direction>& directions, IterationLog& log) {
-    constexpr double kShortest = 1e-3;
     Timer timer;
     const SearchProblem problem = search_problem(directions);
     trials_.clear();
@@ -7679,25 +7964,85 @@ struct Collapse {
   Array<int> dead, changed;
 };
 
+/// The triangles at every vertex, in lists of their corners 3 f + k. One leaves a list of any
+/// length at once, and the others keep their order.
+class FaceLists {
+ public:
+  FaceLists(int vertices, int faces) : list_(vertices), link_(3 * faces) {}
+
+  /// A list, to be walked along; it stays what it is meanwhile.
+  class Faces {
+   public:
+    struct Iterator {
+      const FaceLists* lists;
+      int corner;
+      int operator*() const { return corner / 3; }
+      Iterator& operator++() { return corner = lists->link_[corner].next, *this; }
+      bool operator!=(const Iterator& o) const { return corner != o.corner; }
+    };
+    Faces(const FaceLists& lists, int v) : lists_(&lists), vertex_(v) {}
+    Iterator begin() const { return {lists_, lists_->list_[vertex_].first}; }
+    Iterator end() const { return {lists_, -1}; }
+    int size() const { return lists_->list_[vertex_].size; }
+    bool empty() const { return size() == 0; }
+
+   private:
+    const FaceLists* lists_;
+    int vertex_;
+  };
+
+  Faces operator[](int v) const { return {*this, v}; }
+  int size() const { return list_.size(); }
+
+  void push_back(int v, int corner) {
+    List& list = list_[v];
+    link_[corner] = {list.last, -1};
+    (list.last < 0 ? list.first : link_[list.last].next) = corner;
+    list.last = corner;
+    ++list.size;
+  }
+
+  void remove(int v, int corner) {
+    List& list = list_[v];
+    const Link link = link_[corner];
+    (link.prev < 0 ? list.first : link_[link.prev].next) = link.next;
+    (link.next < 0 ? list.last : link_[link.next].prev) = link.prev;
+    --list.size;
+  }
+
+ private:
+  struct List {
+    int first = -1, last = -1, size = 0;
+  };
+  struct Link {
+    int prev = -1, next = -1;
+  };
+  Array<List> list_;  // per vertex
+  Array<Link> link_;  // per corner
+};
+
 /// A triangle mesh under decimation: faces keep their ids, dead faces keep their corners.
 struct DynamicMesh {
   Array<std::array<int, 3>> face;
   Array<char> alive;                        // per face
-  Array<Array<int>> faces_of;               // per vertex, living faces
+  FaceLists faces_of;                       // per vertex, living faces
   Array<int> boundary;                      // its vertices, loop by loop, also those that are gone
   Array<int> boundary_next, boundary_prev;  // per vertex, -1 off the boundary
+  Array<int> boundary_place;                // per vertex, where it is in `boundary`
 
   explicit DynamicMesh(const HalfEdgeMesh& m)
       : face(m.n_faces),
         alive(m.n_faces, 1),
-        faces_of(m.n_vertices),
+        faces_of(m.n_vertices, m.n_faces),
         boundary_next(m.n_vertices, -1),
-        boundary_prev(m.n_vertices, -1) {
+        boundary_prev(m.n_vertices, -1),
+        boundary_place(m.n_vertices, -1) {
     for (int f = 0; f < m.n_faces; ++f) {
       face[f] = {m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)};
-      for (int v : face[f]) faces_of[v].push_back(f);
+      for (int k = 0; k < 3; ++k) faces_of.push_back(m.corner(f, k), 3 * f + k);
     }
     for (int h : m.boundary) {
+      boundary_place[m.tail[h]] = boundary.size();
       boundary.push_back(m.tail[h]);
       link(m.tail[h], m.tip(h));
     }
@@ -7738,27 +8083,18 @@ struct DynamicMesh {
     for (int f : faces_of[u]) (has(f, v) ? c.dead : c.changed).push_back(f);
     for (int f : c.dead) {
       alive[f] = 0;
-      for (int w : face[f])
-        if (w != u) remove_value(faces_of[w], f);
+      for (int k = 0; k < 3; ++k) faces_of.remove(corner(f, k), 3 * f + k);
     }
-    for (int f : c.changed) {
-      std::replace(face[f].begin(), face[f].end(), u, v);
-      faces_of[v].push_back(f);
-    }
-    faces_of[u].clear();
+    for (int f : c.changed) give(f, u, v);
     if (on_boundary(u)) link(boundary_prev[u], boundary_next[u]);
     return c;
   }
 
   void undo(const Collapse& c) {
-    for (int f : c.changed) {
-      remove_value(faces_of[c.v], f);
-      std::replace(face[f].begin(), face[f].end(), c.v, c.u);
-      faces_of[c.u].push_back(f);
-    }
+    for (int f : c.changed) give(f, c.v, c.u);
     for (int f : c.dead) {
       alive[f] = 1;
-      for (int w : face[f]) faces_of[w].push_back(f);
+      for (int k = 0; k < 3; ++k) faces_of.push_back(corner(f, k), 3 * f + k);
     }
     if (!on_boundary(c.u)) return;
     link(boundary_prev[c.u], c.u);
@@ -7766,27 +8102,67 @@ struct DynamicMesh {
   }
 
  private:
+  int& corner(int f, int k) { return face[f][static_cast<std::size_t>(k)]; }
+
+  /// Puts `to` in the place of a corner of f.
+  void give(int f, int from, int to) {
+    const int k = corner(f, 0) == from ? 0 : corner(f, 1) == from ? 1 : 2;
+    corner(f, k) = to;
+    faces_of.remove(from, 3 * f + k);
+    faces_of.push_back(to, 3 * f + k);
+  }
+
   void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
 };
 
-/// True if the segment between two vertices can be a boundary edge: it meets no other boundary
-/// edge, but for its neighbours in their common vertices. What is between them now does not count.
-inline bool edge_fits(const DynamicMesh& m, const Points2& x, int from, int to) {
-  const Vec2 p = row2(x, from), q = row2(x, to);
-  const bool is_there = m.boundary_next[from] == to;
-  const int between = is_there ? -1 : m.boundary_next[from];
-  for (int w : m.boundary) {
-    if (!m.is_present(w) || w == from || w == between) continue;
-    const int z = m.boundary_next[w];
-    const Vec2 s = row2(x, w), t = row2(x, z);
-    if (w == to && z == from) return false;
-    if (w == to     ? turns_back(p, s, t)
-        : z == from ? turns_back(s, t, q)
-                    : segments_touch(p, q, s, t))
-      return false;
+/// The boundary of a DynamicMesh in the plane; of what changes there, it has to be told.
+class PlanarOutline {
+ public:
+  void build(const DynamicMesh& m, const Points2& x) {
+    edges_.reset(m.boundary.size());
+    for (int v : m.boundary)
+      if (m.is_present(v)) edges_.set(m.boundary_place[v], lo(m, x, v), hi(m, x, v));
+    edges_.join();
   }
-  return true;
-}
+
+  /// The edge that begins at a vertex of the boundary is another one, or gone with it.
+  void update(const DynamicMesh& m, const Points2& x, int v) {
+    if (m.is_present(v))
+      edges_.change(m.boundary_place[v], lo(m, x, v), hi(m, x, v));
+    else
+      edges_.remove(m.boundary_place[v]);
+  }
+
+  /// True if the segment between two vertices can be a boundary edge: it meets no other boundary
+  /// edge, but for its neighbours in their common vertices. What is between them now does not
+  /// count.
+  bool edge_fits(const DynamicMesh& m, const Points2& x, int from, int to) const {
+    const Vec2 p = row2(x, from), q = row2(x, to), least = lower(p, q), most = upper(p, q);
+    const bool is_there = m.boundary_next[from] == to;
+    const int between = is_there ? -1 : m.boundary_next[from];
+    const auto is_in_the_way = [&](int i) {
+      const int w = m.boundary[i], z = m.boundary_next[w];
+      if (w == from || w == between) return false;
+      const Vec2 s = row2(x, w), t = row2(x, z);
+      if (w == to && z == from) return true;
+      return w == to     ? turns_back(p, s, t)
+             : z == from ? turns_back(s, t, q)
+                         : segments_touch(p, q, s, t);
+    };
+    return !edges_.find([&](Vec2 lo, Vec2 hi) { return boxes_meet(least, most, lo, hi); },
+                        is_in_the_way);
+  }
+
+ private:
+  static Vec2 lo(const DynamicMesh& m, const Points2& x, int v) {
+    return lower(row2(x, v), row2(x, m.boundary_next[v]));
+  }
+  static Vec2 hi(const DynamicMesh& m, const Points2& x, int v) {
+    return upper(row2(x, v), row2(x, m.boundary_next[v]));
+  }
+
+  BoxTree edges_;  // by the place of their first vertex
+};
 
 /// The squared distances of a point from weighted planes, summed.
 struct Quadric {
@@ -7828,6 +8204,7 @@ class Decimation {
         version_(s.mesh.n_vertices, 0),
         merged_(s.mesh.n_vertices, 1) {
     compute_quadrics();
+    if (approach == Approach::kEmbedded) outline_.build(mesh, plane);
   }
 
   /// Collapses until at most `target` vertices are left, first with, then, if there is no plane
@@ -7853,6 +8230,8 @@ class Decimation {
         quadric_[c.v].add(quadric_[c.u]);
         merged_[c.v] += merged_[c.u];
         collapses.push_back(mesh_.collapse(c.u, c.v));
+        if (approach_ == Approach::kEmbedded && mesh_.on_boundary(c.u))
+          for (int v : {mesh_.boundary_prev[c.u], c.u}) outline_.update(mesh_, plane_, v);
         ++version_[c.u];
         --active;
         for (int w : ring) push(w);
@@ -7888,7 +8267,7 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
-    if (approach_ == Approach::kEmbedded && protected_[u]) return;
+    if ((approach_ == Approach::kEmbedded && protected_[u]) || is_hub(u)) return;
     const Array<int> ring = mesh_.neighbours(u);
     const bool by_shape = approach_ != Approach::kConnectivity;
     for (int v : ring) {
@@ -7903,8 +8282,13 @@ class Decimation {
     std::push_heap(heap_.begin(), heap_.end());
   }
 
+  /// A vertex of very many triangles waits until its neighbours have gone, so that the cost of a
+  /// collapse is bounded. They can: on average, those that have no other neighbour than such
+  /// vertices give these not even twelve triangles each.
+  bool is_hub(int v) const { return mesh_.faces_of[v].size() > kHub; }
+
   bool may_collapse(int u, int v, const Array<int>& ring) const {
-    return mesh_.may_collapse(u, v, ring) &&
+    return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring) &&
            (approach_ != Approach::kEmbedded || plane_allows(u, v));
   }
 
@@ -7920,7 +8304,7 @@ class Decimation {
       if (!(q1 > 0) || q1 < (std::min)(kQuality, q0)) return false;
     }
     return !mesh_.on_boundary(u) ||
-           edge_fits(mesh_, plane_, mesh_.boundary_prev[u], mesh_.boundary_next[u]);
+           outline_.edge_fits(mesh_, plane_, mesh_.boundary_prev[u], mesh_.boundary_next[u]);
   }
 
   double planar_quality(const std::array<int, 3>& t) const {
@@ -7980,6 +8364,7 @@ class Decimation {
   const Points2& plane_;
   const Executor& executor_;
   DynamicMesh& mesh_;
+  PlanarOutline outline_;  // of the plane, if there is one
   Array<Quadric> quadric_;
   Array<int> version_;
   Array<int> merged_;  // per vertex, those it stands for
@@ -8321,6 +8706,7 @@ class Hierarchy {
   }
   void set(const Level& level, const Points2& x) {
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x_, level.vertex[i], row2(x, i));
+    is_outline_known_ = false;
   }
   const Points2& positions() const { return x_; }
   /// Moves the plane, unless rounding would cost the injectivity of so thin an embedding.
@@ -8328,6 +8714,7 @@ class Hierarchy {
     const Level level = current();
     if (!is_injective(level.surface.mesh, transformed(positions(level), motion))) return;
     x_ = transformed(x_, motion);
+    is_outline_known_ = false;
   }
 
   /// How many vertices are to be present next.
@@ -8348,15 +8735,32 @@ class Hierarchy {
   int grow_by_one() {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
-    const bool is_embedded = approach_ == Approach::kEmbedded;
-    const Array<int>& around = is_embedded && c.changed.empty() ? mesh_.faces_of[c.v] : c.changed;
-    if (is_embedded) mean_jacobian_ = mean_over(around, [](const Mat2& J) { return J; });
-    local_metric_ = local_metric(around);
+    if (!is_outline_known_) outline_.build(mesh_, x_);
+    is_outline_known_ = true;
+    if (approach_ == Approach::kEmbedded && c.changed.empty())
+      look_around(mesh_.faces_of[c.v]);
+    else
+      look_around(c.changed);
     mesh_.undo(c);
-    return place(c) ? -1 : c.u;
+    const bool has_room = place(c);
+    if (mesh_.on_boundary(c.u)) update_outline(c.u);
+    return has_room ? -1 : c.u;
   }
 
  private:
+  /// How the embedding is strained around the vertex to come.
+  template <class Faces>
+  void look_around(const Faces& faces) {
+    if (approach_ == Approach::kEmbedded)
+      mean_jacobian_ = mean_over(faces, [](const Mat2& J) { return J; });
+    local_metric_ = local_metric(faces);
+  }
+
+  /// The edges of the boundary at u have changed.
+  void update_outline(int u) {
+    for (int v : {mesh_.boundary_prev[u], u}) outline_.update(mesh_, x_, v);
+  }
+
   /// An edge p → q opposite a vertex.
   struct Opposite {
     int p, q;
@@ -8375,8 +8779,8 @@ class Hierarchy {
   }
 
   /// The mean over some faces, weighted by area, of a function of their Jacobians.
-  template <class Function>
-  Mat2 mean_over(const Array<int>& faces, const Function& function) const {
+  template <class Faces, class Function>
+  Mat2 mean_over(const Faces& faces, const Function& function) const {
     Mat2 sum;
     double total = 0;
     for (int f : faces) {
@@ -8391,7 +8795,8 @@ class Hierarchy {
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
-  Mat2 local_metric(const Array<int>& faces) const {
+  template <class Faces>
+  Mat2 local_metric(const Faces& faces) const {
     if (faces.empty()) return diagonal(1);
     const Mat2 S = mean_over(faces, [](const Mat2& J) { return J * transposed(J); });
     // S^(1/2) = (S + √det S I) / √(tr S + 2 √det S), by Cayley and Hamilton.
@@ -8499,7 +8904,7 @@ class Hierarchy {
   }
 
   /// True if all triangles of u are positive and the boundary stays simple.
-  bool fits(int u) const {
+  bool fits(int u) {
     const Vec2 p = row2(x_, u);
     if (p != flush_tiny(p)) return false;
     for (int f : mesh_.faces_of[u]) {
@@ -8509,9 +8914,10 @@ class Hierarchy {
     return !mesh_.on_boundary(u) || boundary_fits(u);
   }
 
-  bool boundary_fits(int u) const {
+  bool boundary_fits(int u) {
     const int before = mesh_.boundary_prev[u], after = mesh_.boundary_next[u];
-    return edge_fits(mesh_, x_, before, u) && edge_fits(mesh_, x_, u, after);
+    update_outline(u);
+    return outline_.edge_fits(mesh_, x_, before, u) && outline_.edge_fits(mesh_, x_, u, after);
   }
 
   /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
@@ -8579,6 +8985,8 @@ class Hierarchy {
   const Points2 plane_;        // kEmbedded only: the embedding there was
   DynamicMesh mesh_;
   Points2 x_;
+  PlanarOutline outline_;  // of x_
+  bool is_outline_known_ = false;
   Array<Collapse> collapses_;
   int goal_ = 0;
   Mat2 mean_jacobian_, local_metric_ = diagonal(1);  // around the next vertex
@@ -8965,20 +9373,39 @@ inline constexpr double kStiffest = 1000.0;  // total weight of the landmark pen
 inline constexpr int kMostSteps = 30;        // Newton steps per level
 inline constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
 
+inline double distance_to_segment(Vec2 p, Vec2 u, Vec2 v) {
+  const Vec2 edge = v - u;
+  const double t = clamp01(dot(p - u, edge) / squared_norm(edge));
+  return norm(p - u - t * edge);
+}
+
+/// At most what p is away from any point of a box, but for rounding.
+inline double distance_to_box(Vec2 p, Vec2 lo, Vec2 hi) {
+  return norm(upper(upper(lo - p, p - hi), Vec2()));
+}
+
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
+  constexpr double kRounding = 1 - 1e-12;
+  BoxTree tree;
+  build_tree(m, x, 0, m.boundary.size(), tree);
   Vec2 deepest;
   double largest = -1;
+  int nearest = 0;  // on the boundary; likely to be near the next triangle, too
   for (int f = 0; f < m.n_faces; ++f) {
     const Vec2 p =
         1.0 / 3 * (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2)));
     double depth = kInfinity;
-    for (int h : m.boundary) {
-      const Vec2 u = row2(x, m.tail[h]), edge = row2(x, m.tip(h)) - u;
-      const double t = clamp01(dot(p - u, edge) / squared_norm(edge));
-      depth = (std::min)(depth, norm(p - u - t * edge));
-    }
-    if (depth <= largest) continue;
+    const auto may_be_nearer = [&](Vec2 lo, Vec2 hi) {
+      return kRounding * distance_to_box(p, lo, hi) <= depth;
+    };
+    const auto is_too_near = [&](int i) {
+      const int h = m.boundary[i];
+      const double distance = distance_to_segment(p, row2(x, m.tail[h]), row2(x, m.tip(h)));
+      if (distance < depth) depth = distance, nearest = i;
+      return depth <= largest;
+    };
+    if (is_too_near(nearest) || tree.find(may_be_nearer, is_too_near)) continue;
     largest = depth;
     deepest = p;
   }
@@ -12934,6 +13361,38 @@ inline ElementId element_id(const JointSurface& s, int v) {
   return vertex_id(side_of(s, v), own_id(s, v));
 }
 
+/// What a status is called, and how it is put where there is nothing to add. In their order.
+struct StatusWords {
+  const char *name, *sentence;
+};
+
+inline StatusWords words_of(Status s) {
+  static constexpr StatusWords kWords[] = {
+      {"done", ""},
+      {"converged", "the energy hardly falls any more"},
+      {"iteration limit", "stopped at the iteration limit"},
+      {"time limit", "stopped at the time limit; this is the last injective iterate"},
+      {"cancelled", "cancelled; this is the last injective iterate"},
+      {"stalled", "no injective step lowers the energy"},
+      {"unfinished", "there is more to do; this is the last injective iterate"},
+      {"no map yet", "the initial embedding has not come to its end"},
+      {"memory limit",
+       "the overlay has more than 16 million polygons: where vertices of thousands of edges of A "
+       "and B lie over each other, all their edges cross; subdivide such a vertex' triangles"},
+      {"invalid mesh", ""},
+      {"invalid landmarks", ""},
+      {"invalid options", ""},
+      {"invalid positions", ""},
+      {"invalid pins",
+       "a triangle at a pinned vertex is so thin at the start that rounding turns it over"},
+      {"invalid attributes", ""},
+      {"no overlap", "the two embeddings do not overlap at the start"},
+      {"numerical failure",
+       "the energy or its derivatives are not finite: a triangle is too thin for them, or the "
+       "measure fails"}};
+  return kWords[static_cast<int>(s)];
+}
+
 /// Where the start puts pinned vertices. `may_wait`: where that is not on the other surface, they
 /// are held once the map is closed.
 inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
@@ -12981,39 +13440,11 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   const EmbeddedPair pair(s, x);
+  if (pair.overlay.is_too_large)
+    return fail(outcome, Status::kMemoryLimit, {words_of(Status::kMemoryLimit).sentence});
   return add_pins(pair, options.pins_a, 0, may_wait, held, outcome) &&
          add_pins(pair, options.pins_b, s.n_a, may_wait, held, outcome) &&
          check_chains(s, held.followers, outcome);
-}
-
-/// What a status is called, and how it is put where there is nothing to add. In their order.
-struct StatusWords {
-  const char *name, *sentence;
-};
-
-inline StatusWords words_of(Status s) {
-  static constexpr StatusWords kWords[] = {
-      {"done", ""},
-      {"converged", "the energy hardly falls any more"},
-      {"iteration limit", "stopped at the iteration limit"},
-      {"time limit", "stopped at the time limit; this is the last injective iterate"},
-      {"cancelled", "cancelled; this is the last injective iterate"},
-      {"stalled", "no injective step lowers the energy"},
-      {"unfinished", "there is more to do; this is the last injective iterate"},
-      {"no map yet", "the initial embedding has not come to its end"},
-      {"memory limit", ""},
-      {"invalid mesh", ""},
-      {"invalid landmarks", ""},
-      {"invalid options", ""},
-      {"invalid positions", ""},
-      {"invalid pins",
-       "a triangle at a pinned vertex is so thin at the start that rounding turns it over"},
-      {"invalid attributes", ""},
-      {"no overlap", "the two embeddings do not overlap at the start"},
-      {"numerical failure",
-       "the energy or its derivatives are not finite: a triangle is too thin for them, or the "
-       "measure fails"}};
-  return kWords[static_cast<int>(s)];
 }
 
 // ---- what a Solver saves ----
@@ -13800,8 +14231,11 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const
   const bool are_cut_in_two =
       count_components(pair.a.mesh) == 2 && count_components(pair.b.mesh) == 2;
   data->pair = EmbeddedPair(join(pair), stacked(f, g), are_cut_in_two ? seam : Array<SeamVertex>());
-  if (data->pair.overlay.polygons.empty())
-    fail(*data, Status::kNoOverlap, {words_of(Status::kNoOverlap).sentence});
+  const Overlay& overlay = data->pair.overlay;
+  const Status status = overlay.is_too_large       ? Status::kMemoryLimit
+                        : overlay.polygons.empty() ? Status::kNoOverlap
+                                                   : Status::kDone;
+  if (status != Status::kDone) fail(*data, status, {words_of(status).sentence});
   return data;
 }
 

@@ -235,8 +235,9 @@ Snapshot snapshot(const DynamicMesh& m) {
   Snapshot s;
   s.all_corners.assign(m.face.begin(), m.face.end());
   s.living = canonical_faces(m);
-  for (const Array<int>& faces : m.faces_of) {
-    s.faces_of.emplace_back(faces.begin(), faces.end());
+  for (int v = 0; v < m.faces_of.size(); ++v) {
+    s.faces_of.emplace_back();
+    for (int f : m.faces_of[v]) s.faces_of.back().push_back(f);
     std::sort(s.faces_of.back().begin(), s.faces_of.back().end());
   }
   int start = 0;  // the first vertex on the boundary that is still there

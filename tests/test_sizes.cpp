@@ -1,0 +1,160 @@
+// Vertices of thousands of edges and boundaries of a hundred thousand: what is near-linear in them
+// ends in seconds here, and would not in minutes if it were quadratic. tests/bench/sizes.cpp prints
+// seconds and memory.
+
+#define ISM_IMPLEMENTATION
+#include "ism.hpp"
+#include "large.hpp"
+#include "runs.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace {
+
+using namespace ism::detail;
+using ism::Points2;
+using runs::on_one_thread;
+using shapes::Disk;
+
+ism::Options few_iterations() {
+  ism::Options options = on_one_thread();
+  options.max_iterations = 2;
+  return options;
+}
+
+/// A slit ring with one more dimension, and where it lies flat.
+Disk ring(int n, double angle) {
+  Disk disk = shapes::strip(n);
+  disk.mesh = large::slit_ring(n, angle);
+  disk.plane = disk.mesh.vertices.leftCols<2>();
+  return disk;
+}
+
+/// Teeth with n edges in all.
+Disk comb(int n) { return shapes::comb(n / 20, 9); }
+
+/// Turned about the origin.
+Disk turned(Disk disk, double angle) {
+  disk.plane = shapes::moved(disk.plane, shapes::rotation(angle), {0, 0});
+  return disk;
+}
+
+void check_run(const ism::Result& result, int least_iterations) {
+  CAPTURE(result.message);
+  CHECK(ism::is_usable(result.status));
+  CHECK(static_cast<int>(result.log.size()) >= least_iterations);
+  CHECK(std::isfinite(result.final_state().energy));
+}
+
+}  // namespace
+
+TEST_CASE("a squared Laplacian has a bounded number of blocks per vertex") {
+  const Executor executor{on_one_thread()};
+  for (int n : {100, 20000}) {
+    const ism::TriangleMesh fan = large::bent_fan(n, 3, 0.2);
+    const JointSurface s = shapes::joined(fan, shapes::grid(2, 2).mesh);
+    const BlockMatrix Q = squared_laplacian(s, executor);
+    CHECK(Q.rows() == s.mesh.n_vertices);
+    CHECK(Q.blocks() >= 3 * n);
+    CHECK(Q.blocks() <= (n <= kHub ? n * n : 5 * n));
+    for (int r = 0; r < Q.rows(); ++r) CHECK_MESSAGE(Q.column[Q.start[r]] == r, "no diagonal");
+  }
+}
+
+TEST_CASE("a fan of 20,000 triangles is mapped to a grid") {
+  Disk grid = shapes::grid(4, 4);
+  shapes::bend(grid, 0.3);
+  const ism::TriangleMesh fan = large::bent_fan(20000, 3, 0.2);
+  CHECK(ism::validate(fan).empty());
+  check_run(ism::compute_map(fan, grid.mesh, {{0, 12}, {1, 4}}, few_iterations()), 2);
+}
+
+TEST_CASE("where all edges of two hubs of 10,000 triangles cross, the run ends and says why") {
+  constexpr int n = 10000;
+  const Disk a = shapes::fan(n), b = turned(a, 0.3 * kPi / n);
+  ism::Options options = few_iterations();
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  const ism::TriangleMesh mesh_a = large::bent_fan(n, 2, 0.2), mesh_b = large::bent_fan(n, 3, 0.2);
+  const auto says_why = [](ism::Status status, const std::string& message) {
+    CHECK(status == ism::Status::kMemoryLimit);
+    CHECK(message.find("16 million polygons") != std::string::npos);
+  };
+  const ism::Result result = ism::compute_map(mesh_a, mesh_b, {}, options);
+  says_why(result.status, result.message);
+  CHECK(result.f.size() + result.g.size() == 0);
+  const ism::SurfaceMap map(mesh_a, mesh_b, a.plane, b.plane);
+  says_why(map.status(), map.message());
+}
+
+TEST_CASE("a closed surface with two hubs of 1,000 triangles is mapped") {
+  check_run(ism::compute_map(large::bipyramid(1000, 2, 1.2), shapes::sphere(1),
+                             {{1000, 2}, {1001, 5}}, few_iterations()),
+            0);
+}
+
+TEST_CASE("decimation of 100,000 boundary edges, and of hubs, is undone vertex by vertex") {
+  const Executor executor{on_one_thread()};
+  for (const ism::TriangleMesh& mesh :
+       {ring(50000, 5.5).mesh, comb(100000).mesh, large::bent_fan(20000, 3, 0.2)}) {
+    const Surface s = build_surface(mesh, false);
+    Array<double> angle(s.mesh.n_vertices, 0);
+    for (int i = 0; i < s.mesh.boundary.size(); ++i)
+      angle[s.mesh.tail[s.mesh.boundary[i]]] = 2 * kPi * i / s.mesh.boundary.size();
+    Hierarchy h(s, ism::Side::kA, Array<char>(s.mesh.n_vertices, 0), Hierarchy::kBase,
+                Approach::kConnectivity, angle, executor);
+    CHECK(h.active() <= Hierarchy::kBase);
+    REQUIRE(h.embed_base());
+    h.set_goal(s.mesh.n_vertices);
+    CHECK(h.grow() == -1);
+    CHECK(h.is_full());
+    CHECK(is_injective(s.mesh, h.positions()));
+  }
+}
+
+TEST_CASE("the space around 100,000 boundary edges is triangulated") {
+  for (const Disk& disk : {ring(50000, 5.5), comb(100000), shapes::fan(100000)}) {
+    const HalfEdgeMesh m = shapes::half_edges(disk.mesh);
+    REQUIRE(is_injective(m, disk.plane));
+    const Scaffold s = build_scaffold(m, disk.plane, 1);
+    CHECK(s.triangle.size() == m.boundary.size() + 4);
+    CHECK(std::abs(scaffold_energy(s, disk.plane)) < 1e-6);
+  }
+}
+
+TEST_CASE("the deepest point is that of the triangle farthest from all edges of the boundary") {
+  for (const Disk& disk : {shapes::comb(4, 3), shapes::spherical_cap(5, 11, 1.2),
+                           shapes::slit_ring(16, 0.3, 6), shapes::frame(9, 3)}) {
+    const HalfEdgeMesh m = shapes::half_edges(disk.mesh);
+    const auto depth = [&](Vec2 p) {
+      double least = kInfinity;
+      for (int h : m.boundary)
+        least = std::min(
+            least, distance_to_segment(p, row2(disk.plane, m.tail[h]), row2(disk.plane, m.tip(h))));
+      return least;
+    };
+    double largest = 0;
+    for (int f = 0; f < m.n_faces; ++f)
+      largest = std::max(
+          largest, depth(1.0 / 3 *
+                         (row2(disk.plane, m.corner(f, 0)) + row2(disk.plane, m.corner(f, 1)) +
+                          row2(disk.plane, m.corner(f, 2)))));
+    CHECK(depth(deepest_point(m, disk.plane)) == largest);
+  }
+  const Disk fan = shapes::fan(100000);
+  CHECK(norm(deepest_point(shapes::half_edges(fan.mesh), fan.plane)) < 0.7);
+}
+
+TEST_CASE("a pair with boundaries of 100,000 edges takes an iteration") {
+  const Disk a = ring(50000, 5.5), b = turned(ring(49000, 5), 0.2);
+  ism::Options options = few_iterations();
+  options.max_iterations = 1;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  check_run(ism::compute_map(a.mesh, b.mesh, {}, options), 1);
+}
