@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Builds and runs all tests, from any folder. On Debian and Ubuntu it installs what is missing.
-#   BUILD=dir  the build folder (default: build/ of the project)
-#   JOBS=n     compilers and tests at a time (default: one per processor)
+#   tests/run.sh [ARGUMENT...]   arguments of CMake's configuration
+#   BUILD=dir     the build folder (default: build/ of the project)
+#   JOBS=n        compilers and tests at a time (default: one per processor)
+#   EXCLUDE=names leaves out tests whose names match this regular expression
 set -euo pipefail
 
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -10,9 +12,10 @@ jobs="${JOBS:-$(nproc 2>/dev/null || echo 2)}"
 
 source .ci/packages.sh
 install doctest-dev has_header doctest/doctest.h
+install libboost-dev has_header boost/multiprecision/cpp_int.hpp
 
 cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON \
-  -DISM_BUILD_BENCH=ON
+  -DISM_BUILD_BENCH=ON "$@"
 cmake --build "$build" --parallel "$jobs"
 cd "$build"
-ctest --parallel "$jobs" --output-on-failure --no-tests=error
+ctest --parallel "$jobs" --output-on-failure --no-tests=error --exclude-regex "${EXCLUDE:-^$}"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Flags under which the predicates are not exact: each is refused by the compiler or, where no macro
-# tells of it, found by arithmetic_is_sound().
+# tells of it, found by arithmetic_is_sound(). And newer standards, without a warning.
 #   test_flags.sh COMPILER FLAGS_OF_EIGEN...
 set -euo pipefail
 
@@ -28,6 +28,12 @@ for flag in -ffast-math -Ofast -ffinite-math-only; do
   fi
   grep -q "decides orientations exactly" "$work/log" || { cat "$work/log"; exit 1; }
   echo "$flag: refused"
+done
+
+strict=(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Werror)
+for standard in c++20 c++2b; do
+  compile -fsyntax-only "-std=$standard" "${strict[@]}" || { cat "$work/log"; exit 1; }
+  echo "$standard: no warnings"
 done
 
 # Sums in another order: g++ says so by a macro, clang++ does not.

@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Builds and tests in every way that users may: compilers, standards, flags, sanitizers. All of them
+# take hours on two processors.
+#   tests/lanes.sh [LANE...]   the lanes named, or all; prints a line for each
+#   BUILD=dir                  the folder of their build folders and logs (default: build/lanes)
+set -uo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+root="${BUILD:-build/lanes}"
+mkdir -p "$root"
+root="$(cd "$root" && pwd)"
+chosen=" $* "
+failed=0
+
+wanted() { [ "$chosen" = "  " ] || [[ "$chosen" == *" $1 "* ]]; }
+
+# report NAME STATUS START TEXT
+report() {
+  local result=passed
+  [ "$2" -eq 0 ] || { result="FAILED, see $root/$1.log" && failed=1; }
+  echo "$1: $result in $((SECONDS - $3)) s. $4"
+}
+
+# lane NAME COMPILER FLAGS LEFT_OUT ARGUMENTS...: tests/run.sh with these flags of the compiler and
+# arguments of CMake, but for the tests left out.
+lane() {
+  local name="$1" compiler="$2" flags="$3" left_out="$4" start=$SECONDS
+  shift 4
+  wanted "$name" || return 0
+  CXX="$compiler" CXXFLAGS="-Werror $flags" BUILD="$root/$name" EXCLUDE="$left_out" \
+    tests/run.sh "$@" > "$root/$name.log" 2>&1
+  report "$name" $? "$start" "$(grep -E 'tests passed|tests failed' "$root/$name.log" | tail -n 1)"
+}
+
+# Runs of one problem by two compilers, without fused multiplications, which each places where it
+# likes, and without instructions that are chosen at run time.
+same_bits() {
+  local start=$SECONDS status=0 compiler
+  wanted bits || return 0
+  for compiler in g++ clang++; do
+    cmake -S . -B "$root/bits_$compiler" -DCMAKE_CXX_COMPILER="$compiler" -DISM_NATIVE=OFF \
+      -DISM_BUILD_EXAMPLES=OFF -DCMAKE_CXX_FLAGS="-ffp-contract=off -DISM_NO_AVX2" \
+      > "$root/bits.log" 2>&1 &&
+      cmake --build "$root/bits_$compiler" --target test_bits >> "$root/bits.log" 2>&1 &&
+      "$root/bits_$compiler/test_bits" > "$root/bits_$compiler.txt" || status=1
+  done
+  diff "$root/bits_g++.txt" "$root/bits_clang++.txt" >> "$root/bits.log" || status=1
+  report bits $status "$start" "g++ and clang++"
+}
+
+# What needs whole builds of its own, or takes memory at will, is not for every lane.
+scripts='test_consumers|test_flags|test_cli'
+memory='test_machine|test_failures'
+sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF)
+export UBSAN_OPTIONS=print_stacktrace=1
+
+lane native g++ "" ""
+lane portable g++ "" "" -DISM_NATIVE=OFF
+lane no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DISM_NATIVE=OFF
+lane clang clang++ "" ""
+lane clang_portable clang++ "" "$scripts" -DISM_NATIVE=OFF
+lane cxx20 g++ "" "$scripts" -DCMAKE_CXX_STANDARD=20
+lane cxx23 clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23
+lane no_threads g++ "-DISM_NO_THREADS" "$scripts|$memory"
+lane address clang++ "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all" \
+  "$scripts|$memory" "${sanitizer[@]}"
+lane thread clang++ "-O1 -g -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}"
+same_bits
+exit $failed
