@@ -13661,7 +13661,7 @@ class Run {
       whole_ = pair_;
       opened_ = placed_;
     } else {
-      result_.start.status = result_.status;
+      static_cast<Outcome&>(result_.start) = result_;
     }
   }
 

@@ -1189,7 +1189,9 @@ TEST_CASE("meshes that are no surfaces are refused by name") {
   check_refused(result, Status::kInvalidMesh, "mesh B");
   CHECK(result.ids == Ids{{ism::Side::kB, ism::Element::kFace, 1}});
   check_refused(ism::compute_map(TriangleMesh(), good), Status::kInvalidMesh, "mesh A");
-  CHECK(ism::initial_embedding(good, bow_tie(), {}, as_given).status == Status::kInvalidMesh);
+  const ism::Embedding e = ism::initial_embedding(good, bow_tie(), {}, as_given);
+  CHECK(e.status == Status::kInvalidMesh);
+  CHECK(e.message == ism::compute_map(good, bow_tie(), {}, as_given).message);
 }
 
 TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
@@ -1200,7 +1202,10 @@ TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
     check_refused(result, Status::kInvalidLandmarks, mesh);
     CHECK(result.message.find(std::to_string(id)) != std::string::npos);
     CHECK(result.ids == Ids{mesh[0] == 'A' ? of_a(id) : of_b(id)});
-    CHECK(ism::initial_embedding(a, b, landmarks).status == Status::kInvalidLandmarks);
+    const ism::Embedding e = ism::initial_embedding(a, b, landmarks);
+    CHECK(e.status == Status::kInvalidLandmarks);
+    CHECK(e.message == result.message);
+    CHECK(e.ids == result.ids);
   };
   refuse({{0, 0}, {9, 1}}, 9, "A");
   refuse({{-1, 0}}, -1, "A");
