@@ -477,6 +477,30 @@ TEST_CASE("derivatives of every measure agree with differences for every corner 
   }
 }
 
+TEST_CASE("derivatives of every measure agree with differences next to conformal maps") {
+  // There both singular values are nearly the same, and their difference has a kink.
+  const DistortionMeasure measures[] = {kDirichlet, ism::arap(), ism::sarap(), ism::asap()};
+  for (std::size_t i = 0; i < 4; ++i) {
+    CAPTURE(i);
+    Rng rng(20);
+    Worst worst;
+    for (int k = 0; k < 200; ++k) {
+      Sample s = random_sample(rng);
+      const Matrix2d F = jacobian(s.x, 0, s.rest_inverse_a);
+      Matrix2d away;
+      away << rng.point(0.01), rng.point(0.01);
+      const double scale = k % 2 ? 1 : rng.uniform(0.5, 2);
+      const Matrix2d J = scale * shapes::rotation(rng.uniform(0, 6)) + away;
+      s.rest_inverse_b = to_mat2(edges_of(s.x, 3).inverse() * F * J);
+      compare(polygon_derivatives(s.polygon, displaced(s.x), s.rest_inverse_a, s.rest_inverse_b,
+                                  measures[i], 0.2),
+              worst);
+    }
+    CHECK(worst.gradient < 1e-5);
+    CHECK(worst.hessian < 1e-4);
+  }
+}
+
 TEST_CASE("a measure of one's own is integrated and differentiated like those of the library") {
   const DistortionMeasure area(
       [](double, double d) { return StretchDensity{square(d - 1), 0, 2 * (d - 1), 0, 0, 2}; }, 1,

@@ -72,6 +72,7 @@ int closed_surfaces(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const int n = static_cast<int>(args.pairs.size());
   render::Canvas canvas(1060, static_cast<int>(figure::kRow) * 2 * n + 60);
+  std::vector<figure::Claim> claims;
   for (int i = 0; i < 2 * n; i += 2) {
     figure::Pair pair = figure::read_pair(args.pairs[static_cast<std::size_t>(i / 2)]);
     pair.a = closed(std::move(pair.a));
@@ -96,8 +97,10 @@ int closed_surfaces(int argc, char** argv) {
         figure::format("%s: distortion %.3f, below %.2f on 95%% of the area", pair.name.c_str(),
                        r.final_state().mean_distortion, ism::summarize(front.distortion).p95));
     canvas.text({20, 32 + figure::kRow * (i + 1)}, 12, "the same, from where they were cut open");
+    claims.push_back({pair.name + ": the map is closed", map.is_closed()});
+    claims.push_back(
+        {pair.name + ": it is injective, and covers both surfaces", figure::is_proved(map)});
   }
   picture::draw_heat_legend({730, 2 * figure::kRow * n + 20, 300, 14}, canvas);
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(args, canvas, claims);
 }

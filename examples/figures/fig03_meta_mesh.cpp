@@ -3,6 +3,18 @@
 
 #include "figure.hpp"
 
+namespace {
+
+bool is_refinement(const picture::Scene& scene) {
+  for (std::size_t p = 1; p < scene.meta.offsets.size(); ++p) {
+    const int corners = scene.meta.offsets[p] - scene.meta.offsets[p - 1];
+    if (corners < 3 || corners > 6) return false;
+  }
+  return figure::is_proved(scene.map);
+}
+
+}  // namespace
+
 int fig03_meta_mesh(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair pair = figure::read_pair(args.pairs[0]);
@@ -29,6 +41,7 @@ int fig03_meta_mesh(int argc, char** argv) {
               figure::format("%zu polygons over %zu triangles", scene.meta.face_a.size(),
                              static_cast<std::size_t>(r.start.a->triangles.rows() +
                                                       r.start.b->triangles.rows())));
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(
+      args, canvas,
+      {{"the polygons refine both meshes, with 3 to 6 corners", is_refinement(scene)}});
 }

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
 #include <cmath>
 
 namespace {
@@ -18,6 +19,20 @@ ism::Points2 swirled(const ism::Points2& points) {
     result.row(i) = (Eigen::Rotation2Dd(angle) * points.row(i).transpose()).transpose();
   }
   return result;
+}
+
+/// How far lines are from straight ones, seen from above.
+double bend(const figure::Lines& lines) {
+  double most = 0;
+  for (const std::vector<Eigen::Vector3d>& line : lines) {
+    const Eigen::Vector2d start = line.front().head<2>();
+    const Eigen::Vector2d along = (line.back().head<2>() - start).normalized();
+    for (const Eigen::Vector3d& p : line) {
+      const Eigen::Vector2d d = p.head<2>() - start;
+      most = std::max(most, std::abs(along.x() * d.y() - along.y() * d.x()));
+    }
+  }
+  return most;
 }
 
 }  // namespace
@@ -35,6 +50,7 @@ int fig06_bent_edges(int argc, char** argv) {
   const render::Color light(0.72f, 0.72f, 0.74f);
   const Eigen::Vector2d lo(-1.02, -1.02), hi(1.02, 1.02);
   render::Canvas canvas(1240, 420);
+  std::vector<double> bends;
   double left = 10;
   for (const ism::Points2& plane : {g, swirled(g)}) {
     const ism::SurfaceMap map(quad, fine, f, plane);
@@ -46,13 +62,15 @@ int fig06_bent_edges(int argc, char** argv) {
     const render::View view = scene.view(ism::Side::kB, on_surface);
     picture::draw_plain(scene, ism::Side::kB, on_surface, canvas);
     figure::draw_lines(view, figure::straight(fine, edges), 0.7, figure::kGrey, canvas);
-    figure::draw_lines(view, figure::carried(scene, ism::Side::kA, sides), 3, figure::kBlue,
-                       canvas);
+    const figure::Lines on_b = figure::carried(scene, ism::Side::kA, sides);
+    figure::draw_lines(view, on_b, 3, figure::kBlue, canvas);
+    bends.push_back(bend(on_b));
     left += 620;
   }
   const char* const captions[] = {"(a) the plane", "(b) B", "(c) the plane, g deformed", "(d) B"};
   for (int i = 0; i < 4; ++i) canvas.text({20.0 + 310 * i, 30}, 11, captions[i]);
   canvas.text({20, 405}, 10, "grey: edges of B; blue: the sides of the quad A");
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(args, canvas,
+                        {{"over the plane of g, edges are straight", bends[0] < 1e-12},
+                         {"once g is deformed, they bend", bends[1] > 0.05}});
 }

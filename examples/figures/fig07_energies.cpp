@@ -24,6 +24,8 @@ int fig07_energies(int argc, char** argv) {
                 {"E_g, of B in the plane", figure::kGreen, g}},
                canvas);
   canvas.text({400, 548}, 9, "iteration");
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(
+      args, canvas,
+      {{"the energy of the map falls", map.back() < map.front()},
+       {"those of both parametrizations grow", f.back() > f.front() && g.back() > g.front()}});
 }

@@ -2,7 +2,7 @@
 // are pinched, and four distortion measures compensate for it in their own ways.
 //
 // Prints, for the map that each measure finds, the value of all four, and how much of the quad is
-// covered. In every column the least value has to stand on the diagonal, else the exit code is 1.
+// covered. In every column the least value has to stand on the diagonal.
 
 #include "figure.hpp"
 
@@ -74,8 +74,10 @@ int fig08_measures(int argc, char** argv) {
     canvas.text({panel.x + 10, 295}, 9, figure::format("energy %.4f", values(i, i)));
   }
   std::fputs(table.c_str(), stdout);
-  figure::save(args, canvas);
+  std::vector<figure::Claim> claims;
   for (int k = 0; k < 4; ++k)
-    if (values(k, k) > values.col(k).minCoeff()) figure::fail("a measure is not at its least");
-  return 0;
+    claims.push_back(
+        {std::string("of all four maps, that of ") + measures[k].name + " has the least of it",
+         values(k, k) <= values.col(k).minCoeff()});
+  return figure::finish(args, canvas, claims);
 }

@@ -13,6 +13,7 @@ int fig11_starts(int argc, char** argv) {
   const ism::Points2 centered = start.f.rowwise() - start.f.colwise().mean();
   render::Canvas canvas(1310, 810);
   picture::Axes axes;
+  std::vector<ism::SurfaceMap> maps;
   const auto panel = [](int column, int row) -> render::Rect {
     return {10.0 + 260 * column, 50.0 + 400 * row, 240, 340};
   };
@@ -24,6 +25,7 @@ int fig11_starts(int argc, char** argv) {
     options.initial_g = start.g;
     const ism::Result r = figure::optimize(pair, options);
     const ism::SurfaceMap map = figure::map_of(r);
+    maps.push_back(map);
     if (i == 0) {
       axes = picture::scene_of(map).axes;
       picture::draw_texture(picture::scene_of(map, axes), ism::Side::kA, panel(0, 0), canvas);
@@ -40,6 +42,8 @@ int fig11_starts(int argc, char** argv) {
   canvas.text({20, 600}, 11, "top: starts");
   canvas.text({20, 630}, 11, "bottom: ends");
   canvas.text({20, 660}, 11, "with distortion");
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(
+      args, canvas,
+      {{"turned by 15, the same map is found", figure::apart(maps[1], maps[0]) < figure::kSame},
+       {"turned by 60, another one is", figure::apart(maps[3], maps[0]) > figure::kSame}});
 }

@@ -22,8 +22,7 @@ void fail(const std::string& message) {
   std::exit(1);
 }
 
-Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs,
-                         std::size_t least) {
+Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs) {
   const std::string name = argv[0];
   Arguments args;
   args.picture = name + ".png";
@@ -48,8 +47,6 @@ Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& 
   if (args.pairs.empty())
     for (const std::string& pair : pairs)
       args.pairs.push_back(std::string(ISM_SOURCE_DIR) + "/data/" + pair);
-  if (args.pairs.size() < std::min(least, pairs.size()))
-    fail(name + " needs " + std::to_string(least) + " pairs");
   return args;
 }
 
@@ -120,6 +117,10 @@ std::string status_words(const ism::Result& result) {
   return format("%s after %zu iterations", ism::to_string(result.status), result.log.size());
 }
 
+// ==== [2] WHAT A FIGURE SAYS =====================================================================
+
+namespace {
+
 void save(const Arguments& args, const render::Canvas& canvas) {
   constexpr int kSmall = 5;  // samples per pixel
   const render::Image image = canvas.image(args.is_small ? kSmall : render::Canvas::kSamples);
@@ -128,7 +129,36 @@ void save(const Arguments& args, const render::Canvas& canvas) {
   std::printf("%s\n", args.picture.c_str());
 }
 
-// ==== [2] MESHES AND THEIR EDGES =================================================================
+}  // namespace
+
+int finish(const Arguments& args, const render::Canvas& canvas, const std::vector<Claim>& claims) {
+  save(args, canvas);
+  int code = 0;
+  for (const Claim& claim : claims) {
+    std::printf("%s: %s\n", claim.holds ? "holds" : "does not hold", claim.sentence.c_str());
+    if (!claim.holds) code = kClaimFails;
+  }
+  return code;
+}
+
+double excess(const ism::IterationLog& state) { return state.mean_distortion - 2; }
+
+bool is_proved(const ism::SurfaceMap& map) { return ism::verify(map).status == ism::Status::kDone; }
+
+double apart(const ism::SurfaceMap& x, const ism::SurfaceMap& y) {
+  const std::vector<ism::MappedPoint> by_x = x.forward_vertices(), by_y = y.forward_vertices();
+  double sum = 0;
+  int n = 0;
+  for (std::size_t v = 0; v < std::min(by_x.size(), by_y.size()); ++v) {
+    if (!by_x[v].covered || !by_y[v].covered) continue;
+    sum += (x.position_on_b(by_x[v].point) - y.position_on_b(by_y[v].point)).norm();
+    ++n;
+  }
+  const ism::Points3& b = x.mesh(ism::Side::kB).vertices;
+  return sum / (std::max(n, 1) * (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm());
+}
+
+// ==== [3] MESHES AND THEIR EDGES =================================================================
 
 std::vector<std::array<int, 2>> edges_of(const ism::TriangleMesh& mesh) {
   std::set<std::array<int, 2>> edges;
@@ -168,7 +198,7 @@ void draw_lines(const render::View& view, const Lines& lines, double width,
     canvas.draw_line(view, line, width, color, 2.5);
 }
 
-// ==== [3] ROWS OF FOUR PANELS ====================================================================
+// ==== [4] ROWS OF FOUR PANELS ====================================================================
 
 render::Rect row_panel(int column, double top) {
   constexpr double kWidth = 250, kHeight = 300;
@@ -183,7 +213,7 @@ void draw_row(const picture::Scene& scene, double top, render::Canvas& canvas) {
   }
 }
 
-// ==== [4] THE PLANE ==============================================================================
+// ==== [5] THE PLANE ==============================================================================
 
 void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>>& edges,
                 const Eigen::Vector2d& lo, const Eigen::Vector2d& hi, const render::Rect& panel,
@@ -197,7 +227,7 @@ void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>
   for (const std::array<int, 2>& e : edges) canvas.line({at(e[0]), at(e[1])}, width, color);
 }
 
-// ==== [5] A QUAD OVER A HILL =====================================================================
+// ==== [6] A QUAD OVER A HILL =====================================================================
 
 ism::TriangleMesh square_grid(int n) {
   ism::TriangleMesh mesh;
@@ -221,7 +251,7 @@ ism::TriangleMesh hill(int n) {
   return mesh;
 }
 
-// ==== [6] PLOTS ==================================================================================
+// ==== [7] PLOTS ==================================================================================
 
 namespace {
 

@@ -56,9 +56,8 @@ struct Arguments {
   ism::Options options;
 };
 
-/// `pairs` are those of data/ that are drawn if none is named; else at least `least` are needed.
-Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs,
-                         std::size_t least = 1);
+/// `pairs` are those of data/ that are drawn if none is named.
+Arguments read_arguments(int argc, char** argv, const std::vector<std::string>& pairs);
 
 struct Pair {
   std::string name;  // of its folder
@@ -86,8 +85,26 @@ std::string distortion_words(const ism::SurfaceMap& map);
 /// "converged after 57 iterations".
 std::string status_words(const ism::Result& result);
 
-/// Writes the picture and prints its name.
-void save(const Arguments& args, const render::Canvas& canvas);
+// ---- What a figure says ----
+
+/// A sentence about the maps that are drawn, and whether it is true.
+struct Claim {
+  std::string sentence;
+  bool holds;
+};
+
+constexpr int kClaimFails = 3;  // exit code
+
+/// Writes the picture, and prints its name and the claims. Returns the exit code.
+int finish(const Arguments& args, const render::Canvas& canvas, const std::vector<Claim>& claims);
+
+/// The mean distortion beyond that of an isometry.
+double excess(const ism::IterationLog& state);
+/// Proved to be injective, the meta mesh included.
+bool is_proved(const ism::SurfaceMap& map);
+/// How far apart on B two maps take the vertices of A, on average, in diagonals of B.
+double apart(const ism::SurfaceMap& x, const ism::SurfaceMap& y);
+constexpr double kSame = 0.02;  // apart: the same map, up to details
 
 // ---- Meshes and their edges ----
 

@@ -4,7 +4,8 @@
 //   figures NAME [PAIR ...] [-o PICTURE] [--small] [--iterations N]
 //
 // `figures` alone lists the names; figure.hpp says what the arguments are. Exit code 0: the picture
-// was written, 1: it was not, 2: there is no such figure.
+// was written, and what the figure says holds; 1: it was not written; 2: there is no such figure;
+// 3: it was written, but does not show what it is to show.
 
 #include "figure.hpp"
 

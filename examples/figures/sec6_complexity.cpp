@@ -17,6 +17,7 @@ int sec6_complexity(int argc, char** argv) {
                 i == kBound ? figure::kRed : render::Color(0.85f, 0.85f, 0.85f));
     canvas.text({x(i) - 5, bottom + 20}, 9, std::to_string(i));
   }
+  std::vector<figure::Claim> claims;
   double top = 62;
   for (const std::string& folder : args.pairs) {
     const figure::Pair pair = figure::read_pair(folder);
@@ -31,6 +32,8 @@ int sec6_complexity(int argc, char** argv) {
     canvas.fill({kLeft, top + 22, kUnit * end, 10}, figure::kBlue);
     std::printf("%s: start %.2f, most %.2f, end %.2f\n", pair.name.c_str(), start, most / triangles,
                 end);
+    claims.push_back(
+        {pair.name + ": never more than 10 polygons per triangle", most / triangles <= kBound});
     top += kRow;
   }
   const std::pair<const char*, render::Color> names[] = {
@@ -42,6 +45,5 @@ int sec6_complexity(int argc, char** argv) {
     left += 120;
   }
   canvas.text({left, bottom + 46}, 10, "red line: the paper's bound");
-  figure::save(args, canvas);
-  return 0;
+  return figure::finish(args, canvas, claims);
 }
