@@ -298,8 +298,9 @@ Solver changed(const Change& c) {
 }
 
 TEST_CASE("a solver goes on with other landmarks and options from the map it has") {
-  for (const Change& c : changes()) {
+  for (Change c : changes()) {
     CAPTURE(c.to.name);
+    c.to.options.max_iterations = 200;  // to the end: where a run is earlier, chance decides
     Solver solver = changed(c);
     const ism::SurfaceMap before(solver.result());
     int steps = 0;
@@ -315,6 +316,7 @@ TEST_CASE("a solver goes on with other landmarks and options from the map it has
       Case same = c.to;
       same.options.tuning.coarsest = 0;  // nor does a change pass through coarse levels
       const Result anew = expected_of(same);
+      CAPTURE(anew.final_state().mean_distortion);
       CHECK(r.final_state().mean_distortion < 1.05 * anew.final_state().mean_distortion);
     }
     if (!c.to.options.exact_landmarks) continue;
