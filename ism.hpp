@@ -934,7 +934,8 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 // Programs for any x86-64 use AVX2 where they find it, unless ISM_NO_AVX2 is defined. A flat
 // function takes in all that it calls; those of clang++ take in what they call themselves only.
-#if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX2__) && !defined(ISM_NO_AVX2)
+#if defined(__GNUC__) && defined(__x86_64__) && defined(EIGEN_VECTORIZE) && !defined(__AVX2__) && \
+    !defined(ISM_NO_AVX2)
 #define ISM_AVX2 __attribute__((target("avx2,fma")))
 #ifndef __clang__
 #define ISM_AVX2_FLAT __attribute__((target("avx2,fma"), flatten))
@@ -2000,17 +2001,20 @@ inline void compute_rest_frames(Surface& s) {
                   s);
 }
 
-/// Scales a surface to area 1.
+/// Moves a surface to the origin and scales it to area 1. Far from the origin, scaling alone would
+/// round away what its coordinates have left of its shape.
 inline void normalize(Surface& s) {
-  double extent = 0, area = 0;
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
     s.scale *= factor;
   };
+  double extent = 0, area = 0;
   for (int i = 0; i < s.vertices.size(); ++i)
     extent = (std::max)(extent, std::abs(s.vertices.data()[i]));
   // First by a power of two, which is exact: in any unit, squares then neither over- nor underflow.
   scale(std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)));
+  const Vec3 corner = row3(s.vertices, 0);
+  for (int v = 0; v < s.mesh.n_vertices; ++v) set_row(s.vertices, v, row3(s.vertices, v) - corner);
   for (int f = 0; f < s.mesh.n_faces; ++f)
     area += 0.5 * norm(cross(s.corner(f, 1) - s.corner(f, 0), s.corner(f, 2) - s.corner(f, 0)));
   scale(1 / std::sqrt(area));
@@ -3701,13 +3705,15 @@ inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<
 // projected in batches: every operation below acts on all lanes, by the widest vector instructions
 // that the compiler may use. Lanes do not mix, so results do not depend on what else is in a batch.
 
-/// What one instruction takes.
+/// What one instruction takes: one double where Eigen knows no vectors of the processor.
 struct Packet {
   using Native = Eigen::internal::packet_traits<double>::type;
+  static constexpr std::size_t kBytes = sizeof(Native);
   Native at;
   Packet() = default;
   Packet(Native x) : at(x) {}
-  explicit Packet(double x) : at(Eigen::internal::pset1<Native>(x)) {}
+  template <class Real, class = std::enable_if_t<(kBytes > sizeof(Real))>>
+  explicit Packet(Real x) : at(Eigen::internal::pset1<Native>(x)) {}
 };
 
 inline Packet operator+(const Packet& x, const Packet& y) {
@@ -10704,14 +10710,13 @@ class MetaMeshBuilder {
 
   void add_polygon(const OverlayPolygon& p) {
     const EmbeddedPair& pair = data_.pair;
-    const SixPoints x = six_points(m_, pair.x, p);
-    const PolygonShape shape = polygon_shape(p, x);
     for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
       const CornerKey key = pair.corner_key(p, i);
       if (!(key != pair.corner_key(p, last))) continue;  // at the seam
-      const Piece &before = shape[last], &piece = shape[i];
-      Corner c =
-          same_triangle(before.e, piece.e) ? vertex(p, piece.e, x) : crossing(p, before, piece);
+      const int e = p.piece(last), after = p.piece(i);
+      Corner c = same_triangle(e, after)
+                     ? vertex(p, after)
+                     : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
       if (key.kind == 2) {
         const int k = pair.corner_on_seam(p.ta, key.first),
                   l = pair.corner_on_seam(p.tb, key.first);
@@ -10725,7 +10730,8 @@ class MetaMeshBuilder {
     ends_.push_back(corners_.size());
   }
 
-  Corner vertex(const OverlayPolygon& p, int e, const SixPoints& x) const {
+  Corner vertex(const OverlayPolygon& p, int e) const {
+    const SixPoints x = six_points(m_, data_.pair.x, p);
     const bool of_a = e < 3;
     const int k = of_a ? e : e - 3;
     const Vec3 on_a = of_a ? unit3(k) : barycentric(x[e], x[0], x[1], x[2]);
@@ -10733,12 +10739,20 @@ class MetaMeshBuilder {
     return {{}, surface_point(p.ta, on_a), surface_point(p.tb, on_b)};
   }
 
-  static Corner crossing(const OverlayPolygon& p, const Piece& before, const Piece& piece) {
-    const bool a_first = before.e < 3;
-    const int edge_a = a_first ? before.e : piece.e, edge_b = (a_first ? piece.e : before.e) - 3;
-    const double t = a_first ? before.t : piece.s, mu = a_first ? piece.s : before.t;
-    return {{}, surface_point(p.ta, on_edge(edge_a, t)), surface_point(p.tb, on_edge(edge_b, mu))};
+  /// Where two edges cross, from the same half-edges in all polygons around it: edges that are
+  /// nearly parallel cross at a place along them that is as good as unknown, but it must be one.
+  Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
+    const Points2& x = data_.pair.x;
+    const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
+    const int h = first_of(on_a), g = first_of(on_b);
+    const Vec2 u = row2(x, m_.tail[h]), c = row2(x, m_.tail[g]);
+    const Crossing at = detail::crossing(u, row2(x, m_.tip(h)) - u, c, row2(x, m_.tip(g)) - c);
+    return {{},
+            surface_point(p.ta, on_edge(edge_a, on_a == h ? at.t : 1 - at.t)),
+            surface_point(p.tb, on_edge(edge_b, on_b == g ? at.mu : 1 - at.mu))};
   }
+
+  int first_of(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
 
   const MapData& data_;
   const HalfEdgeMesh& m_;
