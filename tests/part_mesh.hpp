@@ -292,8 +292,18 @@ TEST_CASE("a surface is scaled to unit area whatever its unit") {
       given.vertices *= unit;
       const Surface s = build_surface(given, false);
       CHECK(s.total_area == doctest::Approx(1).epsilon(1e-12));
-      CHECK((s.vertices - disk.mesh.vertices / std::sqrt(area)).norm() < 1e-13);
+      const Eigen::RowVector3d origin = disk.mesh.vertices.row(0);
+      const ism::Points3 expected = (disk.mesh.vertices.rowwise() - origin) / std::sqrt(area);
+      CHECK((s.vertices - expected).norm() < 1e-13);
     }
+}
+
+TEST_CASE("a surface far from the origin keeps all that its coordinates have left of its shape") {
+  TriangleMesh far = shapes::spherical_cap(3, 7, 1).mesh;
+  far.vertices.array() += 1e8;
+  TriangleMesh near = far;
+  near.vertices.array() -= 1e8;  // exact
+  CHECK(build_surface(far, false).vertices == build_surface(near, false).vertices);
 }
 
 // ---- two surfaces as one ----
