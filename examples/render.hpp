@@ -99,6 +99,9 @@ Color heat(double t);
 /// Squares of two greys with a hue that changes over the texture, so that places can be told.
 Image checker_texture(int squares, int size);
 
+/// Normals of the vertices, of any length: weighted by the areas of their triangles.
+ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles);
+
 class Canvas {
  public:
   Canvas(int width, int height, const Color& background = {1, 1, 1});
@@ -317,8 +320,7 @@ void Canvas::triangle(const std::array<Vec3, 3>& corner, const Paint& paint) {
     }
 }
 
-/// Normals of the vertices, weighted by the areas of their triangles.
-inline ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles) {
+ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles) {
   ism::Points3 normals = ism::Points3::Zero(vertices.rows(), 3);
   for (Eigen::Index f = 0; f < triangles.rows(); ++f) {
     const Vec3 a = vertices.row(triangles(f, 0)), b = vertices.row(triangles(f, 1));
