@@ -20,13 +20,25 @@ class Browser {
   static async start(port, width, height) {
     const browser = new Browser();
     browser.root = `http://127.0.0.1:${port}`;
-    const args = ['--headless=new', '--no-sandbox', '--disable-dev-shm-usage', '--hide-scrollbars',
-                  '--enable-unsafe-swiftshader', `--window-size=${width},${height}`];
-    const {sessionId} = await browser.call('POST', '/session', {capabilities: {alwaysMatch: {
-      browserName: 'chrome', 'goog:loggingPrefs': {browser: 'ALL'},
-      'goog:chromeOptions': {args, prefs: {'download.default_directory': out,
-                                           'profile.default_content_setting_values': {
-                                             automatic_downloads: 1}}}}}});
+    const args = [
+      '--headless=new', '--no-sandbox', '--disable-dev-shm-usage', '--hide-scrollbars',
+      '--enable-unsafe-swiftshader', `--window-size=${width},${height}`
+    ];
+    const {sessionId} = await browser.call('POST', '/session', {
+      capabilities: {
+        alwaysMatch: {
+          browserName: 'chrome',
+          'goog:loggingPrefs': {browser: 'ALL'},
+          'goog:chromeOptions': {
+            args,
+            prefs: {
+              'download.default_directory': out,
+              'profile.default_content_setting_values': {automatic_downloads: 1}
+            }
+          }
+        }
+      }
+    });
     browser.root += `/session/${sessionId}`;
     return browser;
   }
@@ -38,15 +50,25 @@ class Browser {
     return value;
   }
 
-  open(url) { return this.call('POST', '/url', {url}); }
-  close() { return this.call('DELETE', ''); }
-  run(script, ...args) { return this.call('POST', '/execute/sync', {script, args}); }
-  wait(script, ...args) { return this.call('POST', '/execute/async', {script, args}); }
+  open(url) {
+    return this.call('POST', '/url', {url});
+  }
+  close() {
+    return this.call('DELETE', '');
+  }
+  run(script, ...args) {
+    return this.call('POST', '/execute/sync', {script, args});
+  }
+  wait(script, ...args) {
+    return this.call('POST', '/execute/async', {script, args});
+  }
   async find(selector) {
     const found = await this.call('POST', '/element', {using: 'css selector', value: selector});
     return Object.values(found)[0];
   }
-  async click(selector) { return this.call('POST', `/element/${await this.find(selector)}/click`, {}); }
+  async click(selector) {
+    return this.call('POST', `/element/${await this.find(selector)}/click`, {});
+  }
   async type(selector, text) {
     return this.call('POST', `/element/${await this.find(selector)}/value`, {text});
   }
@@ -55,12 +77,19 @@ class Browser {
     return this.call('POST', '/actions', {actions: [{type: 'key', id: 'keys', actions}]});
   }
   drag([x, y], [toX, toY], pointerType = 'mouse') {
-    const move = (mx, my) => ({type: 'pointerMove', x: Math.round(mx), y: Math.round(my),
-                               duration: 50});
-    return this.call('POST', '/actions', {actions: [{
-      type: 'pointer', id: pointerType, parameters: {pointerType},
-      actions: [move(x, y), {type: 'pointerDown', button: 0}, move((x + toX) / 2, (y + toY) / 2),
-                move(toX, toY), {type: 'pointerUp', button: 0}]}]});
+    const move = (mx, my) =>
+        ({type: 'pointerMove', x: Math.round(mx), y: Math.round(my), duration: 50});
+    return this.call('POST', '/actions', {
+      actions: [{
+        type: 'pointer',
+        id: pointerType,
+        parameters: {pointerType},
+        actions: [
+          move(x, y), {type: 'pointerDown', button: 0}, move((x + toX) / 2, (y + toY) / 2),
+          move(toX, toY), {type: 'pointerUp', button: 0}
+        ]
+      }]
+    });
   }
   async picture(name) {
     fs.writeFileSync(path.join(out, name), await this.call('GET', '/screenshot'), 'base64');
@@ -72,18 +101,21 @@ class Browser {
 
   // ---- this page ----
 
-  text(id) { return this.run('return document.getElementById(arguments[0]).textContent', id); }
+  text(id) {
+    return this.run('return document.getElementById(arguments[0]).textContent', id);
+  }
   async number(id) {
-    return Number(await this.run(
-        'return document.querySelector(`#${arguments[0]} data`).value', id));
+    return Number(
+        await this.run('return document.querySelector(`#${arguments[0]} data`).value', id));
   }
   async until(what, script, seconds, ...args) {
     for (let i = 0; i < 10 * seconds; ++i) {
       if (await this.run(script, ...args)) return;
       await sleep(100);
     }
-    throw new Error(`${what}: not within ${seconds} s; ` +
-                    `the page says "${await this.text('status')}"`);
+    throw new Error(
+        `${what}: not within ${seconds} s; ` +
+        `the page says "${await this.text('status')}"`);
   }
   async load(url) {
     await this.open(url);
@@ -91,36 +123,49 @@ class Browser {
     return Number(await this.run('return document.documentElement.dataset.ready'));
   }
   says(pattern, seconds = 20) {
-    return this.until(`a sentence like ${pattern}`,
-                      'return new RegExp(arguments[0]).test(' +
-                      'document.getElementById("status").textContent)', seconds, pattern.source);
+    return this.until(
+        `a sentence like ${pattern}`,
+        'return new RegExp(arguments[0]).test(' +
+            'document.getElementById("status").textContent)',
+        seconds, pattern.source);
   }
   async choose(name) {
-    await this.run('const s = document.getElementById("pair"); s.value = arguments[0];' +
-                   's.dispatchEvent(new Event("change"))', name);
+    await this.run(
+        'const s = document.getElementById("pair"); s.value = arguments[0];' +
+            's.dispatchEvent(new Event("change"))',
+        name);
     await this.says(/^Ready/);
   }
   async set(id, value) {
-    await this.run('const s = document.getElementById(arguments[0]); s.value = arguments[1];' +
-                   's.dispatchEvent(new Event("change"))', id, value);
+    await this.run(
+        'const s = document.getElementById(arguments[0]); s.value = arguments[1];' +
+            's.dispatchEvent(new Event("change"))',
+        id, value);
   }
   async finish(seconds = 120) {
-    await this.until('the end of a run', 'return document.getElementById("play").disabled &&' +
-        '/prove|refute/.test(document.getElementById("proof").textContent)', seconds);
+    await this.until(
+        'the end of a run',
+        'return document.getElementById("play").disabled &&' +
+            '/prove|refute/.test(document.getElementById("proof").textContent)',
+        seconds);
   }
   // The middle of an element, which is scrolled into sight.
   async middle(selector) {
-    return this.run('const e = document.querySelector(arguments[0]);' +
-                    'e.scrollIntoView({block: "center"}); const r = e.getBoundingClientRect();' +
-                    'return [r.left + r.width / 2, r.top + r.height / 2]', selector);
+    return this.run(
+        'const e = document.querySelector(arguments[0]);' +
+            'e.scrollIntoView({block: "center"}); const r = e.getBoundingClientRect();' +
+            'return [r.left + r.width / 2, r.top + r.height / 2]',
+        selector);
   }
   // What a canvas shows, small.
   async pixels(id) {
-    return this.run(`thePage.draw();
+    return this.run(
+        `thePage.draw();
       const copy = Object.assign(document.createElement('canvas'), {width: 90, height: 90});
       const g = copy.getContext('2d');
       g.drawImage(document.getElementById(arguments[0]), 0, 0, 90, 90);
-      return g.getImageData(0, 0, 90, 90).data.join();`, id);
+      return g.getImageData(0, 0, 90, 90).data.join();`,
+        id);
   }
 }
 
@@ -132,8 +177,13 @@ const test = (name, run) => tests.push({name, run});
 // What the native program finds and writes.
 function runNatively(pair) {
   const folder = path.join(data, pair), to = fs.mkdtempSync(path.join(os.tmpdir(), 'ism_web_'));
-  execFileSync(ismMap, [path.join(folder, 'A.obj'), path.join(folder, 'B.obj'), '--landmarks',
-                        path.join(folder, 'landmarks.txt'), '-o', to], {stdio: 'ignore'});
+  execFileSync(
+      ismMap,
+      [
+        path.join(folder, 'A.obj'), path.join(folder, 'B.obj'), '--landmarks',
+        path.join(folder, 'landmarks.txt'), '-o', to
+      ],
+      {stdio: 'ignore'});
   const report = JSON.parse(fs.readFileSync(path.join(to, 'report.json')));
   const aOnB = fs.readFileSync(path.join(to, 'A_on_B.obj'), 'utf8');
   fs.rmSync(to, {recursive: true});
@@ -189,7 +239,8 @@ test('downloads the map as OBJ and PLY', async (b, t) => {
   await b.click('#save');
   const names = ['A_on_B.obj', 'B_on_A.obj', 'distortion_on_A.ply', 'distortion_on_B.ply'];
   await b.says(/^Saved A_on_B.obj/);
-  for (let i = 0; i < 100 && !names.every(n => fs.existsSync(path.join(out, n))); ++i) await sleep(100);
+  for (let i = 0; i < 100 && !names.every(n => fs.existsSync(path.join(out, n))); ++i)
+    await sleep(100);
   const elements = text => text.split('\n').filter(line => /^[vf] /.test(line));
   const here = elements(fs.readFileSync(path.join(out, 'A_on_B.obj'), 'utf8'));
   const there = elements(t.starfish.aOnB);
@@ -206,8 +257,9 @@ test('goes step by step', async b => {
   await b.says(/^Ready/);
   for (let i = 1; i <= 3; ++i) {
     await b.click('#step');
-    await b.until(`step ${i}`, 'return document.getElementById("iterations").textContent === arguments[0]',
-                  30, String(i));
+    await b.until(
+        `step ${i}`, 'return document.getElementById("iterations").textContent === arguments[0]',
+        30, String(i));
   }
   await b.until('a line that runs', 'return Boolean(document.querySelector("#lines .now"))', 5);
   await b.picture('step.png');
@@ -227,12 +279,15 @@ test('lets a landmark be dragged, and the map follows', async b => {
   await b.finish();
   const before = await b.number('distortion'), n = Number(await b.text('iterations'));
   const from = await b.middle('#marks_b .mark:nth-child(1)');
-  const label = await b.run('return document.querySelector("#marks_b .mark").getAttribute("aria-label")');
+  const label =
+      await b.run('return document.querySelector("#marks_b .mark").getAttribute("aria-label")');
   await b.drag(from, [from[0] + 15, from[1] + 10]);
-  const moved = await b.run('return document.querySelector("#marks_b .mark").getAttribute("aria-label")');
+  const moved =
+      await b.run('return document.querySelector("#marks_b .mark").getAttribute("aria-label")');
   assert.notStrictEqual(moved, label);
-  await b.until('more iterations', 'return Number(document.getElementById("iterations").textContent) > arguments[0]',
-                30, n);
+  await b.until(
+      'more iterations',
+      'return Number(document.getElementById("iterations").textContent) > arguments[0]', 30, n);
   await b.finish();
   assert.ok(Number.isFinite(await b.number('distortion')) && before > 2);
 });
@@ -241,13 +296,14 @@ test('takes other options on the way', async b => {
   await b.choose('starfish');
   await b.click('#step');
   await b.until('a map', 'return document.getElementById("distortion").textContent !== "–"', 30);
-  for (const [id, value] of [['variant', 'pn'], ['variant', 'full'], ['measure', 'arap'],
-                             ['measure', 'dirichlet'], ['coverage_weight', '0.5'], ['omega', '2'],
-                             ['memory', '3']]) {
+  for (const [id, value] of [
+           ['variant', 'pn'], ['variant', 'full'], ['measure', 'arap'], ['measure', 'dirichlet'],
+           ['coverage_weight', '0.5'], ['omega', '2'], ['memory', '3']]) {
     await b.set(id, value);
     await b.says(/^Changed/);
     await b.click('#step');
-    await b.until('a step', 'return !/^Changed/.test(document.getElementById("status").textContent)', 30);
+    await b.until(
+        'a step', 'return !/^Changed/.test(document.getElementById("status").textContent)', 30);
   }
   assert.ok(await b.number('distortion') >= 2);
 });
@@ -297,8 +353,9 @@ test('never freezes while it computes', async (b, t) => {
     };
     requestAnimationFrame(tick);`);
   times.sort((x, y) => x - y);
-  t.note(`hand, while it runs: a frame takes ${times[75].toFixed(0)} ms (median), ` +
-         `${times[142].toFixed(0)} ms (95%); ${await b.text('rate')} iterations a second`);
+  t.note(
+      `hand, while it runs: a frame takes ${times[75].toFixed(0)} ms (median), ` +
+      `${times[142].toFixed(0)} ms (95%); ${await b.text('rate')} iterations a second`);
   assert.ok(times[75] < 100, `median ${times[75]} ms`);
   await b.click('#play');
 });
@@ -308,14 +365,19 @@ test('is readable for those who do not see it', async b => {
       'button, input, select, canvas, progress')].filter(e => !(e.getAttribute('aria-label') ||
       e.getAttribute('aria-hidden') || e.closest('label') || e.textContent.trim())).map(e => e.outerHTML)`);
   assert.deepStrictEqual(unnamed, []);
-  assert.strictEqual(await b.run('return document.getElementById("status").getAttribute("role")'), 'status');
+  assert.strictEqual(
+      await b.run('return document.getElementById("status").getAttribute("role")'), 'status');
 });
 
 test('fits a phone, in the dark', async (b, t) => {
-  await b.call('POST', '/goog/cdp/execute', {cmd: 'Emulation.setDeviceMetricsOverride',
-      params: {width: 390, height: 844, deviceScaleFactor: 2, mobile: true}});
-  await b.call('POST', '/goog/cdp/execute', {cmd: 'Emulation.setEmulatedMedia',
-      params: {features: [{name: 'prefers-color-scheme', value: 'dark'}]}});
+  await b.call('POST', '/goog/cdp/execute', {
+    cmd: 'Emulation.setDeviceMetricsOverride',
+    params: {width: 390, height: 844, deviceScaleFactor: 2, mobile: true}
+  });
+  await b.call('POST', '/goog/cdp/execute', {
+    cmd: 'Emulation.setEmulatedMedia',
+    params: {features: [{name: 'prefers-color-scheme', value: 'dark'}]}
+  });
   await b.load(t.fromFile);
   await b.click('#play');
   await b.finish();
@@ -333,13 +395,18 @@ test('fits a phone, in the dark', async (b, t) => {
 async function main() {
   fs.mkdirSync(out, {recursive: true});
   const server = http.createServer((request, response) => {
-    response.setHeader('Content-Type', 'text/html');
-    response.end(fs.readFileSync(page));
-  }).listen(0);
+                       response.setHeader('Content-Type', 'text/html');
+                       response.end(fs.readFileSync(page));
+                     })
+                     .listen(0);
   const port = 20000 + process.pid % 20000;
   const driver = spawn('chromedriver', [`--port=${port}`], {stdio: 'ignore'});
-  const context = {fromFile: `file://${page}`, fromServer: `http://127.0.0.1:${server.address().port}/`,
-                   note: text => console.log(`  ${text}`), starfish: runNatively('starfish')};
+  const context = {
+    fromFile: `file://${page}`,
+    fromServer: `http://127.0.0.1:${server.address().port}/`,
+    note: text => console.log(`  ${text}`),
+    starfish: runNatively('starfish')
+  };
   let failed = 0, browser;
   try {
     for (let i = 0; !browser; ++i) {

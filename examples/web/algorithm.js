@@ -2,47 +2,104 @@
 // words, and what the last iteration made of them.
 'use strict';
 
-// `phase` names the part of IterationLog's seconds that a line belongs to, `share` how much of it.
+// `phase` names the part of IterationLog's seconds that a line belongs to; some have none.
 const kLines = [
-  {at: '', phase: 'embedding', formula: 'x<sup>(0)</sup>',
-   words: 'The start: both surfaces are laid into the plane without a fold, landmarks close to ' +
-          'each other.'},
-  {at: '1', phase: 'setup', formula: 'L, M',
-   words: 'Once: how far a motion is from smooth over both surfaces (Laplacian L, areas M).'},
-  {at: '3', phase: 'derivatives', share: 0.1, formula: 'M(x) = f(A) ∩ g(B)',
-   words: 'Cut every triangle of one surface with those of the other that it meets, exactly.',
-   last: it => `${it.polygons.toLocaleString()} polygons`},
-  {at: '4–6', phase: 'derivatives', share: 0.5,
-   formula: 'E<sub>ρ</sub> = ∫ ‖J‖² + ‖J⁻¹‖², g<sub>ρ</sub>, H<sub>ρ</sub>',
-   words: 'In each polygon Φ is affine. Its stretch, how that changes with the six corners of the ' +
-          'two triangles, and how that change changes.',
-   last: it => `distortion ${it.distortion.toFixed(4)}`},
-  {at: '7', phase: 'derivatives', share: 0.4, formula: 'H<sub>ρ</sub> → V D<sub>+</sub> V<sup>T</sup>',
-   words: 'Directions in which the energy curves down are bent upwards, so that a valley remains.'},
-  {at: '8', phase: 'assembly', share: 0.7, formula: 'g<sup>(i)</sup> = Σ g<sub>ρ</sub>, H<sup>(i)</sup> = Σ H<sub>ρ</sub>',
-   words: 'Add all of them up to one gradient and one sparse matrix.',
-   last: it => `E = ${it.energy.toPrecision(5)}`},
-  {at: '9', phase: 'assembly', share: 0.3, formula: 'H = Σ<sub>j</sub> λ<sup>j</sup> H<sup>(i−j)</sup>, g likewise',
-   words: 'Memory: mix in the last few, as the energy has a kink wherever a vertex crosses an edge.'},
-  {at: '10–12', phase: 'solve', share: 1, formula: '(H + ω<sub>L</sub> L<sup>T</sup>ML) d = −g',
-   words: 'Newton’s direction, smoothed: while ω<sub>L</sub> is large, all vertices move as one ' +
-          'sheet. A smaller, the same and a larger ω<sub>L</sub> are tried.',
-   last: it => `ω = ${Number(it.omega.toPrecision(2))}`},
-  {at: '13–14', phase: 'reset', formula: 'd<sup>T</sup>g<sup>(i)</sup> &gt; 0 ?',
-   words: 'If the memory points uphill, forget it and solve again.',
-   last: it => it.historyReset ? 'forgotten' : 'it points downhill'},
-  {at: '15–16', phase: 'search', share: 0.1, formula: 's ≤ 0.99 s<sub>max</sub>',
-   words: 'The longest step before some triangle collapses.',
-   last: it => `at most ${Number(it.maxStep.toPrecision(3))}`},
-  {at: '17–23', phase: 'search', share: 0.9, formula: 'E(x + s d) ≤ E(x) + 10⁻⁴ s d<sup>T</sup>g',
-   words: 'Shorten the step until the map of the moved vertices, with its own overlay, is better.',
-   last: it => `s = ${it.step.toPrecision(3)}`},
-  {at: '24–25', phase: 'accept', formula: 'x<sup>(i+1)</sup> = best trial',
-   words: 'Take the best of all trials. Exact predicates have found it injective.'},
-  {at: '+', phase: 'quasiNewton', formula: 'd = −H<sub>old</sub>⁻¹ g',
-   words: 'Beyond the paper: a few cheap steps with the factor at hand, as long as they pay.',
-   last: it => it.quasiNewton ? `s = ${it.step.toPrecision(3)}` : ''},
+  {
+    at: '',
+    phase: 'embedding',
+    formula: 'x<sup>(0)</sup>',
+    words: 'The start: both surfaces are laid into the plane without a fold, landmarks close to ' +
+        'each other.'
+  },
+  {
+    at: '1',
+    phase: 'setup',
+    formula: 'L, M',
+    words: 'Once: how far a motion is from smooth over both surfaces (Laplacian L, areas M).'
+  },
+  {
+    at: '3',
+    phase: 'overlay',
+    formula: 'M(x) = f(A) ∩ g(B)',
+    words:
+        'Cut every triangle of one surface with those of the other that it meets, exactly. The ' +
+        'last line search has done so already.',
+    last: it => `${it.polygons.toLocaleString()} polygons`
+  },
+  {
+    at: '4–6',
+    phase: 'derivatives',
+    formula: 'E<sub>ρ</sub> = ∫ ‖J‖² + ‖J⁻¹‖², g<sub>ρ</sub>, H<sub>ρ</sub>',
+    words:
+        'In each polygon Φ is affine. Its stretch, how that changes with the six corners of the ' +
+        'two triangles, and how that change changes.',
+    last: it => `distortion ${it.distortion.toFixed(4)}`
+  },
+  {
+    at: '7',
+    phase: 'derivatives',
+    formula: 'H<sub>ρ</sub> → V D<sub>+</sub> V<sup>T</sup>',
+    words: 'Directions in which the energy curves down are bent upwards, so that a valley remains.'
+  },
+  {
+    at: '8',
+    phase: 'assembly',
+    formula: 'g<sup>(i)</sup> = Σ g<sub>ρ</sub>, H<sup>(i)</sup> = Σ H<sub>ρ</sub>',
+    words: 'Add all of them up to one gradient and one sparse matrix.',
+    last: it => `E = ${it.energy.toPrecision(5)}`
+  },
+  {
+    at: '9',
+    phase: 'assembly',
+    formula: 'H = Σ<sub>j</sub> λ<sup>j</sup> H<sup>(i−j)</sup>, g likewise',
+    words:
+        'Memory: mix in the last few, as the energy has a kink wherever a vertex crosses an edge.'
+  },
+  {
+    at: '10–12',
+    phase: 'solve',
+    formula: '(H + ω<sub>L</sub> L<sup>T</sup>ML) d = −g',
+    words: 'Newton’s direction, smoothed: while ω<sub>L</sub> is large, all vertices move as one ' +
+        'sheet. A smaller, the same and a larger ω<sub>L</sub> are tried.',
+    last: it => `ω = ${Number(it.omega.toPrecision(2))}`
+  },
+  {
+    at: '13–14',
+    phase: 'reset',
+    formula: 'd<sup>T</sup>g<sup>(i)</sup> &gt; 0 ?',
+    words: 'If the memory points uphill, forget it and solve again.',
+    last: it => it.historyReset ? 'forgotten' : 'it points downhill'
+  },
+  {
+    at: '15–16',
+    phase: 'search',
+    formula: 's ≤ 0.99 s<sub>max</sub>',
+    words: 'The longest step before some triangle collapses.',
+    last: it => `at most ${Number(it.maxStep.toPrecision(3))}`
+  },
+  {
+    at: '17–23',
+    phase: 'search',
+    formula: 'E(x + s d) ≤ E(x) + 10⁻⁴ s d<sup>T</sup>g',
+    words: 'Shorten the step until the map of the moved vertices, with its own overlay, is better.',
+    last: it => `s = ${it.step.toPrecision(3)}`
+  },
+  {
+    at: '24–25',
+    phase: 'accept',
+    formula: 'x<sup>(i+1)</sup> = best trial',
+    words: 'Take the best of all trials. Exact predicates have found it injective.'
+  },
+  {
+    at: '+',
+    phase: 'quasiNewton',
+    formula: 'd = −H<sub>old</sub>⁻¹ g',
+    words: 'Beyond the paper: a few cheap steps with the factor at hand, as long as they pay.',
+    last: it => it.quasiNewton ? `s = ${it.step.toPrecision(3)}` : ''
+  },
 ];
+
+const sumOf = seconds => Object.values(seconds).reduce((a, b) => a + b, 0) || 1;
 
 class AlgorithmPanel {
   constructor(list, caption) {
@@ -50,32 +107,38 @@ class AlgorithmPanel {
     this.items = kLines.map(line => {
       const item = document.createElement('li');
       item.innerHTML = `<b>${line.at}</b><span class="formula">${line.formula}</span>` +
-                       `<span class="words">${line.words}</span><span class="last"></span>` +
-                       '<span class="share"></span>';
+          `<span class="words">${line.words}</span><span class="last"></span>` +
+          '<span class="share"></span>';
       list.append(item);
       return item;
     });
     this.timer = 0;
   }
 
-  // Seconds of an iteration by line.
+  // What each phase of an iteration took.
   static seconds(log) {
-    if (log.quasiNewton)
-      return kLines.map(line => line.phase === 'quasiNewton' ? log.secondsSearch + log.secondsSolve +
-                                                               log.secondsDerivatives : 0);
-    const of = {derivatives: log.secondsDerivatives, assembly: log.secondsAssembly,
-                solve: log.secondsSolve, search: log.secondsSearch};
-    return kLines.map(line => line.share ? line.share * of[line.phase] : 0);
+    const {secondsDerivatives, secondsAssembly, secondsSolve, secondsSearch} = log;
+    if (log.quasiNewton) return {quasiNewton: secondsDerivatives + secondsSolve + secondsSearch};
+    return {
+      derivatives: secondsDerivatives,
+      assembly: secondsAssembly,
+      solve: secondsSolve,
+      search: secondsSearch
+    };
   }
 
-  // What the last iteration did, and how long each line took.
+  // What the last iteration did, and how long each phase took, at its first line.
   show(log) {
-    const seconds = AlgorithmPanel.seconds(log), sum = seconds.reduce((a, b) => a + b, 0) || 1;
+    const seconds = AlgorithmPanel.seconds(log), sum = sumOf(seconds), seen = new Set();
     kLines.forEach((line, i) => {
       const item = this.items[i], runs = this.runs(line, log);
+      const took = seen.has(line.phase) ? 0 : seconds[line.phase] || 0;
+      seen.add(line.phase);
+      const last = runs && line.last ? line.last(log) : '';
+      const time = took ? `${(1000 * took).toFixed(0)} ms` : '';
       item.classList.toggle('idle', !runs);
-      item.querySelector('.last').textContent = runs && line.last ? line.last(log) : '';
-      item.querySelector('.share').style.width = `${100 * seconds[i] / sum}%`;
+      item.querySelector('.last').textContent = [last, time].filter(x => x).join(', ');
+      item.querySelector('.share').style.width = `${100 * took / sum}%`;
     });
     this.log = log;
   }
@@ -102,12 +165,14 @@ class AlgorithmPanel {
   sweep(milliseconds, repeats) {
     this.stop();
     const visit = [...kLines.keys()].filter(i => this.runs(kLines[i], this.log));
-    const seconds = AlgorithmPanel.seconds(this.log), sum = seconds.reduce((a, b) => a + b, 0) || 1;
+    const seconds = AlgorithmPanel.seconds(this.log), sum = sumOf(seconds);
+    const sharing = phase => visit.filter(i => kLines[i].phase === phase).length;
+    const shareOf = ({phase}) => (seconds[phase] || 0) / sum / sharing(phase);
     const next = k => {
       if (k === visit.length && !repeats) return;
       const i = visit[k % visit.length];
       this.mark(i);
-      const share = 0.3 / visit.length + 0.7 * seconds[i] / sum;  // all can be seen
+      const share = 0.3 / visit.length + 0.7 * shareOf(kLines[i]);  // all can be seen
       this.timer = setTimeout(() => next(k % visit.length + 1), milliseconds * share);
     };
     next(0);

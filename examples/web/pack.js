@@ -16,17 +16,20 @@ function asset(name, bytes) {
 
 const pairs = {};
 for (const name of ['starfish', 'hand', 'face'])
-  pairs[name] = {a: read(data, name, 'A.obj'), b: read(data, name, 'B.obj'),
-                 landmarks: read(data, name, 'landmarks.txt')};
+  pairs[name] = {
+    a: read(data, name, 'A.obj'),
+    b: read(data, name, 'B.obj'),
+    landmarks: read(data, name, 'landmarks.txt')
+  };
 
 const worker = read(built, 'ism.js') + read(sources, 'worker.js');
 if (worker.includes('</script')) throw new Error('the worker ends its own element');
 const assets = asset('wasm', fs.readFileSync(path.join(built, 'ism.wasm'))) +
-               asset('data', JSON.stringify(pairs)) +
-               `<script type="text/plain" id="worker">${worker}</script>`;
+    asset('data', JSON.stringify(pairs)) +
+    `<script type="text/plain" id="worker">${worker}</script>`;
 
 const page = read(sources, 'index.html')
-    .replace('<!--@assets@-->', () => assets)
-    .replace(/\/\*@([a-z]+\.(css|js))@\*\//g, (_, name) => read(sources, name));
+                 .replace('<!--@assets@-->', () => assets)
+                 .replace(/\/\*@([a-z]+\.(css|js))@\*\//g, (_, name) => read(sources, name));
 fs.mkdirSync(path.dirname(out), {recursive: true});
 fs.writeFileSync(out, page);

@@ -16,8 +16,8 @@ async function asset(name) {
 // A sphere of 8 · 4^levels triangles with bumps, closed, as the text of an OBJ file.
 function blob(levels, seed) {
   let vertices = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]];
-  let triangles = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2],
-                   [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];
+  let triangles =
+      [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];
   for (let level = 0; level < levels; ++level) {
     const middles = new Map();
     const middle = (u, v) => {
@@ -34,15 +34,18 @@ function blob(levels, seed) {
     });
   }
   vertices = vertices.map(([x, y, z]) => {
-    const r = 1 + 0.25 * Math.sin(3 * x + seed) * Math.cos(2 * y + 2 * seed) + 0.15 * Math.sin(5 * z * seed);
+    const r = 1 + 0.25 * Math.sin(3 * x + seed) * Math.cos(2 * y + 2 * seed) +
+        0.15 * Math.sin(5 * z * seed);
     return [r * x, r * y, r * z];
   });
   return vertices.map(p => `v ${p.join(' ')}\n`).join('') +
-         triangles.map(t => `f ${t.map(v => v + 1).join(' ')}\n`).join('');
+      triangles.map(t => `f ${t.map(v => v + 1).join(' ')}\n`).join('');
 }
 
 function landmarksIn(text) {
-  return text.split('\n').map(line => line.replace(/#.*/, '').trim()).filter(line => line)
+  return text.split('\n')
+      .map(line => line.replace(/#.*/, '').trim())
+      .filter(line => line)
       .map(line => line.split(/\s+/).slice(0, 2).map(Number));
 }
 
@@ -50,8 +53,11 @@ function landmarksIn(text) {
 async function readPairs() {
   const pairs = JSON.parse(new TextDecoder().decode(await asset('data')));
   for (const pair of Object.values(pairs)) pair.landmarks = landmarksIn(pair.landmarks);
-  pairs['blobs (closed)'] =
-      {a: blob(3, 1), b: blob(3, 1.4), landmarks: [0, 1, 2, 3, 4, 5].map(v => [v, v])};
+  pairs['blobs (closed)'] = {
+    a: blob(3, 1),
+    b: blob(3, 1.4),
+    landmarks: [0, 1, 2, 3, 4, 5].map(v => [v, v])
+  };
   return pairs;
 }
 
@@ -65,8 +71,10 @@ class Solver {
     this.worker.onmessage = ({data: {id, result, error}}) => {
       const {resolve, reject} = this.waiting.get(id);
       this.waiting.delete(id);
-      if (error) reject(new Error(error));
-      else resolve(result);
+      if (error)
+        reject(new Error(error));
+      else
+        resolve(result);
     };
     this.worker.onerror = event => {
       for (const {reject} of this.waiting.values()) reject(new Error(event.message));
@@ -80,213 +88,6 @@ class Solver {
       this.waiting.set(id, {resolve, reject});
       this.worker.postMessage({id, call, values}, transfer);
     });
-  }
-}
-
-// ---- the plot ----
-
-// Values over the iterations; the scale of energies is logarithmic, and shared.
-class Plot {
-  constructor(canvas) {
-    this.canvas = canvas;
-    this.clear();
-  }
-
-  clear() {
-    this.series = [
-      {name: 'distortion of Φ', of: it => it.distortion, color: '--ink', values: []},
-      {name: 'E_f, of A in the plane', of: it => it.energyF, color: '--a', values: []},
-      {name: 'E_g, of B in the plane', of: it => it.energyG, color: '--b', values: []},
-    ];
-  }
-
-  add(log) {
-    this.series.forEach(s => s.values.push(s.of(log)));
-  }
-
-  draw() {
-    const scale = devicePixelRatio || 1, {clientWidth: width, clientHeight: height} = this.canvas;
-    Object.assign(this.canvas, {width: width * scale, height: height * scale});
-    const g = this.canvas.getContext('2d'), style = getComputedStyle(document.documentElement);
-    const color = name => style.getPropertyValue(name).trim();
-    g.scale(scale, scale);
-    g.font = '12px system-ui, sans-serif';
-    this.legend(g, color, width);
-    const all = this.series.flatMap(s => s.values).filter(x => x > 0 && isFinite(x));
-    if (!all.length) return;
-    const box = {left: 40, right: width - 10, top: 24, bottom: height - 22};
-    const low = Math.min(...all) * 0.98, high = Math.max(...all) * 1.05;
-    const n = Math.max(...this.series.map(s => s.values.length), 2);
-    const x = i => box.left + (box.right - box.left) * i / (n - 1);
-    const y = v => box.bottom - (box.bottom - box.top) * Math.log(v / low) / Math.log(high / low);
-    this.grid(g, color, box, low, high, y, n);
-    for (const s of this.series) {
-      g.strokeStyle = color(s.color);
-      g.lineWidth = 2;
-      g.beginPath();
-      s.values.forEach((v, i) => v > 0 && isFinite(v) && g.lineTo(x(i), y(v)));
-      g.stroke();
-    }
-  }
-
-  legend(g, color, width) {
-    let at = 8;
-    for (const s of this.series) {
-      const words = width > 420 ? s.name : s.name.split(/[ ,]/)[0];
-      g.fillStyle = color(s.color);
-      g.fillRect(at, 10, 12, 3);
-      g.fillText(words, at + 16, 15);
-      at += g.measureText(words).width + 30;
-    }
-  }
-
-  grid(g, color, box, low, high, y, n) {
-    g.strokeStyle = color('--line');
-    g.fillStyle = color('--quiet');
-    g.lineWidth = 1;
-    let last = Infinity;
-    for (const v of [1, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50, 100, 200, 500, 1000, 1e4, 1e5]) {
-      if (v < low || v > high || last - y(v) < 16) continue;
-      last = y(v);
-      g.beginPath();
-      g.moveTo(box.left, last);
-      g.lineTo(box.right, last);
-      g.stroke();
-      g.textAlign = 'right';
-      g.fillText(String(v), box.left - 4, last + 4);
-    }
-    g.fillText(`${n} iterations, coarse levels included`, box.right, box.bottom + 16);
-    g.textAlign = 'left';
-  }
-}
-
-// ---- landmarks ----
-
-// Marks on both surfaces that can be set, dragged, moved by keys and removed.
-class Landmarks {
-  constructor(views, changed, say) {
-    this.views = views;
-    this.changed = changed;
-    this.say = say;
-    this.pairs = [];
-    this.pending = null;  // {side, vertex} of the first end
-  }
-
-  set(pairs) {
-    this.pairs = pairs.map(pair => [...pair]);
-    this.pending = null;
-    this.render();
-  }
-
-  // A place on one side was chosen. `image` finds where it lies on the other one, or -1.
-  place(side, vertex, image) {
-    if (this.pairs.some(pair => pair[side] === vertex)) return;
-    const ends = [-1, -1];
-    ends[side] = vertex;
-    if (this.pending && this.pending.side !== side) ends[1 - side] = this.pending.vertex;
-    else ends[1 - side] = image();
-    if (ends[1 - side] < 0 || this.pairs.some(pair => pair[1 - side] === ends[1 - side])) {
-      this.pending = {side, vertex};
-      this.say(`Now click the same place on ${side === 0 ? 'B' : 'A'}.`);
-    } else {
-      this.pending = null;
-      this.pairs.push(ends);
-      this.changed();
-    }
-    this.render();
-  }
-
-  move(i, side, vertex) {
-    if (vertex < 0 || this.pairs.some(pair => pair[side] === vertex)) return;
-    this.pairs[i][side] = vertex;
-    this.layout();
-  }
-
-  remove(i) {
-    this.pairs.splice(i, 1);
-    this.render();
-    this.changed();
-  }
-
-  render() {
-    for (const side of [0, 1]) {
-      const box = $(`marks_${kSides[side]}`);
-      box.replaceChildren(...this.pairs.map((pair, i) => this.mark(i, side)));
-      if (this.pending && this.pending.side === side) {
-        const mark = document.createElement('span');
-        mark.className = 'mark pending';
-        box.append(mark);
-      }
-    }
-    this.layout();
-  }
-
-  mark(i, side) {
-    const mark = document.createElement('button');
-    mark.type = 'button';
-    mark.className = 'mark';
-    mark.textContent = i + 1;
-    mark.addEventListener('keydown', event => this.key(event, i, side));
-    mark.addEventListener('pointerdown', event => this.drag(event, mark, i, side));
-    return mark;
-  }
-
-  drag(event, mark, i, side) {
-    const view = this.views[side], before = this.pairs[i][side];
-    mark.setPointerCapture(event.pointerId);
-    mark.onpointermove = move => {
-      const box = view.canvas.getBoundingClientRect();
-      this.move(i, side, view.pick(move.clientX - box.left, move.clientY - box.top));
-    };
-    mark.onpointerup = mark.onpointercancel = () => {
-      mark.onpointermove = mark.onpointerup = mark.onpointercancel = null;
-      if (this.pairs[i][side] !== before) this.changed();
-    };
-  }
-
-  key(event, i, side) {
-    const directions = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
-    if (event.key === 'Delete' || event.key === 'Backspace') this.remove(i);
-    else if (directions[event.key]) {
-      const next = this.neighbour(side, this.pairs[i][side], directions[event.key]);
-      this.move(i, side, next);
-      clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.changed(), 400);
-    } else return;
-    event.preventDefault();
-    event.stopPropagation();
-  }
-
-  // The neighbour of a vertex that lies farthest in a direction of the screen.
-  neighbour(side, v, [dx, dy]) {
-    const view = this.views[side], {triangles} = view.mesh, from = view.place(v);
-    let best = -1, most = 0;
-    for (let t = 0; t < triangles.length; t += 3) {
-      const corners = triangles.subarray(t, t + 3);
-      if (!corners.includes(v)) continue;
-      for (const u of corners) {
-        const to = view.place(u), length = Math.hypot(to.x - from.x, to.y - from.y);
-        const along = u === v ? 0 : ((to.x - from.x) * dx + (to.y - from.y) * dy) / length;
-        if (along > most) [best, most] = [u, along];
-      }
-    }
-    return best;
-  }
-
-  layout() {
-    for (const side of [0, 1]) {
-      const view = this.views[side], marks = $(`marks_${kSides[side]}`).children;
-      if (!view.mesh) continue;
-      const vertices = this.pairs.map(pair => pair[side]);
-      if (this.pending && this.pending.side === side) vertices.push(this.pending.vertex);
-      vertices.forEach((v, i) => {
-        const at = view.place(v);
-        marks[i].style.left = `${at.x}px`;
-        marks[i].style.top = `${at.y}px`;
-        marks[i].classList.toggle('behind', !at.isInFront);
-        marks[i].setAttribute('aria-label', `Landmark ${i + 1} on ${side ? 'B' : 'A'}, vertex ${v}`);
-      });
-    }
   }
 }
 
@@ -327,9 +128,14 @@ class Page {
   }
 
   options() {
-    return {measure: $('measure').value, coverage: Number($('coverage_weight').value),
-            omega: 10 ** Number($('omega').value), memory: Number($('memory').value),
-            variant: $('variant').value, exact: $('exact').checked};
+    return {
+      measure: $('measure').value,
+      coverage: Number($('coverage_weight').value),
+      omega: 10 ** Number($('omega').value),
+      memory: Number($('memory').value),
+      variant: $('variant').value,
+      exact: $('exact').checked
+    };
   }
 
   request() {
@@ -429,8 +235,10 @@ class Page {
     const go = async () => {
       if (!this.isPlaying) return;
       await this.enqueue(() => this.advance(false));
-      if (this.isPlaying && this.state && this.state.more) setTimeout(go);
-      else this.pause();
+      if (this.isPlaying && this.state && this.state.more)
+        setTimeout(go);
+      else
+        this.pause();
     };
     go();
   }
@@ -452,8 +260,10 @@ class Page {
     this.take(await this.solver.ask('advance', {milliseconds: 120, single}));
     if (this.state.logs.length) {
       this.algorithm.show(this.state.log);
-      if (single) this.algorithm.sweep(2500, false);
-      else if (!this.algorithm.isSweeping) this.algorithm.sweep(1500, true);
+      if (single)
+        this.algorithm.sweep(2500, false);
+      else if (!this.algorithm.isSweeping)
+        this.algorithm.sweep(1500, true);
     } else if (!this.hasMap) {
       this.algorithm.embedding();
     }
@@ -469,8 +279,10 @@ class Page {
     if (state.picture) this.takePicture(state.picture);
     $('progress').value = state.more ? state.fraction || 0 : 1;
     this.showNumbers();
-    if (state.message && !state.more) this.say(this.sentence(state), !state.usable);
-    else this.say(state.logs ? `${this.capital(state.what)} …` : 'Ready. Press Play.');
+    if (state.message && !state.more)
+      this.say(this.sentence(state), !state.usable);
+    else
+      this.say(state.logs ? `${this.capital(state.what)} …` : 'Ready. Press Play.');
     this.needsDrawing = true;
   }
 
@@ -516,9 +328,10 @@ class Page {
       this.times = [...(this.times || []), [state.logs.length, state.secondsOfSteps]].slice(-10);
     const [count, seconds] = this.times.reduce(([n, s], [m, t]) => [n + m, s + t], [0, 0]);
     set('rate', count ? (count / seconds).toFixed(1) : '–', count ? count / seconds : '');
-    this.views[2].canvas.setAttribute('aria-label', log
-        ? `Both embeddings in the plane, ${log.polygons} polygons where they overlap`
-        : 'Both embeddings in the plane, not there yet');
+    this.views[2].canvas.setAttribute(
+        'aria-label',
+        log ? `Both embeddings in the plane, ${log.polygons} polygons where they overlap` :
+              'Both embeddings in the plane, not there yet');
   }
 
   colors() {
@@ -531,10 +344,13 @@ class Page {
 
   look() {
     const view = this.views[0];
-    return {paint: document.querySelector('input[name=paint]:checked').value,
-            edges: $('edges').checked, colors: this.colors(),
-            toTexture: view.mesh ? affine(view.mesh.axes, 1 / view.ball.radius, view.ball.center)
-                                 : new Float32Array(16)};
+    return {
+      paint: document.querySelector('input[name=paint]:checked').value,
+      edges: $('edges').checked,
+      colors: this.colors(),
+      toTexture: view.mesh ? affine(view.mesh.axes, 1 / view.ball.radius, view.ball.center) :
+                             new Float32Array(16)
+    };
   }
 
   draw() {
@@ -568,7 +384,8 @@ class Page {
   // ---- what the user does ----
 
   listen() {
-    $('play').onclick = () => this.isPlaying ? (this.wasPlaying = false, this.pause()) : this.play();
+    $('play').onclick = () =>
+        this.isPlaying ? (this.wasPlaying = false, this.pause()) : this.play();
     $('step').onclick = () => this.step();
     $('restart').onclick = () => this.start();
     $('save').onclick = () => this.download();
@@ -576,7 +393,8 @@ class Page {
     $('pair').onchange = () => this.openPair($('pair').value);
     for (const id of ['measure', 'variant', 'coverage_weight', 'omega', 'memory', 'exact'])
       $(id).onchange = () => this.change();
-    for (const id of ['coverage_weight', 'omega', 'memory']) $(id).oninput = () => this.showSettings();
+    for (const id of ['coverage_weight', 'omega', 'memory'])
+      $(id).oninput = () => this.showSettings();
     for (const input of document.querySelectorAll('input[name=paint], #edges'))
       input.onchange = () => {
         this.needsDrawing = true;
@@ -602,8 +420,8 @@ class Page {
 
   toggleTheme() {
     const root = document.documentElement;
-    const isDark = root.dataset.theme ? root.dataset.theme === 'dark'
-                                      : matchMedia('(prefers-color-scheme: dark)').matches;
+    const isDark = root.dataset.theme ? root.dataset.theme === 'dark' :
+                                        matchMedia('(prefers-color-scheme: dark)').matches;
     root.dataset.theme = isDark ? 'light' : 'dark';
     this.recolor();
   }
@@ -645,8 +463,10 @@ class Page {
       if (!before) return;
       const dx = event.clientX - before.clientX, dy = event.clientY - before.clientY;
       moved += Math.abs(dx) + Math.abs(dy);
-      if (pointers.size === 2) this.pinch(view, pointers, event);
-      else this.turn(i, dx / 150, dy / 150);
+      if (pointers.size === 2)
+        this.pinch(view, pointers, event);
+      else
+        this.turn(i, dx / 150, dy / 150);
       pointers.set(event.pointerId, event);
     };
     canvas.onpointercancel = event => pointers.delete(event.pointerId);
@@ -659,11 +479,16 @@ class Page {
       this.scale(view, Math.exp(-event.deltaY / 500));
     };
     canvas.onkeydown = event => {
-      const turns = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]};
-      if (turns[event.key]) this.turn(i, ...turns[event.key]);
-      else if (event.key === '+') this.scale(view, 1.1);
-      else if (event.key === '-') this.scale(view, 1 / 1.1);
-      else return;
+      const turns =
+          {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]};
+      if (turns[event.key])
+        this.turn(i, ...turns[event.key]);
+      else if (event.key === '+')
+        this.scale(view, 1.1);
+      else if (event.key === '-')
+        this.scale(view, 1 / 1.1);
+      else
+        return;
       event.preventDefault();
     };
   }
@@ -705,7 +530,8 @@ class Page {
     const nearest = (points, stride, offset, p) => {
       let best = -1, least = Infinity;
       for (let i = 0; i * stride < points.length; ++i) {
-        const d = [0, 1, 2].reduce((sum, k) => sum + (points[i * stride + offset + k] - p[k]) ** 2, 0);
+        const d =
+            [0, 1, 2].reduce((sum, k) => sum + (points[i * stride + offset + k] - p[k]) ** 2, 0);
         if (d < least) [best, least] = [i, d];
       }
       return best;

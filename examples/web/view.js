@@ -159,8 +159,8 @@ class View {
 
   program(vertexText, fragmentText) {
     const gl = this.gl, program = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, vertexText],
-                                [gl.FRAGMENT_SHADER, fragmentText]]) {
+    for (const [kind, text] of [
+             [gl.VERTEX_SHADER, vertexText], [gl.FRAGMENT_SHADER, fragmentText]]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
@@ -176,8 +176,10 @@ class View {
     const gl = this.gl, array = gl.createVertexArray();
     gl.bindVertexArray(array);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.overlayBuffer);
-    const layout = [[3, gl.FLOAT, 0], [3, gl.FLOAT, 12], [2, gl.FLOAT, 24], [2, gl.FLOAT, 32],
-                    [2, gl.FLOAT, 40], [4, gl.BYTE, 48], [4, gl.BYTE, 52], [1, gl.FLOAT, 56]];
+    const layout = [
+      [3, gl.FLOAT, 0], [3, gl.FLOAT, 12], [2, gl.FLOAT, 24], [2, gl.FLOAT, 32], [2, gl.FLOAT, 40],
+      [4, gl.BYTE, 48], [4, gl.BYTE, 52], [1, gl.FLOAT, 56]
+    ];
     layout.forEach(([size, type, offset], i) => {
       gl.enableVertexAttribArray(i);
       gl.vertexAttribPointer(i, size, type, type === gl.BYTE, kCornerBytes, offset);
@@ -189,10 +191,10 @@ class View {
   setHeatColors(colors) {
     const gl = this.gl;
     gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, colors.length / 3, 1, 0, gl.RGB, gl.UNSIGNED_BYTE,
-                  colors);
-    for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR],
-                                 [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE]])
+    gl.texImage2D(
+        gl.TEXTURE_2D, 0, gl.RGB, colors.length / 3, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, colors);
+    for (const [name, value] of [
+             [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE]])
       gl.texParameteri(gl.TEXTURE_2D, name, value);
   }
 
@@ -232,8 +234,9 @@ class View {
     this.yaw = this.pitch = 0;
     this.zoom = 1;
     this.corners = 0;
-    this.setPlains([this.plain(mesh.vertices, 3, mesh.normals, mesh.triangles, this.gl.TRIANGLES,
-                               [0.62, 0.64, 0.68, 1], 1)]);
+    this.setPlains([this.plain(
+        mesh.vertices, 3, mesh.normals, mesh.triangles, this.gl.TRIANGLES, [0.62, 0.64, 0.68, 1],
+        1)]);
   }
 
   // Both embeddings as lines. The picture keeps its place as long as that fits.
@@ -242,14 +245,16 @@ class View {
     const ball = ballOf(f.positions, 2), other = ballOf(g.positions, 2);
     const reach = Math.max(ball.radius, other.radius);
     if (!this.ball || reach > 1.15 * this.ball.radius || reach < 0.7 * this.ball.radius ||
-        Math.hypot(ball.center[0] - this.ball.center[0],
-                   ball.center[1] - this.ball.center[1]) > 0.2 * reach)
+        Math.hypot(ball.center[0] - this.ball.center[0], ball.center[1] - this.ball.center[1]) >
+            0.2 * reach)
       this.ball = {center: ball.center, radius: reach};
-    this.edges = [f, g].map((x, i) => this.edges[i] && areEqual(this.edges[i].of, x.triangles)
-        ? this.edges[i] : {of: x.triangles, list: edgesOf(x.triangles)});
+    this.edges = [f, g].map(
+        (x, i) => this.edges[i] && areEqual(this.edges[i].of, x.triangles) ?
+            this.edges[i] :
+            {of: x.triangles, list: edgesOf(x.triangles)});
     this.setPlains([f, g].map(
-        (x, i) => this.plain(x.positions, 2, null, this.edges[i].list, gl.LINES,
-                             [...colors[i], 0.4], 0)));
+        (x, i) => this.plain(
+            x.positions, 2, null, this.edges[i].list, gl.LINES, [...colors[i], 0.4], 0)));
   }
 
   setOverlay(bytes) {
@@ -269,8 +274,8 @@ class View {
 
   // Rows: right, up, towards the viewer, of what is seen.
   turn() {
-    return this.where === 2 ? new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1])
-                            : multiply3(rotation(this.yaw, this.pitch), this.mesh.axes);
+    return this.where === 2 ? new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1]) :
+                              multiply3(rotation(this.yaw, this.pitch), this.mesh.axes);
   }
 
   // To clip space, without perspective.
@@ -301,8 +306,10 @@ class View {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     const is_plane = this.where === 2;
-    if (is_plane) gl.disable(gl.DEPTH_TEST);
-    else gl.enable(gl.DEPTH_TEST);
+    if (is_plane)
+      gl.disable(gl.DEPTH_TEST);
+    else
+      gl.enable(gl.DEPTH_TEST);
     const matrix = this.matrix(), turn = this.turn();
     if (!is_plane) this.drawPlains(matrix, turn);
     if (this.corners) this.drawOverlay(matrix, turn, look);
@@ -350,9 +357,12 @@ class View {
     const x = vertices.subarray(3 * v, 3 * v + 3), n = normals.subarray(3 * v, 3 * v + 3);
     const at = [0, 1, 2].map(i => m[i] * x[0] + m[4 + i] * x[1] + m[8 + i] * x[2] + m[12 + i]);
     const facing = turn[2] * n[0] + turn[5] * n[1] + turn[8] * n[2];
-    return {x: (1 + at[0]) / 2 * this.canvas.clientWidth,
-            y: (1 - at[1]) / 2 * this.canvas.clientHeight,
-            depth: at[2], isInFront: facing > 0};
+    return {
+      x: (1 + at[0]) / 2 * this.canvas.clientWidth,
+      y: (1 - at[1]) / 2 * this.canvas.clientHeight,
+      depth: at[2],
+      isInFront: facing > 0
+    };
   }
 
   // The vertex next to where the surface is seen at a pixel of the page; -1: there is none.
@@ -362,7 +372,7 @@ class View {
     for (let v = 0; v < n; ++v)
       for (let i = 0; i < 3; ++i)
         places[3 * v + i] = m[i] * vertices[3 * v] + m[4 + i] * vertices[3 * v + 1] +
-                            m[8 + i] * vertices[3 * v + 2] + m[12 + i];
+            m[8 + i] * vertices[3 * v + 2] + m[12 + i];
     const x = 2 * px / this.canvas.clientWidth - 1, y = 1 - 2 * py / this.canvas.clientHeight;
     let best = -1, depth = Infinity;
     for (let t = 0; t < triangles.length; t += 3) {
@@ -378,8 +388,8 @@ class View {
 
 // Where a line of sight meets a triangle, and the corner next to that.
 function hitOf(places, [a, b, c], x, y) {
-  const area = (u, v) => (places[3 * u] - x) * (places[3 * v + 1] - y) -
-                         (places[3 * v] - x) * (places[3 * u + 1] - y);
+  const area = (u, v) =>
+      (places[3 * u] - x) * (places[3 * v + 1] - y) - (places[3 * v] - x) * (places[3 * u + 1] - y);
   const weights = [area(b, c), area(c, a), area(a, b)];
   const sum = weights[0] + weights[1] + weights[2];
   if (sum === 0 || weights.some(w => w * sum < 0)) return null;

@@ -69,7 +69,8 @@ const calls = {
 
 // The buffers of all typed arrays in a result.
 function buffersOf(value, found = []) {
-  if (ArrayBuffer.isView(value)) found.push(value.buffer);
+  if (ArrayBuffer.isView(value))
+    found.push(value.buffer);
   else if (value && typeof value === 'object')
     Object.values(value).forEach(part => buffersOf(part, found));
   return found;
