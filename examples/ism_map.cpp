@@ -10,6 +10,7 @@
 #include "mesh_io.hpp"
 #include "morph.hpp"
 #include "render.hpp"
+#include "system.hpp"
 
 #include <algorithm>
 #include <array>
@@ -26,8 +27,6 @@
 #include <system_error>
 #include <utility>
 #include <vector>
-
-#include <unistd.h>  // isatty, access
 
 namespace {
 
@@ -425,7 +424,7 @@ std::string check_output(const Arguments& args) {
     folder = folder.parent_path();
   if (!fs::is_directory(folder, ec))
     return "-o " + args.out + ": " + folder.string() + " is not a folder";
-  if (access(folder.c_str(), W_OK) != 0)
+  if (!system_calls::may_write(folder))
     return "-o " + args.out + ": no permission to write to " + folder.string();
   return {};
 }
@@ -466,7 +465,7 @@ double seconds_since(Clock::time_point start) {
 /// One line on stderr: rewritten in place on a terminal, else a new one for each iteration.
 class ProgressLine {
  public:
-  explicit ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+  explicit ProgressLine(bool quiet) : quiet_(quiet), terminal_(system_calls::is_terminal(stderr)) {}
 
   void show(const ism::Progress& progress) {
     if (quiet_) return;

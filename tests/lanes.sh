@@ -47,8 +47,45 @@ same_bits() {
   report bits $status "$start" "g++ and clang++"
 }
 
+# Windows programs, cross-compiled, under Wine. The headers of doctest and Boost are linked into a
+# folder of their own: the one they share with those of this system is not for that compiler.
+windows() {
+  local headers="$root/windows_headers" folder
+  wanted windows || return 0
+  if ! command -v x86_64-w64-mingw32-g++-posix > /dev/null || ! PATH="$PATH:/usr/lib/wine" \
+    command -v wine64 > /dev/null; then
+    echo "windows: skipped, it needs g++-mingw-w64-x86-64-posix and wine64 (of Debian and Ubuntu)"
+    return
+  fi
+  mkdir -p "$headers"
+  for folder in doctest boost; do ln -sfn "/usr/include/$folder" "$headers/$folder"; done
+  export WINEPREFIX="$root/wine" WINEDEBUG=-all
+  lane windows x86_64-w64-mingw32-g++-posix "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF \
+    -DCMAKE_TOOLCHAIN_FILE="$PWD/tests/consumers/mingw.cmake" -DISM_DOCTEST_DIR="$headers" \
+    -DISM_BOOST_DIR="$headers" -DEigen3_DIR="${EIGEN3_DIR:-/usr/share/eigen3/cmake}"
+}
+
+# The oldest Eigen, as Debian has it in a package for R.
+eigen33() {
+  local package="$root/eigen33_package" folder=usr/lib/R/site-library/RcppEigen/include
+  wanted eigen33 || return 0
+  mkdir -p "$package"
+  [ -e "$package/$folder" ] || (cd "$package" && apt-get download r-cran-rcppeigen &&
+    dpkg-deb -x r-cran-rcppeigen_*.deb .) > "$root/eigen33.log" 2>&1 || {
+    echo "eigen33: skipped, there is no package r-cran-rcppeigen"
+    return
+  }
+  cat > "$package/Eigen3Config.cmake" <<CMAKE
+set(Eigen3_VERSION 3.3.9)
+add_library(Eigen3::Eigen INTERFACE IMPORTED)
+set_target_properties(Eigen3::Eigen PROPERTIES INTERFACE_INCLUDE_DIRECTORIES
+  "$package/$folder")
+CMAKE
+  lane eigen33 g++ "" "$scripts" -DISM_NATIVE=OFF -DEigen3_DIR="$package"
+}
+
 # What needs whole builds of its own, or takes memory at will, is not for every lane.
-scripts='test_consumers|test_flags|test_cli'
+scripts='test_consumers|test_windows|test_flags|test_cli|reference'
 memory='test_machine|test_failures'
 sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF)
 export UBSAN_OPTIONS=print_stacktrace=1
@@ -65,4 +102,6 @@ lane address clang++ "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=
   "$scripts|$memory" "${sanitizer[@]}"
 lane thread clang++ "-O1 -g -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}"
 same_bits
+eigen33
+windows
 exit $failed

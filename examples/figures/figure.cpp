@@ -2,6 +2,7 @@
 
 #include "figure.hpp"
 #include "mesh_io.hpp"
+#include "system.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,8 +11,6 @@
 #include <filesystem>
 #include <limits>
 #include <set>
-
-#include <unistd.h>  // isatty
 
 namespace figure {
 
@@ -69,7 +68,7 @@ Pair read_pair(const std::string& given) {
 
 ism::Result optimize(const Pair& pair, const ism::Options& given) {
   ism::Options options = given;
-  const bool is_watched = isatty(STDERR_FILENO) != 0;
+  const bool is_watched = system_calls::is_terminal(stderr);
   options.progress = [is_watched](const ism::Progress& progress) {
     if (is_watched && progress.iteration != nullptr)
       std::fprintf(stderr, "iteration %3d, distortion %.4f\r", progress.iteration->iteration,

@@ -1,0 +1,2 @@
+#define ISM_IMPLEMENTATION
+#include "ism.hpp"
