@@ -148,7 +148,8 @@ TEST_CASE("what a progress callback throws reaches the caller") {
 }
 
 TEST_CASE("where memory ends, bad_alloc reaches the caller and nothing is leaked") {
-  const auto [a, b] = pair();
+  const auto disks = pair();
+  const shapes::Disk &a = disks.first, &b = disks.second;
   for (int threads : {1, 3}) {
     CAPTURE(threads);
     const ism::Options options = options_of(threads, 2);
@@ -283,7 +284,8 @@ std::pair<shapes::Disk, shapes::Disk> large_pair(int n) {
 }  // namespace
 
 TEST_CASE("a task takes at most 64 KB of stack, and so does the calling thread") {
-  const auto [a, b] = large_pair(30);
+  const auto disks = large_pair(30);
+  const shapes::Disk &a = disks.first, &b = disks.second;
   const int n = static_cast<int>(a.mesh.vertices.rows()),
             m = static_cast<int>(b.mesh.vertices.rows());
   const std::vector<ism::Landmark> landmarks = {{n / 3, m / 3}, {2 * n / 3 + 5, 2 * m / 3 + 5}};
@@ -311,7 +313,8 @@ TEST_CASE("the estimate of memory is within 30% of the peak of the process") {
     for (int threads : {1, 2}) {
       CAPTURE(n);
       CAPTURE(threads);
-      const auto [a, b] = large_pair(n);
+      const auto disks = large_pair(n);
+      const shapes::Disk &a = disks.first, &b = disks.second;
       const ism::Options options = options_of(threads, 16);
       const double estimate = ism::memory_estimate(a.mesh, b.mesh, options);
       const std::vector<ism::Landmark> landmarks = {{0, 0}, {n, n - 3}};
