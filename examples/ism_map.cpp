@@ -68,9 +68,8 @@ landmarks is taken; what was done is printed.
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG (8 or 16 bits, not interlaced) or binary PPM image, the texture of A, is
-                     carried to B; it lies where A's vt are, or unless every corner of A has one,
-                     where A is in the plane
+  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies where
+                     A's vt are, or unless every corner of A has one, where A is in the plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
   --morph N          2 to 100 shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
