@@ -156,6 +156,11 @@ if command -v python3 >/dev/null; then
   python3 -c 'import json; r = json.load(open("out/one/report.json"));
 assert r["status"] and r["iterations"][0]["iteration"] == 0
 assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.json"
+  # Names that are not UTF-8 are no reason for a report that nobody can read.
+  cp a.obj "$(printf 'a\351.obj')"
+  "$ism_map" "$(printf 'a\351.obj')" b.obj -o out/latin --iterations 0 --quiet || fail "a\\351.obj"
+  python3 -c 'import json; json.load(open("out/latin/report.json", encoding="utf-8"))' ||
+    fail "report.json of a\\351.obj"
 fi
 
 # What is not welded is welded, and told; results have the ids of the input.
@@ -287,8 +292,8 @@ if [ -s stdout.txt ] || [ -s stderr.txt ]; then fail "--quiet is not quiet"; fi
 "$ism_map" a.obj b.obj -o out/three --start-only --quiet || fail "--start-only"
 "$ism_map" a.obj b.obj -o out/four --preset paper --kappa 1 --variant spn --threads 1 \
   --keep-scale --tolerance 1e-3 --iterations 2 --quiet || fail "a run with all options"
-grep -q '"coverage_weight": 1,' out/four/report.json || fail "--kappa must refine the preset"
-grep -q '"omega_start": 1000000000,' out/four/report.json || fail "--preset paper"
+grep -q '"coverage_weight": 1.0,' out/four/report.json || fail "--kappa must refine the preset"
+grep -q '"omega_start": 1000000000.0,' out/four/report.json || fail "--preset paper"
 
 # Swapped planar positions of two vertices are no embedding.
 mkdir flipped && cp out/one/B.obj flipped/
@@ -389,7 +394,8 @@ for boundary in fixed slide; do
   lines=$(grep -c '^l ' out/held/A_edges_on_B.obj)
   [ "$lines" = 144 ] || fail "--boundary $boundary: $lines of 144 sides of quads"
 done
-grep -Eq '"added_midpoints": \[\[[0-9]+, [0-9]+\], \[[0-9]+, [0-9]+\]\]' out/held/report.json ||
+tr -d ' \n' <out/held/report.json |
+  grep -E '"added_midpoints":\[\[[0-9]+,[0-9]+\],\[[0-9]+,[0-9]+\]\]' >/dev/null ||
   fail "report.json does not tell the added vertices"
 code=0
 "$ism_map" a.obj b.obj -o out/held --landmarks marks.txt --pin-landmarks --boundary slide \
