@@ -6,6 +6,7 @@
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 change nothing.
 
 #include "ism.hpp"
+#include "map_glb.hpp"
 #include "map_picture.hpp"
 #include "mesh_io.hpp"
 #include "morph.hpp"
@@ -73,6 +74,9 @@ landmarks is taken; what was done is printed.
   --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies where
                      A's vt are, or unless every corner of A has one, where A is in the plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
+  --glb NAME.glb     A, a morph from A to B as an animation, and B, side by side with a texture, that
+                     of --texture or coloured squares, in one binary glTF file, for any viewer; with
+                     --heat, A and B with the distortion below
   --morph N          2 to 100 shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
   --help             print this
@@ -97,6 +101,9 @@ and if they are asked for
                          covered have none, faces across a seam have some of either side
   morph_000.obj morph_000.png ...
                          --morph: the common refinement; morph_000 lies on A, the last one on B
+  NAME.glb               --glb: the common refinement, grey where the other surface is not; A and B
+                         upright and with area 1, or A with area 1 and B in proportion to it if the
+                         scale is kept
 )";
 
 // ==== [1] ARGUMENTS ==============================================================================
@@ -105,7 +112,7 @@ and if they are asked for
 enum class Variant { kProjectedNewton, kSmoothedProjectedNewton, kFull };
 
 struct Arguments {
-  std::string a, b, out, landmarks, pins, initial, texture;
+  std::string a, b, out, landmarks, pins, initial, texture, glb;
   std::string preset = "default", measure = "sd";
   Variant variant = Variant::kFull;
   ism::Options options;
@@ -239,9 +246,9 @@ bool read_switch(const std::string& flag, Arguments& args) {
 }
 
 bool takes_value(const std::string& flag) {
-  for (const char* known :
-       {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
-        "--boundary", "--iterations", "--tolerance", "--threads", "--set", "--texture", "--morph"})
+  for (const char* known : {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset",
+                            "--measure", "--variant", "--boundary", "--iterations", "--tolerance",
+                            "--threads", "--set", "--texture", "--glb", "--morph"})
     if (flag == known) return true;
   return false;
 }
@@ -251,6 +258,13 @@ std::string read_frames(const std::string& text, int& frames) {
   const std::string error = read_number("--morph", text, frames);
   if (!error.empty() || (frames >= 2 && frames <= kMost)) return error;
   return "--morph needs 2 to " + std::to_string(kMost) + " shapes, not " + text;
+}
+
+std::string read_glb(const std::string& text, std::string& name) {
+  const std::filesystem::path path = text;
+  name = text;
+  if (path.extension() == ".glb" && !path.has_parent_path()) return {};
+  return "--glb needs a name that ends in .glb, of a file in OUT, not '" + text + "'";
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
@@ -263,6 +277,7 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
   if (flag == "--variant") return read_choice(flag, text, kVariants, args.variant);
   if (flag == "--morph") return read_frames(text, args.morph);
+  if (flag == "--glb") return read_glb(text, args.glb);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
    : flag == "--landmarks" ? args.landmarks
@@ -406,6 +421,7 @@ std::vector<std::string> output_names(const Arguments& args) {
   add(args.heat, {"heat_A.ply", "heat_B.ply"});
   add(!args.texture.empty(), {"A_textured.obj", "B_textured.obj", "textured.mtl", "texture.png"});
   add(args.transfer_uv, {"B_uv.obj", "A_uv.obj"});
+  add(!args.glb.empty(), {args.glb});
   for (int i = 0; i < args.morph; ++i) add(true, {frame_name(i) + ".obj", frame_name(i) + ".png"});
   return names;
 }
@@ -966,22 +982,32 @@ std::string add_morph(const Arguments& args, const ism::Result& result, const pi
   return {};
 }
 
+/// The texture of A that pictures show.
+picture::Texture shown_texture(const Arguments& args, const Input& input, const ism::Result& result,
+                               const picture::Scene& scene) {
+  if (args.texture.empty()) return picture::front_texture(scene);
+  return {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
+                             .apply(texture_coordinates(input, result))
+                             .values};
+}
+
 /// What the options ask for beyond the files of every run. Returns what is wrong.
 std::string add_wanted_files(const Arguments& args, const Input& input, const ism::Result& result,
                              const picture::Scene& scene, std::vector<mesh_io::TextFile>& files) {
-  if (args.picture) {
-    picture::Texture texture = picture::front_texture(scene);
-    if (!args.texture.empty())
-      texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
-                                    .apply(texture_coordinates(input, result))
-                                    .values};
+  picture::Texture texture;
+  if (args.picture || !args.glb.empty()) texture = shown_texture(args, input, result, scene);
+  if (args.picture)
     files.push_back(
         {"picture.png", picture_png(prepared_landmarks(input, result.start), scene, texture)});
-  }
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
   if (args.transfer_uv) add_uv(input, result.start, scene.meta, files);
+  if (!args.glb.empty())
+    files.push_back({args.glb, picture::glb_text(scene, texture, result.f, result.g,
+                                                 args.options.keep_scale, args.heat)});
+  if (!args.glb.empty() && files.back().text.empty())
+    return "--glb: there is no morph, or the file would have more than 4 GB";
   return args.morph > 0 ? add_morph(args, result, scene, files) : "";
 }
 
@@ -1074,6 +1100,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   if (args.morph > 0)
     std::printf(", %s.obj to %s.obj and .png", frame_name(0).c_str(),
                 frame_name(args.morph - 1).c_str());
+  if (!args.glb.empty()) std::printf(", %s", args.glb.c_str());
   std::printf("\n");
 }
 

@@ -87,6 +87,9 @@ struct Shape {
   Eigen::MatrixXd corner_normals;  // 3#F×3, any length; or no rows: means over the triangles around
 };
 
+/// Normals of the vertices, weighted by the areas of their triangles, not of length 1.
+ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles);
+
 inline Shape shape_of(const ism::TriangleMesh& mesh) {
   Shape shape;
   shape.vertices = mesh.vertices;
@@ -348,8 +351,7 @@ void Canvas::triangle(const std::array<Vec3, 3>& corner, const Paint& paint) {
     }
 }
 
-/// Normals of the vertices, weighted by the areas of their triangles.
-inline ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles) {
+ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles) {
   ism::Points3 normals = ism::Points3::Zero(vertices.rows(), 3);
   for (Eigen::Index f = 0; f < triangles.rows(); ++f) {
     const Vec3 a = vertices.row(triangles(f, 0)), b = vertices.row(triangles(f, 1));

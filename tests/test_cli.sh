@@ -125,6 +125,10 @@ refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
 invalid "quasi_newton_steps needs a whole number from 0" a.obj b.obj --set quasi_newton_steps=-1
 refused "--morph needs 2 to 100 shapes, not 1" a.obj b.obj -o out --morph 1
 refused "--morph needs a whole number from 0, not 'x'" a.obj b.obj -o out --morph x
+for name in x/y.glb A.obj ""; do
+  refused "--glb needs a name that ends in .glb, of a file in OUT, not '$name'" \
+    a.obj b.obj -o out --glb "$name"
+done
 refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
   a.obj b.obj -o out --transfer-uv
 refused "none.png: there is no such file" a.obj b.obj -o out --texture none.png
@@ -191,7 +195,7 @@ awk 'BEGIN { printf "P6\n32 32\n255\n"
 awk '/^v / { print; print "vt", $2, $3; next } /^f / {
   print "f", $2 "/" $2, $3 "/" $3, $4 "/" $4, $5 "/" $5; next } 1' a.obj >a_uv.obj
 "$ism_map" a_uv.obj b.obj -o out/all --landmarks marks.txt --iterations 3 --picture --heat \
-  --texture t.ppm --transfer-uv --morph 3 >stdout.txt 2>stderr.txt ||
+  --texture t.ppm --transfer-uv --morph 3 --glb all.glb >stdout.txt 2>stderr.txt ||
   fail "--picture and the like: $(cat stderr.txt)"
 for name in picture.png morph_000.png morph_002.png texture.png; do
   [ "$(head -c 4 "out/all/$name" | tail -c 3)" = PNG ] || fail "$name is no PNG file"
@@ -211,6 +215,25 @@ done
 [ "$(grep -c '^f.*/' out/all/B_uv.obj)" -gt 150 ] || fail "B_uv.obj: hardly any face has a vt"
 [ "$(grep -c '^f' out/all/morph_001.obj)" = "$(grep -c '^f' out/all/meta_A.obj)" ] ||
   fail "the faces of a morph are not those of the meta mesh"
+
+# The glTF file, as other programs see it: A, B and the morph with the texture, A and B with the
+# distortion, each the meta mesh, whose polygons are cut into triangles; and what is not covered.
+grep -q "results in .*, all.glb$" stdout.txt || fail "--glb: $(cat stdout.txt)"
+[ "$(head -c 4 out/all/all.glb)" = glTF ] || fail "all.glb is no glTF file"
+if command -v assimp >/dev/null; then
+  assimp info out/all/all.glb >assimp.txt 2>&1 || fail "all.glb: $(cat assimp.txt)"
+  grep -Eq "^Animations: +1$" assimp.txt || fail "all.glb: no animation in $(cat assimp.txt)"
+  grep -Eq "^Textures \(embed.\): +1$" assimp.txt || fail "all.glb: no texture"
+  for name in A "A, not covered" B "from A to B" "distortion of A" "distortion of B"; do
+    grep -qF "$name" assimp.txt || fail "all.glb: no $name in $(cat assimp.txt)"
+  done
+  triangles=$(awk '/^f/ { n += NF - 3 } END { print n }' out/all/meta_A.obj)
+  faces=$(awk '/^Faces:/ { print $2 }' assimp.txt)
+  [ "$faces" -ge "$((5 * triangles))" ] && [ "$faces" -le "$((5 * triangles + 128 + 200))" ] ||
+    fail "all.glb has $faces faces, the meta mesh $triangles triangles"
+else
+  echo "assimp is not installed (Debian and Ubuntu: assimp-utils), all.glb is not looked at"
+fi
 
 # The image that was written is read back as it is; so are other forms of PNG files.
 "$ism_map" a.obj b.obj -o out/png --texture out/all/texture.png --iterations 0 --quiet ||
