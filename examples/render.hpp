@@ -151,7 +151,7 @@ struct ImageResult {
   std::string error;  // empty if there is an image
   Image image;
 };
-/// Reads the bytes of a PNG, JPEG or binary PPM file; opacity is ignored.
+/// Reads the bytes of a PNG, JPEG or binary PPM file (P6, 8 bits); opacity is ignored.
 ImageResult read_image(const std::string& bytes);
 
 /// Polygons as triangles, fanned out, and for every triangle the polygon it comes from.
@@ -209,7 +209,6 @@ inline unsigned char* deflated(unsigned char* bytes, int size, int* size_deflate
 
 #define STBI_ONLY_PNG
 #define STBI_ONLY_JPEG
-#define STBI_ONLY_PNM
 #define STBI_NO_STDIO
 #define STB_IMAGE_STATIC
 #define STB_IMAGE_IMPLEMENTATION
@@ -578,24 +577,59 @@ struct Source {
   }
 };
 
-ImageResult read_image(const std::string& bytes) {
+inline bool is_size(int width, int height) {
   constexpr int kMostPixels = 1 << 25;
+  return width > 0 && height > 0 && width <= kMostPixels / height;
+}
+
+inline ImageResult image_of(int width, int height, const unsigned char* levels) {
+  Image image(width, height, {0, 0, 0});
+  for (Color& pixel : image.pixels)
+    for (float& value : pixel) value = static_cast<float>(*levels++) / 255;
+  return {"", image};
+}
+
+/// The next number of the header of a PPM file, or 0; '#' starts a comment.
+inline int ppm_number(const std::string& bytes, std::size_t& at) {
+  constexpr int kMost = 1 << 24;
+  bool in_comment = false;
+  for (; at < bytes.size(); ++at) {
+    const bool is_space = bytes[at] == ' ' || (bytes[at] >= '\t' && bytes[at] <= '\r');
+    if (!in_comment && !is_space && bytes[at] != '#') break;
+    in_comment = in_comment ? bytes[at] != '\n' : bytes[at] == '#';
+  }
+  int x = 0;
+  for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9' && x < kMost; ++at)
+    x = 10 * x + bytes[at] - '0';
+  return x;
+}
+
+/// stb_image, up to version 2.27, lets numbers overflow and takes files that end early.
+inline ImageResult read_ppm(const std::string& bytes) {
+  std::size_t at = 2;
+  const int width = ppm_number(bytes, at), height = ppm_number(bytes, at);
+  const int most = ppm_number(bytes, at);
+  ++at;  // one white space
+  if (!is_size(width, height)) return {"the image has no size, or is too large", {}};
+  if (most != 255) return {"only PPM files of 8 bits can be read", {}};
+  const std::size_t n = 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  if (bytes.size() < at || bytes.size() - at < n) return {"the image is damaged", {}};
+  return image_of(width, height, reinterpret_cast<const unsigned char*>(bytes.data()) + at);
+}
+
+ImageResult read_image(const std::string& bytes) {
+  if (bytes.compare(0, 2, "P6") == 0) return read_ppm(bytes);
   const stbi_io_callbacks calls = {Source::read, Source::skip, Source::is_at_end};
   int width = 0, height = 0, channels = 0;
   Source header = {bytes};
   if (stbi_info_from_callbacks(&calls, &header, &width, &height, &channels) == 0)
     return {"only PNG, JPEG and binary PPM images can be read", {}};
-  if (width <= 0 || height <= 0 || width > kMostPixels / height)
-    return {"the image has no size, or is too large", {}};
+  if (!is_size(width, height)) return {"the image has no size, or is too large", {}};
   Source source = {bytes};
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_callbacks(&calls, &source, &width, &height, &channels, 3), stbi_image_free);
   if (pixels == nullptr || source.ends_early) return {"the image is damaged", {}};
-  Image image(width, height, {0, 0, 0});
-  const stbi_uc* level = pixels.get();
-  for (Color& pixel : image.pixels)
-    for (float& value : pixel) value = static_cast<float>(*level++) / 255;
-  return {"", image};
+  return image_of(width, height, pixels.get());
 }
 
 }  // namespace render
