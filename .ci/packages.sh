@@ -28,3 +28,5 @@ install make command -v make
 install cmake command -v cmake
 install libeigen3-dev has_header Eigen/Core eigen3
 install zlib1g-dev has_header zlib.h
+install libstb-dev has_header stb_image.h stb
+install nlohmann-json3-dev has_header nlohmann/json.hpp

@@ -6,11 +6,14 @@
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 change nothing.
 
 #include "ism.hpp"
+#include "map_glb.hpp"
 #include "map_picture.hpp"
 #include "mesh_io.hpp"
 #include "morph.hpp"
 #include "render.hpp"
 #include "system.hpp"
+
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
@@ -67,10 +70,12 @@ landmarks is taken; what was done is printed.
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG (8 or 16 bits, not interlaced) or binary PPM image, the texture of A, is
-                     carried to B; it lies where A's vt are, or unless every corner of A has one,
-                     where A is in the plane
+  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies where
+                     A's vt are, or unless every corner of A has one, where A is in the plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
+  --glb NAME.glb     A, a morph from A to B as an animation, and B, side by side with a texture, that
+                     of --texture or coloured squares, in one binary glTF file, for any viewer; with
+                     --heat, A and B with the distortion below
   --morph N          2 to 100 shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
   --help             print this
@@ -95,6 +100,9 @@ and if they are asked for
                          covered have none, faces across a seam have some of either side
   morph_000.obj morph_000.png ...
                          --morph: the common refinement; morph_000 lies on A, the last one on B
+  NAME.glb               --glb: the common refinement, grey where the other surface is not; A and B
+                         upright and with area 1, or A with area 1 and B in proportion to it if the
+                         scale is kept
 )";
 
 // ==== [1] ARGUMENTS ==============================================================================
@@ -103,7 +111,7 @@ and if they are asked for
 enum class Variant { kProjectedNewton, kSmoothedProjectedNewton, kFull };
 
 struct Arguments {
-  std::string a, b, out, landmarks, pins, initial, texture;
+  std::string a, b, out, landmarks, pins, initial, texture, glb;
   std::string preset = "default", measure = "sd";
   Variant variant = Variant::kFull;
   ism::Options options;
@@ -237,9 +245,9 @@ bool read_switch(const std::string& flag, Arguments& args) {
 }
 
 bool takes_value(const std::string& flag) {
-  for (const char* known :
-       {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
-        "--boundary", "--iterations", "--tolerance", "--threads", "--set", "--texture", "--morph"})
+  for (const char* known : {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset",
+                            "--measure", "--variant", "--boundary", "--iterations", "--tolerance",
+                            "--threads", "--set", "--texture", "--glb", "--morph"})
     if (flag == known) return true;
   return false;
 }
@@ -249,6 +257,13 @@ std::string read_frames(const std::string& text, int& frames) {
   const std::string error = read_number("--morph", text, frames);
   if (!error.empty() || (frames >= 2 && frames <= kMost)) return error;
   return "--morph needs 2 to " + std::to_string(kMost) + " shapes, not " + text;
+}
+
+std::string read_glb(const std::string& text, std::string& name) {
+  const std::filesystem::path path = text;
+  name = text;
+  if (path.extension() == ".glb" && !path.has_parent_path()) return {};
+  return "--glb needs a name that ends in .glb, of a file in OUT, not '" + text + "'";
 }
 
 std::string read_value(const std::string& flag, const std::string& text, Arguments& args) {
@@ -261,6 +276,7 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
   if (flag == "--variant") return read_choice(flag, text, kVariants, args.variant);
   if (flag == "--morph") return read_frames(text, args.morph);
+  if (flag == "--glb") return read_glb(text, args.glb);
   if (flag == "--preset") return {};  // see read_preset()
   (flag == "-o"            ? args.out
    : flag == "--landmarks" ? args.landmarks
@@ -404,6 +420,7 @@ std::vector<std::string> output_names(const Arguments& args) {
   add(args.heat, {"heat_A.ply", "heat_B.ply"});
   add(!args.texture.empty(), {"A_textured.obj", "B_textured.obj", "textured.mtl", "texture.png"});
   add(args.transfer_uv, {"B_uv.obj", "A_uv.obj"});
+  add(!args.glb.empty(), {args.glb});
   for (int i = 0; i < args.morph; ++i) add(true, {frame_name(i) + ".obj", frame_name(i) + ".png"});
   return names;
 }
@@ -615,41 +632,6 @@ struct Findings {
   bool is_closed = false;
 };
 
-std::string quoted(const std::string& text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') result += '\\';
-    if (static_cast<unsigned char>(c) < 32)
-      result += format("\\u%04x", static_cast<unsigned>(static_cast<unsigned char>(c)));
-    else
-      result += c;
-  }
-  return result + '"';
-}
-
-/// A JSON object, built field by field; `separator` stands between the fields.
-class Json {
- public:
-  explicit Json(std::string separator = ", ") : separator_(std::move(separator)) {}
-
-  Json& raw(const char* name, const std::string& value) {
-    if (!text_.empty()) text_ += ',' + separator_.substr(1);
-    text_ += quoted(name) + ": " + value;
-    return *this;
-  }
-  Json& add(const char* name, const std::string& value) { return raw(name, quoted(value)); }
-  Json& add(const char* name, const char* value) { return raw(name, quoted(value)); }
-  Json& add(const char* name, bool value) { return raw(name, value ? "true" : "false"); }
-  Json& add(const char* name, int value) { return raw(name, std::to_string(value)); }
-  Json& add(const char* name, double value) {  // JSON has no infinity and no NaN
-    return raw(name, std::isfinite(value) ? format("%.17g", value) : "null");
-  }
-  std::string text() const { return '{' + text_ + '}'; }
-
- private:
-  std::string separator_, text_;
-};
-
 struct Seconds {
   double reading = 0, embedding = 0, optimization = 0, output = 0;
   double derivatives = 0, assembly = 0, solve = 0, search = 0;
@@ -667,136 +649,120 @@ struct Seconds {
   double total() const { return reading + embedding + optimization + output; }
 };
 
-Json& add_state(const ism::IterationLog& it, Json& json) {
-  return json.add("energy", it.energy)
-      .add("mean_distortion", it.mean_distortion)
-      .add("coverage_a", it.coverage_a)
-      .add("coverage_b", it.coverage_b)
-      .add("polygons", it.polygons);
+using Json = nlohmann::ordered_json;  // writes what is not finite as null
+
+Json json_state(const ism::IterationLog& it) {
+  return {{"energy", it.energy},
+          {"mean_distortion", it.mean_distortion},
+          {"coverage_a", it.coverage_a},
+          {"coverage_b", it.coverage_b},
+          {"polygons", it.polygons}};
 }
 
-std::string json_iteration(const ism::IterationLog& it) {
-  Json json;
-  json.add("iteration", it.iteration);
-  return add_state(it, json)
-      .add("map_energy", it.map_energy)
-      .add("energy_f", it.energy_f)
-      .add("energy_g", it.energy_g)
-      .add("omega", it.omega)
-      .add("step", it.step)
-      .add("max_step", it.max_step)
-      .add("pin_residual", it.pin_residual)
-      .add("history_reset", it.history_reset)
-      .add("quasi_newton", it.quasi_newton)
-      .add("seconds_derivatives", it.seconds_derivatives)
-      .add("seconds_assembly", it.seconds_assembly)
-      .add("seconds_solve", it.seconds_solve)
-      .add("seconds_search", it.seconds_search)
-      .text();
+Json json_iteration(const ism::IterationLog& it) {
+  Json json = {{"iteration", it.iteration}};
+  json.update(json_state(it));
+  json.update({{"map_energy", it.map_energy},
+               {"energy_f", it.energy_f},
+               {"energy_g", it.energy_g},
+               {"omega", it.omega},
+               {"step", it.step},
+               {"max_step", it.max_step},
+               {"pin_residual", it.pin_residual},
+               {"history_reset", it.history_reset},
+               {"quasi_newton", it.quasi_newton},
+               {"seconds_derivatives", it.seconds_derivatives},
+               {"seconds_assembly", it.seconds_assembly},
+               {"seconds_solve", it.seconds_solve},
+               {"seconds_search", it.seconds_search}});
+  return json;
 }
 
-std::string json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
-                      const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added,
-                      int opening) {
+Json json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
+               const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added,
+               int opening) {
   const WrittenIds ids = written_ids(prepared, added);
-  std::string midpoints, repairs;
+  const auto written = [&](int v) { return ids.id[static_cast<std::size_t>(v)]; };
+  Json midpoints = Json::array(), repairs = Json::array();
   for (const ism::AddedVertex& p : added)
-    if (p.corners[1] >= 0)
-      midpoints += (midpoints.empty() ? "" : ", ") +
-                   format("[%d, %d]", ids.id[static_cast<std::size_t>(p.corners[0])],
-                          ids.id[static_cast<std::size_t>(p.corners[1])]);
-  for (const ism::Repair& repair : prepared.repairs)
-    repairs += (repairs.empty() ? "" : ", ") + quoted(repair.message);
-  return Json()
-      .add("file", path)
-      .add("vertices", ids.size)
-      .add("triangles", static_cast<int>(mesh.triangles.rows()))
-      .raw("prepared", "[" + repairs + "]")
-      .add("opened_at", opening < 0 ? -1 : ids.id[static_cast<std::size_t>(opening)])
-      .raw("added_midpoints", "[" + midpoints + "]")
-      .text();
+    if (p.corners[1] >= 0) midpoints.push_back({written(p.corners[0]), written(p.corners[1])});
+  for (const ism::Repair& repair : prepared.repairs) repairs.push_back(repair.message);
+  return {{"file", path},
+          {"vertices", ids.size},
+          {"triangles", mesh.triangles.rows()},
+          {"prepared", repairs},
+          {"opened_at", opening < 0 ? -1 : written(opening)},
+          {"added_midpoints", midpoints}};
 }
 
-std::string json_options(const Arguments& args) {
-  Json json(",\n    ");
-  json.add("preset", args.preset)
-      .add("landmarks", args.landmarks)
-      .add("pins", args.pins)
-      .add("pin_landmarks", args.pin_landmarks)
-      .add("initial", args.initial)
-      .add("measure", args.measure)
-      .add("boundary", kBoundaries[static_cast<int>(args.options.boundary)])
-      .add("variant", kVariants[static_cast<int>(args.variant)]);
+Json json_options(const Arguments& args) {
+  Json json = {{"preset", args.preset},
+               {"landmarks", args.landmarks},
+               {"pins", args.pins},
+               {"pin_landmarks", args.pin_landmarks},
+               {"initial", args.initial},
+               {"measure", args.measure},
+               {"boundary", kBoundaries[static_cast<int>(args.options.boundary)]},
+               {"variant", kVariants[static_cast<int>(args.variant)]}};
   ism::Options options = args.options;
-  for_each_option(options, [&](const char* name, const auto& value) { json.add(name, value); });
-  return json.text();
+  for_each_option(options, [&](const char* name, const auto& value) { json[name] = value; });
+  return json;
 }
 
-/// [json_of(item), ...]
-template <class Items, class Function>
-std::string json_list(const Items& items, const Function& json_of) {
-  std::string text;
-  for (const auto& item : items) text += (text.empty() ? "" : ", ") + json_of(item).text();
-  return "[" + text + "]";
+template <class Item>
+Json json_list(const std::vector<Item>& items, Json (*json_of)(const Item&)) {
+  Json json = Json::array();
+  for (const Item& item : items) json.push_back(json_of(item));
+  return json;
 }
 
 Json json_opening(const ism::Opening& o) {
-  return Json()
-      .add("of", o.side == ism::Side::kA ? "A" : "B")
-      .add("vertex", o.vertex)
-      .add("edges", o.edges)
-      .add("over", o.over);
+  return {{"of", o.side == ism::Side::kA ? "A" : "B"},
+          {"vertex", o.vertex},
+          {"edges", o.edges},
+          {"over", o.over}};
 }
 
 Json json_coarse(const ism::CoarseLevel& level) {
-  return Json()
-      .add("vertices_a", level.vertices_a)
-      .add("vertices_b", level.vertices_b)
-      .add("iterations", level.iterations)
-      .add("mean_distortion", level.mean_distortion)
-      .add("seconds", level.seconds);
+  return {{"vertices_a", level.vertices_a},
+          {"vertices_b", level.vertices_b},
+          {"iterations", level.iterations},
+          {"mean_distortion", level.mean_distortion},
+          {"seconds", level.seconds}};
+}
+
+Json json_seconds(const Seconds& s) {
+  return {
+      {"reading", s.reading},         {"embedding", s.embedding}, {"optimization", s.optimization},
+      {"derivatives", s.derivatives}, {"assembly", s.assembly},   {"solve", s.solve},
+      {"search", s.search},           {"output", s.output},       {"total", s.total()}};
 }
 
 std::string json_report(const Arguments& args, const Input& input, const ism::Result& result,
                         const Findings& found, const Seconds& s) {
-  Json start, final;
-  start.add("landmark_distance", result.start.landmark_distance);
-  final.add("iterations", static_cast<int>(result.log.size()));
-  final.add("landmark_distance", found.landmarks.largest);
-  add_state(result.initial, start);
-  add_state(result.final_state(), final);
-  const std::string seconds = Json()
-                                  .add("reading", s.reading)
-                                  .add("embedding", s.embedding)
-                                  .add("optimization", s.optimization)
-                                  .add("derivatives", s.derivatives)
-                                  .add("assembly", s.assembly)
-                                  .add("solve", s.solve)
-                                  .add("search", s.search)
-                                  .add("output", s.output)
-                                  .add("total", s.total())
-                                  .text();
-  std::string log = "[\n    " + json_iteration(result.initial);
-  for (const ism::IterationLog& it : result.log) log += ",\n    " + json_iteration(it);
-  return Json(",\n  ")
-             .add("status", ism::to_string(result.status))
-             .add("message", result.message)
-             .raw("a", json_mesh(args.a, *result.start.a, *result.start.prepared_a,
-                                 result.start.added_a, result.start.opening_a))
-             .raw("b", json_mesh(args.b, *result.start.b, *result.start.prepared_b,
-                                 result.start.added_b, result.start.opening_b))
-             .add("landmarks", static_cast<int>(input.landmarks.size()))
-             .add("memory_estimate", ism::memory_estimate(input.a, input.b, args.options))
-             .add("is_closed", found.is_closed)
-             .raw("openings", json_list(found.openings, json_opening))
-             .raw("options", json_options(args))
-             .raw("start", start.text())
-             .raw("coarse", json_list(result.coarse, json_coarse))
-             .raw("final", final.text())
-             .raw("seconds", seconds)
-             .raw("iterations", log + "]")
-             .text() +
-         '\n';
+  const ism::Embedding& e = result.start;
+  Json start = {{"landmark_distance", e.landmark_distance}};
+  Json final = {{"iterations", result.log.size()}, {"landmark_distance", found.landmarks.largest}};
+  start.update(json_state(result.initial));
+  final.update(json_state(result.final_state()));
+  Json iterations = json_list(result.log, json_iteration);
+  iterations.insert(iterations.begin(), json_iteration(result.initial));
+  const Json report = {{"status", ism::to_string(result.status)},
+                       {"message", result.message},
+                       {"a", json_mesh(args.a, *e.a, *e.prepared_a, e.added_a, e.opening_a)},
+                       {"b", json_mesh(args.b, *e.b, *e.prepared_b, e.added_b, e.opening_b)},
+                       {"landmarks", input.landmarks.size()},
+                       {"memory_estimate", ism::memory_estimate(input.a, input.b, args.options)},
+                       {"is_closed", found.is_closed},
+                       {"openings", json_list(found.openings, json_opening)},
+                       {"options", json_options(args)},
+                       {"start", start},
+                       {"coarse", json_list(result.coarse, json_coarse)},
+                       {"final", final},
+                       {"seconds", json_seconds(s)},
+                       {"iterations", iterations}};
+  // Names of files may be anything; JSON is UTF-8.
+  return report.dump(1, ' ', false, Json::error_handler_t::replace) + '\n';
 }
 
 // ==== [6] RESULTS ================================================================================
@@ -1015,22 +981,32 @@ std::string add_morph(const Arguments& args, const ism::Result& result, const pi
   return {};
 }
 
+/// The texture of A that pictures show.
+picture::Texture shown_texture(const Arguments& args, const Input& input, const ism::Result& result,
+                               const picture::Scene& scene) {
+  if (args.texture.empty()) return picture::front_texture(scene);
+  return {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
+                             .apply(texture_coordinates(input, result))
+                             .values};
+}
+
 /// What the options ask for beyond the files of every run. Returns what is wrong.
 std::string add_wanted_files(const Arguments& args, const Input& input, const ism::Result& result,
                              const picture::Scene& scene, std::vector<mesh_io::TextFile>& files) {
-  if (args.picture) {
-    picture::Texture texture = picture::front_texture(scene);
-    if (!args.texture.empty())
-      texture = {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
-                                    .apply(texture_coordinates(input, result))
-                                    .values};
+  picture::Texture texture;
+  if (args.picture || !args.glb.empty()) texture = shown_texture(args, input, result, scene);
+  if (args.picture)
     files.push_back(
         {"picture.png", picture_png(prepared_landmarks(input, result.start), scene, texture)});
-  }
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
   if (args.transfer_uv) add_uv(input, result.start, scene.meta, files);
+  if (!args.glb.empty())
+    files.push_back({args.glb, picture::glb_text(scene, texture, result.f, result.g,
+                                                 args.options.keep_scale, args.heat)});
+  if (!args.glb.empty() && files.back().text.empty())
+    return "--glb: there is no morph, or the file would have more than 4 GB";
   return args.morph > 0 ? add_morph(args, result, scene, files) : "";
 }
 
@@ -1123,6 +1099,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   if (args.morph > 0)
     std::printf(", %s.obj to %s.obj and .png", frame_name(0).c_str(),
                 frame_name(args.morph - 1).c_str());
+  if (!args.glb.empty()) std::printf(", %s", args.glb.c_str());
   std::printf("\n");
 }
 

@@ -4,6 +4,7 @@
 #include "map_picture.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/SVD>
 
 #include <array>
@@ -94,9 +95,6 @@ Eigen::Matrix3d front_axes(const ism::TriangleMesh& mesh) {
   return axes;
 }
 
-namespace {
-
-/// The best rotation from one set of points to another [Kabsch 1976].
 Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& to) {
   const Eigen::RowVector3d from_center = from.colwise().mean(), to_center = to.colwise().mean();
   Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
@@ -107,8 +105,6 @@ Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& t
   if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) *= -1;
   return U * svd.matrixV().transpose();
 }
-
-}  // namespace
 
 Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
   Scene scene = {map, map.meta_mesh(), {}, map.distortion(keep_scale), axes};
@@ -150,11 +146,13 @@ render::Shape covered_part(const Scene& scene, ism::Side side) {
   return shape;
 }
 
+const render::Color kUncovered = {0.6f, 0.6f, 0.62f};
+
 /// The surface on one side in grey, and over that its covered part.
 void draw_covered(const Scene& scene, ism::Side side, const render::Rect& panel,
                   const render::Shape& covered, render::Canvas& canvas) {
   render::Shape whole = render::shape_of(scene.mesh(side));
-  whole.color = {0.6f, 0.6f, 0.62f};
+  whole.color = kUncovered;
   const render::View view = scene.view(side, panel);
   canvas.draw(view, whole);
   canvas.draw(view, covered, 1);
@@ -167,6 +165,17 @@ void draw_plain(const Scene& scene, ism::Side side, const render::Rect& panel,
   canvas.draw(scene.view(side, panel), render::shape_of(scene.mesh(side)));
 }
 
+Eigen::VectorXd areas_of(const ism::TriangleMesh& mesh) {
+  Eigen::VectorXd areas(mesh.triangles.rows());
+  for (Eigen::Index f = 0; f < areas.size(); ++f) {
+    const Eigen::RowVector3d a = mesh.vertices.row(mesh.triangles(f, 0));
+    const Eigen::RowVector3d u = mesh.vertices.row(mesh.triangles(f, 1)) - a;
+    const Eigen::RowVector3d v = mesh.vertices.row(mesh.triangles(f, 2)) - a;
+    areas[f] = 0.5 * u.cross(v).norm();
+  }
+  return areas;
+}
+
 constexpr double kWorst = 8;  // the distortion at which the colours of heat() end
 
 /// The colour of a distortion: from 2, an isometry, to kWorst and above, on a logarithmic scale.
@@ -174,8 +183,7 @@ render::Color heat_of(double density) {
   return render::heat(std::log(density / 2) / std::log(kWorst / 2));
 }
 
-void draw_heat(const Scene& scene, ism::Side side, const render::Rect& panel,
-               render::Canvas& canvas) {
+render::Shape heat_part(const Scene& scene, ism::Side side) {
   render::Shape shape = covered_part(scene, side);
   shape.corner_colors.resize(3 * shape.triangles.rows(), 3);
   for (Eigen::Index c = 0; c < shape.corner_colors.rows(); ++c) {
@@ -184,7 +192,12 @@ void draw_heat(const Scene& scene, ism::Side side, const render::Rect& panel,
         heat_of(scene.distortion[static_cast<std::size_t>(polygon)].density);
     shape.corner_colors.row(c) = color.cast<double>().matrix().transpose();
   }
-  draw_covered(scene, side, panel, shape, canvas);
+  return shape;
+}
+
+void draw_heat(const Scene& scene, ism::Side side, const render::Rect& panel,
+               render::Canvas& canvas) {
+  draw_covered(scene, side, panel, heat_part(scene, side), canvas);
 }
 
 void draw_heat_legend(const render::Rect& rect, render::Canvas& canvas) {
@@ -203,12 +216,38 @@ Texture front_texture(const Scene& scene) {
           ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv).values};
 }
 
-void draw_texture(const Scene& scene, ism::Side side, const Texture& texture,
-                  const render::Rect& panel, render::Canvas& canvas) {
+render::Shape textured_part(const Scene& scene, ism::Side side, const Texture& texture) {
   render::Shape shape = covered_part(scene, side);
   shape.texture = &texture.image;
   shape.corner_uv = scene.fans.at_corners(texture.uv);
-  draw_covered(scene, side, panel, shape, canvas);
+  return shape;
+}
+
+render::Shape uncovered_part(const Scene& scene, ism::Side side) {
+  constexpr double kWhole = 1 - 1e-9, kBelow = 1e-3;
+  const ism::TriangleMesh& mesh = scene.mesh(side);
+  const Eigen::VectorXd areas = areas_of(mesh);
+  Eigen::VectorXd covered = Eigen::VectorXd::Zero(areas.size());
+  const std::vector<ism::PolygonDistortion> polygons = scene.map.distortion(true);
+  for (std::size_t p = 0; p < polygons.size(); ++p)
+    if (side == ism::Side::kA)
+      covered[scene.meta.face_a[p]] += polygons[p].area_a;
+    else
+      covered[scene.meta.face_b[p]] += polygons[p].area_b;
+  render::Shape shape;
+  shape.color = kUncovered;
+  shape.vertices = mesh.vertices - kBelow * std::sqrt(areas.sum()) * normals_of(scene, side);
+  shape.triangles = mesh.triangles;
+  Eigen::Index n = 0;
+  for (Eigen::Index f = 0; f < areas.size(); ++f)
+    if (covered[f] < kWhole * areas[f]) shape.triangles.row(n++) = mesh.triangles.row(f);
+  shape.triangles.conservativeResize(n, 3);
+  return shape;
+}
+
+void draw_texture(const Scene& scene, ism::Side side, const Texture& texture,
+                  const render::Rect& panel, render::Canvas& canvas) {
+  draw_covered(scene, side, panel, textured_part(scene, side, texture), canvas);
 }
 
 void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,

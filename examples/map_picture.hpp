@@ -60,6 +60,11 @@ Scene scene_of(const ism::SurfaceMap& map, bool keep_scale = false);
 /// The same from given directions: to compare maps between the same surfaces.
 Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale = false);
 
+/// The best rotation from one set of points to another, about their means [Kabsch 1976].
+Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& to);
+/// The areas of the triangles.
+Eigen::VectorXd areas_of(const ism::TriangleMesh& mesh);
+
 /// The surface on one side in light grey.
 void draw_plain(const Scene& scene, ism::Side side, const render::Rect& panel,
                 render::Canvas& canvas);
@@ -82,6 +87,12 @@ void draw_texture(const Scene& scene, ism::Side side, const Texture& texture,
 /// The surface on one side with front_texture().
 void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,
                   render::Canvas& canvas);
+/// What is drawn, to be shown by other means: the covered part on one side with the colours of the
+/// distortion, or with a texture of A, which has to outlive it; and triangles that are not covered
+/// as a whole, in grey, a little below the surface.
+render::Shape heat_part(const Scene& scene, ism::Side side);
+render::Shape textured_part(const Scene& scene, ism::Side side, const Texture& texture);
+render::Shape uncovered_part(const Scene& scene, ism::Side side);
 /// Landmarks as balls on the surface on one side.
 void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
                     const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas);

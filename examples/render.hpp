@@ -10,8 +10,9 @@
 // text, legends; anti-aliased by supersampling. Parallel projection. Coordinates on the canvas are
 // pixels from the top left. Nothing depends on a window system.
 //
-// One file of a program defines RENDER_IMPLEMENTATION before it includes this. If that file defines
-// RENDER_ZLIB too, PNG files are compressed by zlib; without, they are stored.
+// One file of a program defines RENDER_IMPLEMENTATION before it includes this; it needs stb_image.h
+// and stb_image_write.h. If that file defines RENDER_ZLIB too, zlib compresses the PNG files,
+// better than stb does.
 
 #ifndef ISM_EXAMPLES_RENDER_HPP
 #define ISM_EXAMPLES_RENDER_HPP
@@ -86,6 +87,9 @@ struct Shape {
   Eigen::MatrixXd corner_normals;  // 3#F×3, any length; or no rows: means over the triangles around
 };
 
+/// Normals of the vertices, weighted by the areas of their triangles, not of length 1.
+ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles);
+
 inline Shape shape_of(const ism::TriangleMesh& mesh) {
   Shape shape;
   shape.vertices = mesh.vertices;
@@ -98,9 +102,6 @@ Color heat(double t);
 
 /// Squares of two greys with a hue that changes over the texture, so that places can be told.
 Image checker_texture(int squares, int size);
-
-/// Normals of the vertices, of any length: weighted by the areas of their triangles.
-ism::Points3 smooth_normals(const ism::Points3& vertices, const ism::Triangles& triangles);
 
 class Canvas {
  public:
@@ -150,8 +151,7 @@ struct ImageResult {
   std::string error;  // empty if there is an image
   Image image;
 };
-/// Reads the bytes of a PNG file (grey, colours or a palette, 8 or 16 bits, not interlaced; opacity
-/// is ignored; needs zlib) or of a binary PPM file (P6, 8 bits).
+/// Reads the bytes of a PNG, JPEG or binary PPM file (P6, 8 bits); opacity is ignored.
 ImageResult read_image(const std::string& bytes);
 
 /// Polygons as triangles, fanned out, and for every triangle the polygon it comes from.
@@ -180,13 +180,43 @@ Fans fan_out(const std::vector<int>& offsets, const std::vector<int>& corners);
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <iterator>
 #include <limits>
+#include <memory>
+#include <new>
 
 #ifdef RENDER_ZLIB
 #include <zlib.h>
+
+#include <cstdlib>
+
+namespace render {
+
+/// Compresses for stb_image_write, which frees the result.
+inline unsigned char* deflated(unsigned char* bytes, int size, int* size_deflated, int) {
+  uLongf n = compressBound(static_cast<uLong>(size));
+  auto* result = static_cast<unsigned char*>(std::malloc(n));
+  if (result == nullptr) return nullptr;
+  compress2(result, &n, bytes, static_cast<uLong>(size), Z_BEST_COMPRESSION);
+  *size_deflated = static_cast<int>(n);
+  return result;
+}
+
+}  // namespace render
+
+#define STBIW_ZLIB_COMPRESS render::deflated
 #endif
+
+#define STBI_ONLY_PNG
+#define STBI_ONLY_JPEG
+#define STBI_NO_STDIO
+#define STB_IMAGE_STATIC
+#define STB_IMAGE_IMPLEMENTATION
+#include <stb_image.h>
+#define STBI_WRITE_NO_STDIO
+#define STB_IMAGE_WRITE_STATIC
+#define STB_IMAGE_WRITE_IMPLEMENTATION
+#include <stb_image_write.h>
 
 namespace render {
 
@@ -507,237 +537,99 @@ void Canvas::text(const Vec2& at, double size, const std::string& words, const C
   }
 }
 
-// ==== [4] PNG ====================================================================================
-
-inline void append_big_endian(std::uint32_t x, std::string& bytes) {
-  for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(x >> shift & 255u);
-}
-
-inline std::uint32_t crc32_of(const std::string& bytes) {
-  std::uint32_t crc = ~0u;
-  for (char c : bytes) {
-    crc ^= static_cast<unsigned char>(c);
-    for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1u ? 0xEDB88320u : 0u);
-  }
-  return ~crc;
-}
-
-inline void append_chunk(const std::string& type_and_data, std::string& png) {
-  append_big_endian(static_cast<std::uint32_t>(type_and_data.size() - 4), png);
-  png += type_and_data;
-  append_big_endian(crc32_of(type_and_data), png);
-}
-
-/// A zlib stream [RFC 1950]; without zlib, of stored blocks [RFC 1951, 3.2.4].
-inline std::string deflated(const std::string& bytes) {
-#ifdef RENDER_ZLIB
-  uLongf size = compressBound(static_cast<uLong>(bytes.size()));
-  std::string result(size, '\0');
-  compress2(reinterpret_cast<Bytef*>(&result[0]), &size,
-            reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uLong>(bytes.size()), 9);
-  result.resize(size);
-  return result;
-#else
-  constexpr std::size_t kLargest = 65535;
-  std::string result = "\x78\x01";
-  for (std::size_t begin = 0; begin < bytes.size(); begin += kLargest) {
-    const std::size_t n = std::min(kLargest, bytes.size() - begin);
-    result += begin + n == bytes.size() ? '\1' : '\0';
-    for (std::size_t x : {n, n ^ kLargest}) {
-      result += static_cast<char>(x & 255u);
-      result += static_cast<char>(x >> 8);
-    }
-    result.append(bytes, begin, n);
-  }
-  std::uint32_t low = 1, high = 0;  // Adler-32
-  for (char c : bytes) {
-    low = (low + static_cast<unsigned char>(c)) % 65521;
-    high = (high + low) % 65521;
-  }
-  append_big_endian(high << 16 | low, result);
-  return result;
-#endif
-}
+// ==== [4] IMAGE FILES ============================================================================
 
 std::string png_text(const Image& image) {
-  std::string rows;
-  for (int y = 0; y < image.height; ++y) {
-    std::array<int, 3> before{};
-    rows += '\1';  // every byte as the difference to the pixel on the left
-    for (int x = 0; x < image.width; ++x)
-      for (std::size_t c = 0; c < 3; ++c) {
-        const float value = image.at(x, y)[static_cast<Eigen::Index>(c)];
-        const int byte = static_cast<int>(std::lround(255 * std::min(std::max(value, 0.f), 1.f)));
-        rows += static_cast<char>((byte - before[c]) & 255);
-        before[c] = byte;
-      }
-  }
-  std::string header = "IHDR";
-  append_big_endian(static_cast<std::uint32_t>(image.width), header);
-  append_big_endian(static_cast<std::uint32_t>(image.height), header);
-  header.append("\x08\x02\x00\x00\x00", 5);  // 8 bits, RGB
-  std::string png = "\x89PNG\r\n\x1A\n";
-  append_chunk(header, png);
-  append_chunk("IDAT" + deflated(rows), png);
-  append_chunk("IEND", png);
+  std::vector<unsigned char> bytes;
+  for (const Color& pixel : image.pixels)
+    for (const float value : pixel)
+      bytes.push_back(
+          static_cast<unsigned char>(std::lround(255 * std::min(std::max(value, 0.f), 1.f))));
+  std::string png;
+  const auto append = [](void* text, void* data, int size) {
+    static_cast<std::string*>(text)->append(static_cast<const char*>(data),
+                                            static_cast<std::size_t>(size));
+  };
+  if (stbi_write_png_to_func(append, &png, image.width, image.height, 3, bytes.data(), 0) == 0)
+    throw std::bad_alloc();  // nothing else can go wrong
   return png;
 }
 
-// ==== [5] READING IMAGES =========================================================================
+/// Bytes that are read by stb_image, which takes what follows their end for zeros.
+struct Source {
+  const std::string& bytes;
+  std::size_t at = 0;
+  bool ends_early = false;
 
-constexpr std::uint32_t kMostPixels = 1u << 25;
+  static int read(void* source, char* target, int size) {
+    Source& s = *static_cast<Source*>(source);
+    const std::size_t n = s.bytes.copy(target, static_cast<std::size_t>(size), s.at);
+    s.at += n;
+    s.ends_early = s.ends_early || n == 0;
+    return static_cast<int>(n);
+  }
+  static void skip(void* source, int size) {
+    Source& s = *static_cast<Source*>(source);
+    s.at = std::min(s.at + static_cast<std::size_t>(size), s.bytes.size());
+  }
+  static int is_at_end(void* source) {
+    return static_cast<Source*>(source)->at == static_cast<Source*>(source)->bytes.size();
+  }
+};
 
-inline bool is_size(std::uint32_t width, std::uint32_t height) {
+inline bool is_size(int width, int height) {
+  constexpr int kMostPixels = 1 << 25;
   return width > 0 && height > 0 && width <= kMostPixels / height;
 }
 
-inline ImageResult unreadable(const std::string& error) { return {error, {}}; }
-
-inline std::uint32_t byte_at(const std::string& bytes, std::size_t i) {
-  return static_cast<unsigned char>(bytes[i]);
-}
-
-inline std::uint32_t big_endian_at(const std::string& bytes, std::size_t i) {
-  return byte_at(bytes, i) << 24 | byte_at(bytes, i + 1) << 16 | byte_at(bytes, i + 2) << 8 |
-         byte_at(bytes, i + 3);
-}
-
-inline Color color_at(const std::string& bytes, std::size_t red, std::size_t green,
-                      std::size_t blue) {
-  const auto level = [&](std::size_t i) { return static_cast<float>(byte_at(bytes, i)) / 255; };
-  return {level(red), level(green), level(blue)};
-}
-
-#ifdef RENDER_ZLIB
-/// What a zlib stream unpacks to, if that is `size` bytes; else an empty string.
-inline std::string inflated(const std::string& bytes, std::size_t size) {
-  std::string result(size, '\0');
-  uLongf n = static_cast<uLongf>(size);
-  const int status =
-      uncompress(reinterpret_cast<Bytef*>(&result[0]), &n,
-                 reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uLong>(bytes.size()));
-  return status == Z_OK && n == size ? result : "";
-}
-
-/// What the parts of a PNG file say.
-struct PngParts {
-  std::uint32_t width = 0, height = 0, depth = 0, type = 0, interlace = 0;
-  std::string palette, data;
-  std::size_t channels() const { return type == 2 ? 3 : type == 4 ? 2 : type == 6 ? 4 : 1; }
-};
-
-inline PngParts png_parts(const std::string& bytes) {
-  PngParts parts;
-  for (std::size_t at = 8; bytes.size() - at >= 12;) {
-    const std::size_t n = big_endian_at(bytes, at);
-    if (n > bytes.size() - at - 12) break;
-    const std::string type = bytes.substr(at + 4, 4), data = bytes.substr(at + 8, n);
-    if (type == "IHDR" && n == 13) {
-      parts.width = big_endian_at(data, 0);
-      parts.height = big_endian_at(data, 4);
-      parts.depth = byte_at(data, 8);
-      parts.type = byte_at(data, 9);
-      parts.interlace = byte_at(data, 12);
-    }
-    if (type == "PLTE") parts.palette = data;
-    if (type == "IDAT") parts.data += data;
-    at += n + 12;
-  }
-  return parts;
-}
-
-/// Undoes the filters of the rows [PNG specification, 9], each of which starts with its kind.
-inline bool unfilter(std::string& rows, std::size_t stride, std::size_t step) {
-  for (std::size_t first = 0; first < rows.size(); first += stride + 1) {
-    const std::uint32_t kind = byte_at(rows, first);
-    if (kind > 4) return false;
-    for (std::size_t i = 1; i <= stride; ++i) {
-      const int left = i > step ? static_cast<int>(byte_at(rows, first + i - step)) : 0;
-      const int up = first > 0 ? static_cast<int>(byte_at(rows, first + i - stride - 1)) : 0;
-      const int corner = first > 0 && i > step
-                             ? static_cast<int>(byte_at(rows, first + i - stride - 1 - step))
-                             : 0;
-      const int to_left = std::abs(up - corner), to_up = std::abs(left - corner);
-      const int to_corner = std::abs(left + up - 2 * corner);
-      const int paeth = to_left <= to_up && to_left <= to_corner ? left
-                        : to_up <= to_corner                     ? up
-                                                                 : corner;
-      const int predicted[] = {0, left, up, (left + up) / 2, paeth};
-      rows[first + i] =
-          static_cast<char>((static_cast<int>(byte_at(rows, first + i)) + predicted[kind]) & 255);
-    }
-  }
-  return true;
-}
-
-inline ImageResult read_png(const std::string& bytes) {
-  const PngParts png = png_parts(bytes);
-  if (!is_size(png.width, png.height))
-    return unreadable("the PNG file has no size, or is too large");
-  const bool is_known = png.type == 0 || png.type == 2 || png.type == 4 || png.type == 6 ||
-                        (png.type == 3 && png.depth == 8);
-  if (!is_known || (png.depth != 8 && png.depth != 16) || png.interlace != 0)
-    return unreadable("only PNG files of 8 or 16 bits that are not interlaced can be read");
-  const std::size_t sample = png.depth / 8, step = sample * png.channels();
-  const std::size_t stride = step * png.width;
-  std::string rows = inflated(png.data, (stride + 1) * png.height);
-  if (rows.empty() || !unfilter(rows, stride, step)) return unreadable("the PNG file is damaged");
-  Image image(static_cast<int>(png.width), static_cast<int>(png.height), {0, 0, 0});
-  for (std::size_t y = 0, pixel = 0; y < png.height; ++y)
-    for (std::size_t x = 0; x < png.width; ++x, ++pixel) {
-      const std::size_t at = y * (stride + 1) + 1 + x * step;
-      const bool is_grey = png.channels() < 3;
-      if (png.type == 3) {
-        const std::size_t entry = 3 * byte_at(rows, at);
-        if (entry + 3 > png.palette.size()) return unreadable("the PNG file is damaged");
-        image.pixels[pixel] = color_at(png.palette, entry, entry + 1, entry + 2);
-      } else {
-        image.pixels[pixel] =
-            color_at(rows, at, is_grey ? at : at + sample, is_grey ? at : at + 2 * sample);
-      }
-    }
+inline ImageResult image_of(int width, int height, const unsigned char* levels) {
+  Image image(width, height, {0, 0, 0});
+  for (Color& pixel : image.pixels)
+    for (float& value : pixel) value = static_cast<float>(*levels++) / 255;
   return {"", image};
 }
-#else
-inline ImageResult read_png(const std::string&) {
-  return unreadable("this program was built without zlib and cannot read PNG files");
-}
-#endif
 
 /// The next number of the header of a PPM file, or 0; '#' starts a comment.
-inline std::uint32_t ppm_number(const std::string& bytes, std::size_t& at) {
-  constexpr std::uint32_t kMost = 1u << 24;
+inline int ppm_number(const std::string& bytes, std::size_t& at) {
+  constexpr int kMost = 1 << 24;
   bool in_comment = false;
   for (; at < bytes.size(); ++at) {
     const bool is_space = bytes[at] == ' ' || (bytes[at] >= '\t' && bytes[at] <= '\r');
     if (!in_comment && !is_space && bytes[at] != '#') break;
     in_comment = in_comment ? bytes[at] != '\n' : bytes[at] == '#';
   }
-  std::uint32_t x = 0;
+  int x = 0;
   for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9' && x < kMost; ++at)
-    x = 10 * x + byte_at(bytes, at) - '0';
+    x = 10 * x + bytes[at] - '0';
   return x;
 }
 
+/// stb_image, up to version 2.27, lets numbers overflow and takes files that end early.
 inline ImageResult read_ppm(const std::string& bytes) {
   std::size_t at = 2;
-  const std::uint32_t width = ppm_number(bytes, at), height = ppm_number(bytes, at);
-  const std::uint32_t most = ppm_number(bytes, at);
+  const int width = ppm_number(bytes, at), height = ppm_number(bytes, at);
+  const int most = ppm_number(bytes, at);
   ++at;  // one white space
-  if (!is_size(width, height)) return unreadable("the PPM file has no size, or is too large");
-  if (most != 255) return unreadable("only PPM files of 8 bits can be read");
-  if (bytes.size() < at || bytes.size() - at < 3 * std::size_t{width} * height)
-    return unreadable("the PPM file ends early");
-  Image image(static_cast<int>(width), static_cast<int>(height), {0, 0, 0});
-  for (std::size_t i = 0; i < image.pixels.size(); ++i, at += 3)
-    image.pixels[i] = color_at(bytes, at, at + 1, at + 2);
-  return {"", image};
+  if (!is_size(width, height)) return {"the image has no size, or is too large", {}};
+  if (most != 255) return {"only PPM files of 8 bits can be read", {}};
+  const std::size_t n = 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  if (bytes.size() < at || bytes.size() - at < n) return {"the image is damaged", {}};
+  return image_of(width, height, reinterpret_cast<const unsigned char*>(bytes.data()) + at);
 }
 
 ImageResult read_image(const std::string& bytes) {
-  if (bytes.compare(0, 8, "\x89PNG\r\n\x1A\n") == 0) return read_png(bytes);
   if (bytes.compare(0, 2, "P6") == 0) return read_ppm(bytes);
-  return unreadable("only PNG and binary PPM images can be read");
+  const stbi_io_callbacks calls = {Source::read, Source::skip, Source::is_at_end};
+  int width = 0, height = 0, channels = 0;
+  Source header = {bytes};
+  if (stbi_info_from_callbacks(&calls, &header, &width, &height, &channels) == 0)
+    return {"only PNG, JPEG and binary PPM images can be read", {}};
+  if (!is_size(width, height)) return {"the image has no size, or is too large", {}};
+  Source source = {bytes};
+  const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
+      stbi_load_from_callbacks(&calls, &source, &width, &height, &channels, 3), stbi_image_free);
+  if (pixels == nullptr || source.ends_early) return {"the image is damaged", {}};
+  return image_of(width, height, pixels.get());
 }
 
 }  // namespace render

@@ -58,11 +58,12 @@ windows() {
     return
   fi
   mkdir -p "$headers"
-  for folder in doctest boost; do ln -sfn "/usr/include/$folder" "$headers/$folder"; done
+  for folder in doctest boost nlohmann; do ln -sfn "/usr/include/$folder" "$headers/$folder"; done
   export WINEPREFIX="$root/wine" WINEDEBUG=-all
   lane windows x86_64-w64-mingw32-g++-posix "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF \
     -DCMAKE_TOOLCHAIN_FILE="$PWD/tests/consumers/mingw.cmake" -DISM_DOCTEST_DIR="$headers" \
-    -DISM_BOOST_DIR="$headers" -DEigen3_DIR="${EIGEN3_DIR:-/usr/share/eigen3/cmake}"
+    -DISM_BOOST_DIR="$headers" -DISM_JSON_DIR="$headers" -DISM_STB_DIR=/usr/include/stb \
+    -DEigen3_DIR="${EIGEN3_DIR:-/usr/share/eigen3/cmake}"
 }
 
 # The oldest Eigen, as Debian has it in a package for R.
@@ -85,7 +86,7 @@ CMAKE
 }
 
 # What needs whole builds of its own, or takes memory at will, is not for every lane.
-scripts='test_consumers|test_windows|test_flags|test_cli|reference'
+scripts='test_consumers|test_windows|test_flags|test_cli|test_web|reference'
 memory='test_machine|test_failures'
 sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF)
 export UBSAN_OPTIONS=print_stacktrace=1

@@ -125,10 +125,14 @@ refused "-o . would overwrite the input B.obj" a.obj B.obj -o .
 invalid "quasi_newton_steps needs a whole number from 0" a.obj b.obj --set quasi_newton_steps=-1
 refused "--morph needs 2 to 100 shapes, not 1" a.obj b.obj -o out --morph 1
 refused "--morph needs a whole number from 0, not 'x'" a.obj b.obj -o out --morph x
+for name in x/y.glb A.obj ""; do
+  refused "--glb needs a name that ends in .glb, of a file in OUT, not '$name'" \
+    a.obj b.obj -o out --glb "$name"
+done
 refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
   a.obj b.obj -o out --transfer-uv
 refused "none.png: there is no such file" a.obj b.obj -o out --texture none.png
-refused "a.obj: only PNG and binary PPM images can be read" a.obj b.obj -o out --texture a.obj
+refused "a.obj: only PNG, JPEG and binary PPM images can be read" a.obj b.obj -o out --texture a.obj
 mkdir -p taken/morph_001.png
 rmdir taken/meta_A.obj
 refused "-o taken: its morph_001.png is a folder" a.obj b.obj -o taken --morph 3
@@ -156,6 +160,11 @@ if command -v python3 >/dev/null; then
   python3 -c 'import json; r = json.load(open("out/one/report.json"));
 assert r["status"] and r["iterations"][0]["iteration"] == 0
 assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.json"
+  # Names that are not UTF-8 are no reason for a report that nobody can read.
+  cp a.obj "$(printf 'a\351.obj')"
+  "$ism_map" "$(printf 'a\351.obj')" b.obj -o out/latin --iterations 0 --quiet || fail "a\\351.obj"
+  python3 -c 'import json; json.load(open("out/latin/report.json", encoding="utf-8"))' ||
+    fail "report.json of a\\351.obj"
 fi
 
 # What is not welded is welded, and told; results have the ids of the input.
@@ -186,7 +195,7 @@ awk 'BEGIN { printf "P6\n32 32\n255\n"
 awk '/^v / { print; print "vt", $2, $3; next } /^f / {
   print "f", $2 "/" $2, $3 "/" $3, $4 "/" $4, $5 "/" $5; next } 1' a.obj >a_uv.obj
 "$ism_map" a_uv.obj b.obj -o out/all --landmarks marks.txt --iterations 3 --picture --heat \
-  --texture t.ppm --transfer-uv --morph 3 >stdout.txt 2>stderr.txt ||
+  --texture t.ppm --transfer-uv --morph 3 --glb all.glb >stdout.txt 2>stderr.txt ||
   fail "--picture and the like: $(cat stderr.txt)"
 for name in picture.png morph_000.png morph_002.png texture.png; do
   [ "$(head -c 4 "out/all/$name" | tail -c 3)" = PNG ] || fail "$name is no PNG file"
@@ -207,15 +216,32 @@ done
 [ "$(grep -c '^f' out/all/morph_001.obj)" = "$(grep -c '^f' out/all/meta_A.obj)" ] ||
   fail "the faces of a morph are not those of the meta mesh"
 
-# The image that was written is read back as it is; so are other forms of PNG files.
-if ! "$ism_map" a.obj b.obj -o out/png --texture out/all/texture.png --iterations 0 --quiet \
-  2>stderr.txt; then
-  grep -q "without zlib" stderr.txt || fail "--texture texture.png: $(cat stderr.txt)"
+# The glTF file, as other programs see it: A, B and the morph with the texture, A and B with the
+# distortion, each the meta mesh, whose polygons are cut into triangles; and what is not covered.
+grep -q "results in .*, all.glb$" stdout.txt || fail "--glb: $(cat stdout.txt)"
+[ "$(head -c 4 out/all/all.glb)" = glTF ] || fail "all.glb is no glTF file"
+if command -v assimp >/dev/null; then
+  assimp info out/all/all.glb >assimp.txt 2>&1 || fail "all.glb: $(cat assimp.txt)"
+  grep -Eq "^Animations: +1$" assimp.txt || fail "all.glb: no animation in $(cat assimp.txt)"
+  grep -Eq "^Textures \(embed.\): +1$" assimp.txt || fail "all.glb: no texture"
+  for name in A "A, not covered" B "from A to B" "distortion of A" "distortion of B"; do
+    grep -qF "$name" assimp.txt || fail "all.glb: no $name in $(cat assimp.txt)"
+  done
+  triangles=$(awk '/^f/ { n += NF - 3 } END { print n }' out/all/meta_A.obj)
+  faces=$(awk '/^Faces:/ { print $2 }' assimp.txt)
+  [ "$faces" -ge "$((5 * triangles))" ] && [ "$faces" -le "$((5 * triangles + 128 + 200))" ] ||
+    fail "all.glb has $faces faces, the meta mesh $triangles triangles"
 else
-  cmp out/all/texture.png out/png/texture.png || fail "--texture changed the image"
-  if command -v python3 >/dev/null; then
-    for form in filters deep palette alpha; do
-      python3 - "$form" t.ppm >t.png <<'PY' || fail "the picture t.png"
+  echo "assimp is not installed (Debian and Ubuntu: assimp-utils), all.glb is not looked at"
+fi
+
+# The image that was written is read back as it is; so are other forms of PNG files.
+"$ism_map" a.obj b.obj -o out/png --texture out/all/texture.png --iterations 0 --quiet ||
+  fail "--texture texture.png"
+cmp out/all/texture.png out/png/texture.png || fail "--texture changed the image"
+if command -v python3 >/dev/null; then
+  for form in filters deep palette alpha; do
+    python3 - "$form" t.ppm >t.png <<'PY' || fail "the picture t.png"
 import struct, sys, zlib
 form, pixels = sys.argv[1], open(sys.argv[2], "rb").read()[13:]
 size = 32
@@ -249,18 +275,32 @@ png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
 png += chunk(b"PLTE", palette) if palette else b""
 sys.stdout.buffer.write(png + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b""))
 PY
-      "$ism_map" a.obj b.obj -o out/png --texture t.png --iterations 0 --quiet ||
-        fail "--texture: $form"
-      if [ "$form" != palette ]; then
-        cmp out/all/texture.png out/png/texture.png || fail "--texture: $form changed the image"
-      fi
-    done
-  fi
-  head -c 90 out/all/texture.png >cut.png
-  refused_late="cut.png: the PNG file is damaged"
-  "$ism_map" a.obj b.obj -o out/cut --texture cut.png 2>stderr.txt && fail "a damaged image"
-  [ "$(cat stderr.txt)" = "ism_map: $refused_late" ] || fail "cut.png: $(cat stderr.txt)"
+    "$ism_map" a.obj b.obj -o out/png --texture t.png --iterations 0 --quiet ||
+      fail "--texture: $form"
+    if [ "$form" != palette ]; then
+      cmp out/all/texture.png out/png/texture.png || fail "--texture: $form changed the image"
+    fi
+  done
 fi
+head -c 90 out/all/texture.png >cut.png
+"$ism_map" a.obj b.obj -o out/cut --texture cut.png 2>stderr.txt && fail "a damaged image"
+[ "$(cat stderr.txt)" = "ism_map: cut.png: the image is damaged" ] ||
+  fail "cut.png: $(cat stderr.txt)"
+# A JPEG file of 8×8 pixels of one colour.
+base64 -d <<'JPEG' | gunzip >t.jpg
+H4sIAAAAAAACA/t/4/8DBgEvN083BkZGBgZGIGT4f5uhhYGJEQRAJBMIsDCDSFYWFmYWNlY2NjBm5+QAYnY2Ng5uDk4uEACy
+eLi5eEAciDYmVmZmVi52NnYuksH/AwyCHAxAyMwoyMAkyMgsyPj/COMioBtZwU4DOhQCGJmYWVjZ2IFO4BYAOpuZGehYVqBL
+gTK1QDkGFkFWIUVDRzbhwER2pUIRo8aJCzmUnTYeFA26+EHFOKmoiZNLTFxCUkpVTV1DU8vE1MzcwtLK2cXVzd3D0ys4JDQs
+PCIyKjklNS09IzOruKS0rLyisqq5pbWtvaOza9LkKVOnTZ8xc9aixUuWLlu+YuWqTZu3bN22fcfOXYcOHzl67PiJk6cuXb5y
+9dr1GzdvPXz0+MnTZ89fvHz18dPnL1+/ff/x8xcjAzMjDGD4B+hxRiZQmLOD/MPIVA6SFGRhVTRkE3IMZE8sFFYyauQQcZq4
+cONBTmXjoA+iSUUXucRUTB6qfgR5Cewj4jzURJaP4B6C++f/LQYeZkZghDELMtgz/Ijab2Mfbv//JgA+WPjLaAIAAA==
+JPEG
+awk 'BEGIN { printf "P6\n8 8\n255\n"; for (i = 0; i < 64; ++i) printf "%c%c%c", 101, 60, 40 }' >flat.ppm
+for image in t.jpg flat.ppm; do
+  "$ism_map" a.obj b.obj -o "out/$image" --texture "$image" --iterations 0 --quiet ||
+    fail "--texture $image"
+done
+cmp out/t.jpg/texture.png out/flat.ppm/texture.png || fail "--texture t.jpg: other colours"
 
 # The start given back, without an iteration: the same positions, bit by bit. A second time over
 # the same folder.
@@ -275,8 +315,8 @@ if [ -s stdout.txt ] || [ -s stderr.txt ]; then fail "--quiet is not quiet"; fi
 "$ism_map" a.obj b.obj -o out/three --start-only --quiet || fail "--start-only"
 "$ism_map" a.obj b.obj -o out/four --preset paper --kappa 1 --variant spn --threads 1 \
   --keep-scale --tolerance 1e-3 --iterations 2 --quiet || fail "a run with all options"
-grep -q '"coverage_weight": 1,' out/four/report.json || fail "--kappa must refine the preset"
-grep -q '"omega_start": 1000000000,' out/four/report.json || fail "--preset paper"
+grep -q '"coverage_weight": 1.0,' out/four/report.json || fail "--kappa must refine the preset"
+grep -q '"omega_start": 1000000000.0,' out/four/report.json || fail "--preset paper"
 
 # Swapped planar positions of two vertices are no embedding.
 mkdir flipped && cp out/one/B.obj flipped/
@@ -377,7 +417,8 @@ for boundary in fixed slide; do
   lines=$(grep -c '^l ' out/held/A_edges_on_B.obj)
   [ "$lines" = 144 ] || fail "--boundary $boundary: $lines of 144 sides of quads"
 done
-grep -Eq '"added_midpoints": \[\[[0-9]+, [0-9]+\], \[[0-9]+, [0-9]+\]\]' out/held/report.json ||
+tr -d ' \n' <out/held/report.json |
+  grep -E '"added_midpoints":\[\[[0-9]+,[0-9]+\],\[[0-9]+,[0-9]+\]\]' >/dev/null ||
   fail "report.json does not tell the added vertices"
 code=0
 "$ism_map" a.obj b.obj -o out/held --landmarks marks.txt --pin-landmarks --boundary slide \

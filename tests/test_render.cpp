@@ -1,13 +1,11 @@
-// The renderer of the examples: what is near covers what is far, PNG files are what they should be.
-// Built without zlib, so that the stored form is the one that is read here.
+// The renderer of the examples: what is near covers what is far, images are written and read.
 
 #define RENDER_IMPLEMENTATION
-#undef RENDER_ZLIB
 #include "render.hpp"
 
 #include <doctest/doctest.h>
 
-#include <cstdint>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -41,40 +39,32 @@ render::View top_view() {
 
 bool is_color(const Color& c, const Color& wanted) { return (c - wanted).abs().maxCoeff() < 1e-5f; }
 
-std::uint32_t big_endian(const std::string& bytes, std::size_t at) {
-  std::uint32_t x = 0;
-  for (std::size_t i = at; i < at + 4; ++i) x = x << 8 | static_cast<unsigned char>(bytes[i]);
-  return x;
+/// A picture without two pixels alike.
+Image many_colors(int width, int height) {
+  Image image(width, height, Color(0, 0, 0));
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      image.at(x, y) = Color(static_cast<float>(x) / static_cast<float>(width),
+                             static_cast<float>(y) / static_cast<float>(height), 0.5f);
+  return image;
 }
 
-/// The chunks of a PNG file as type and data; checks lengths and sums.
-std::vector<std::string> chunks(const std::string& png) {
-  std::vector<std::string> result;
-  REQUIRE(png.substr(0, 8) == "\x89PNG\r\n\x1A\n");
-  for (std::size_t at = 8; at < png.size();) {
-    const std::size_t n = big_endian(png, at);
-    REQUIRE(at + 12 + n <= png.size());
-    result.push_back(png.substr(at + 4, 4 + n));
-    CHECK(big_endian(png, at + 8 + n) == render::crc32_of(result.back()));
-    at += 12 + n;
-  }
-  return result;
+/// A JPEG file of 8×8 pixels of the grey 200 [ITU T.81]. One code of one bit in either table.
+std::string grey_jpeg() {
+  const std::string one_code = std::string("\1", 1) + std::string(15, '\0');
+  return "\xFF\xD8" + std::string("\xFF\xDB\0\x43\0", 5) + std::string(64, '\1') +
+         std::string("\xFF\xC0\0\x0B\x08\0\x08\0\x08\1\1\x11\0", 13) +
+         std::string("\xFF\xC4\0\x14\0", 5) + one_code + "\x0A" +  // ten more bits tell the mean
+         std::string("\xFF\xC4\0\x14\x10", 5) + one_code + std::string("\0", 1) +  // no others
+         std::string("\xFF\xDA\0\x08\1\1\0\0\x3F\0", 10) +
+         "\x48\x0F"  // 0, 1001000000 for 8 (200 - 128), 0, 1111
+         "\xFF\xD9";
 }
 
-/// The bytes of a zlib stream of stored blocks.
-std::string stored(const std::string& zlib) {
-  std::string bytes;
-  std::size_t at = 2;
-  for (bool is_last = false; !is_last;) {
-    is_last = zlib[at] == 1;
-    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(zlib[at + i]); };
-    const std::size_t n = byte(1) + 256u * byte(2), complement = byte(3) + 256u * byte(4);
-    REQUIRE((n ^ complement) == 65535u);
-    bytes += zlib.substr(at + 5, n);
-    at += 5 + n;
-  }
-  CHECK(at + 4 == zlib.size());
-  return bytes;
+void check_refused(const std::string& bytes) {
+  const render::ImageResult refused = render::read_image(bytes);
+  CHECK(!refused.error.empty());
+  CHECK(refused.image.pixels.empty());
 }
 
 }  // namespace
@@ -155,28 +145,37 @@ TEST_CASE("lines and text are drawn, and clipped at the border") {
 }
 
 TEST_CASE("a PNG file holds the pixels of the image") {
-  Image image(300, 120, Color(0.2f, 0.4f, 0.6f));
-  image.at(0, 0) = Color(1, 0, 0);
+  Image image = many_colors(300, 120);
   image.at(299, 119) = Color(2, -1, 0.5f);  // kept within [0, 1]
-  const std::vector<std::string> parts = chunks(render::png_text(image));
-  REQUIRE(parts.size() == 3);
-  CHECK(parts[0].substr(0, 4) == "IHDR");
-  CHECK(big_endian(parts[0], 4) == 300);
-  CHECK(big_endian(parts[0], 8) == 120);
-  CHECK(parts[2] == "IEND");
-  const std::string rows = stored(parts[1].substr(4));
-  REQUIRE(rows.size() == 120 * (1 + 3 * 300));
-  for (int y = 0; y < 120; ++y) {
-    const std::size_t begin = static_cast<std::size_t>(y) * 901;
-    REQUIRE(rows[begin] == 1);
-    int value[3] = {0, 0, 0};
-    for (int x = 0; x < 300; ++x)
-      for (int c = 0; c < 3; ++c) {
-        const auto at = begin + 1 + static_cast<std::size_t>(3 * x + c);
-        value[c] = (value[c] + static_cast<unsigned char>(rows[at])) & 255;
-        const float wanted = std::min(std::max(image.at(x, y)[c], 0.f), 1.f);
-        if (value[c] != std::lround(255 * wanted)) FAIL("pixel ", x, " ", y);
-      }
+  const render::ImageResult file = render::read_image(render::png_text(image));
+  REQUIRE(file.error.empty());
+  REQUIRE(file.image.width == 300);
+  REQUIRE(file.image.height == 120);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const Color wanted = (255 * image.pixels[i].max(0.f).min(1.f)).round() / 255;
+    if ((file.image.pixels[i] - wanted).abs().maxCoeff() > 1e-6f) FAIL("pixel ", i);
+  }
+}
+
+TEST_CASE("PNG files are small") {
+  Canvas canvas(400, 300);
+  canvas.text({20, 150}, 20, "mostly white");
+  CHECK(render::png_text(canvas.image()).size() < 12000);  // of 360,000 bytes
+}
+
+TEST_CASE("JPEG images are read") {
+  const render::ImageResult file = render::read_image(grey_jpeg());
+  REQUIRE(file.error.empty());
+  REQUIRE(file.image.width == 8);
+  REQUIRE(file.image.height == 8);
+  for (const Color& pixel : file.image.pixels) CHECK((255 * pixel - 200).abs().maxCoeff() < 1e-3f);
+}
+
+TEST_CASE("an image that ends early is refused, wherever it ends") {
+  const std::string ppm = "P6\n2 2\n255\nabcdefghijkl";
+  for (const std::string& whole : {render::png_text(many_colors(9, 7)), grey_jpeg(), ppm}) {
+    CHECK(render::read_image(whole).error.empty());
+    for (std::size_t n = 0; n < whole.size(); ++n) check_refused(whole.substr(0, n));
   }
 }
 
@@ -200,14 +199,10 @@ TEST_CASE("PPM images are read, and what is none is refused") {
   CHECK(is_color(file.image.at(0, 0), Color(1, 0, 0)));
   CHECK(is_color(file.image.at(1, 0), Color(0, 0, 1)));
   for (const std::string& bad :
-       {header + "12345", std::string("P6"), std::string("P6\n0 1\n255\n"),
-        std::string("P6 -1 -1 255 123"), std::string("P6\n99999999999 99999999\n255\n"),
-        std::string("P6\n1 1\n65535\n123456"), std::string("JFIF"), std::string(),
-        render::png_text(Image(2, 2, {0, 0, 0}))}) {
-    const render::ImageResult refused = render::read_image(bad);
-    CHECK(!refused.error.empty());
-    CHECK(refused.image.pixels.empty());
-  }
+       {std::string("P6\n0 1\n255\n"), std::string("P6 -1 -1 255 123"),
+        std::string("P6\n99999999999 99999999\n255\n"), std::string("P6\n9999 9999\n255\n123"),
+        std::string("P6\n1 1\n65535\n123456"), std::string("JFIF"), std::string(1000, 'P')})
+    check_refused(bad);
 }
 
 TEST_CASE("what is given per corner of polygons reaches the corners of their triangles") {

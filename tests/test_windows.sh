@@ -19,7 +19,11 @@ clean_up() {
 }
 trap clean_up EXIT
 
+# Headers alone, so that the compiler does not find what else is in /usr/include.
+mkdir "$work/include"
+ln -s /usr/include/nlohmann "$work/include"
 "$cmake" -S "$project" -B "$work/build" -DISM_BUILD_TESTS=OFF -DISM_NATIVE=OFF \
+  -DISM_STB_DIR=/usr/include/stb -DISM_JSON_DIR="$work/include" \
   -DCMAKE_TOOLCHAIN_FILE="$project/tests/consumers/mingw.cmake" -DEigen3_DIR="$eigen" \
   -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE="-O1 -Werror" > "$work/log" 2>&1 &&
   "$cmake" --build "$work/build" --target ism_map --target quick_start >> "$work/log" 2>&1 || {

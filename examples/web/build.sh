@@ -11,11 +11,13 @@ install emscripten command -v em++
 install nodejs command -v node
 install node-acorn test -d /usr/share/nodejs/acorn
 export NODE_PATH="/usr/share/nodejs${NODE_PATH:+:$NODE_PATH}"  # of a node that is not Debian's
+# Headers alone: what else is in /usr/include is of another system.
 eigen="${EIGEN:-/usr/include/eigen3}"
+stb="${STB:-/usr/include/stb}"
 
 mkdir -p "$build"
 flags=(-std=c++17 -O2 -msimd128 -DISM_NO_THREADS -fno-exceptions -fno-rtti -Wall -Wextra
-       -DEMSCRIPTEN_HAS_UNBOUND_TYPE_NAMES=0 -I. -isystem "$eigen")
+       -DEMSCRIPTEN_HAS_UNBOUND_TYPE_NAMES=0 -I. -isystem "$eigen" -isystem "$stb")
 echo '#define ISM_IMPLEMENTATION
 #include "ism.hpp"' > "$build/ism.cpp"
 
