@@ -75,22 +75,22 @@
 //            [16] coarse to fine             [17] applications     [18] closed surfaces
 //            [19] verification             [20] entry points
 //
-// LICENSE    MIT, see the end of the file.
+// HISTORY, LICENSE (MIT)  at the end of the file.
 
 #ifndef ISM_HPP
 #define ISM_HPP
 
 // ==== [1] VERSION AND CONFIGURATION ==============================================================
 
-#define ISM_VERSION_MAJOR 0
-#define ISM_VERSION_MINOR 1
+#define ISM_VERSION_MAJOR 1
+#define ISM_VERSION_MINOR 0
 #define ISM_VERSION_PATCH 0
 
 // Files of one program that have other versions, or other containers, do not link.
 #if defined(_GLIBCXX_DEBUG) || (defined(_ITERATOR_DEBUG_LEVEL) && _ITERATOR_DEBUG_LEVEL > 0)
-#define ISM_ABI v0_1_checked
+#define ISM_ABI v1_0_checked
 #else
-#define ISM_ABI v0_1
+#define ISM_ABI v1_0
 #endif
 
 // What the macros do not tell, as of clang's -fassociative-math, arithmetic_is_sound() finds.
@@ -14396,6 +14396,12 @@ SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, c
 
 #endif  // ISM_IMPLEMENTATION
 
+// ==== HISTORY ====================================================================================
+//
+// 1.0.0  Algorithm 1 with its constraints, held and sliding boundaries and measures; beyond the
+//        paper: coverage, coarse to fine, quasi-Newton steps, a scaffold, exact landmarks; closed
+//        surfaces and surfaces with openings; prepare(), Solver, Transfer, verify().
+//
 // ==== LICENSE ====================================================================================
 //
 // MIT License

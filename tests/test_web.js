@@ -187,7 +187,8 @@ function runNatively(pair) {
   const report = JSON.parse(fs.readFileSync(path.join(to, 'report.json')));
   const aOnB = fs.readFileSync(path.join(to, 'A_on_B.obj'), 'utf8');
   fs.rmSync(to, {recursive: true});
-  return {distortion: report.final.mean_distortion, aOnB};
+  const {embedding, optimization} = report.seconds;
+  return {distortion: report.final.mean_distortion, seconds: embedding + optimization, aOnB};
 }
 
 test('loads from the file system, with no error', async (b, {fromFile, note}) => {
@@ -205,7 +206,11 @@ test('converges on a pair of data/, with the distortion of the native program', 
   await b.click('#play');
   await b.finish();
   const here = await b.number('distortion'), there = t.starfish.distortion;
+  const seconds = await b.run('return thePage.seconds'), n = await b.text('iterations');
   t.note(`starfish: distortion ${here}, natively ${there}`);
+  t.note(
+      `${n} iterations and the embedding: ${seconds.toFixed(1)} s, natively on one thread ` +
+      `${t.starfish.seconds.toFixed(1)} s`);
   assert.ok(Math.abs(here / there - 1) < 1e-3, `${here}, natively ${there}`);
   assert.strictEqual(await b.text('proof'), 'proved');
   assert.match(await b.text('status'), /^Converged/);

@@ -206,7 +206,7 @@ class Page {
   async begin() {
     if (!this.views[0].mesh || !this.views[1].mesh) return;
     this.clearMap();
-    this.startedWith = JSON.stringify(this.options());
+    this.seconds = 0;  // of all steps
     this.take(await this.solver.ask('start', this.request()));
     for (const id of ['play', 'step', 'restart']) $(id).disabled = !this.state.more;
     $('restart').disabled = false;
@@ -258,6 +258,7 @@ class Page {
   async advance(single) {
     if (!this.state || !this.state.more) return;
     this.take(await this.solver.ask('advance', {milliseconds: 120, single}));
+    this.seconds += this.state.secondsOfSteps;
     if (this.state.logs.length) {
       this.algorithm.show(this.state.log);
       if (single)
