@@ -82,23 +82,23 @@ add_library(Eigen3::Eigen INTERFACE IMPORTED)
 set_target_properties(Eigen3::Eigen PROPERTIES INTERFACE_INCLUDE_DIRECTORIES
   "$package/$folder")
 CMAKE
-  lane eigen33 g++ "" "$scripts" -DISM_NATIVE=OFF -DEigen3_DIR="$package"
+  lane eigen33 g++ "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF -DEigen3_DIR="$package"
 }
 
 # What needs whole builds of its own, or takes memory at will, is not for every lane.
 scripts='test_consumers|test_windows|test_flags|test_cli|test_web|reference'
 memory='test_machine|test_failures'
-sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF)
+sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF)
 export UBSAN_OPTIONS=print_stacktrace=1
 
 lane native g++ "" ""
 lane portable g++ "" "" -DISM_NATIVE=OFF
-lane no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DISM_NATIVE=OFF
+lane no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF
 lane clang clang++ "" ""
-lane clang_portable clang++ "" "$scripts" -DISM_NATIVE=OFF
-lane cxx20 g++ "" "$scripts" -DCMAKE_CXX_STANDARD=20
-lane cxx23 clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23
-lane no_threads g++ "-DISM_NO_THREADS" "$scripts|$memory"
+lane clang_portable clang++ "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF
+lane cxx20 g++ "" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_BUILD_BENCH=OFF
+lane cxx23 clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23 -DISM_BUILD_BENCH=OFF
+lane no_threads g++ "-DISM_NO_THREADS" "$scripts|$memory" -DISM_BUILD_BENCH=OFF
 lane address clang++ "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all" \
   "$scripts|$memory" "${sanitizer[@]}"
 lane thread clang++ "-O1 -g -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}"

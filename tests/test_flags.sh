@@ -20,9 +20,9 @@ CPP
 compile() { "$compiler" -std=c++17 -I"$project" "${eigen[@]}" "$work/sound.cpp" "$@" 2> "$work/log"; }
 eigen=("$@")
 
-compile -fsyntax-only || { cat "$work/log"; exit 1; }
+compile -E -o /dev/null || { cat "$work/log"; exit 1; }
 for flag in -ffast-math -Ofast -ffinite-math-only; do
-  if compile -fsyntax-only "$flag"; then
+  if compile -E -o /dev/null "$flag"; then
     echo "$flag is not refused" >&2
     exit 1
   fi
@@ -38,7 +38,7 @@ done
 
 # Sums in another order: g++ says so by a macro, clang++ does not.
 reorder=(-O2 -fassociative-math -fno-signed-zeros -fno-trapping-math)
-if compile -fsyntax-only "${reorder[@]}"; then
+if compile -E -o /dev/null "${reorder[@]}"; then
   compile "${reorder[@]}" -pthread -o "$work/sound"
   if "$work/sound"; then
     echo "-fassociative-math is not found" >&2

@@ -16,7 +16,7 @@ eigen="${EIGEN:-/usr/include/eigen3}"
 stb="${STB:-/usr/include/stb}"
 
 mkdir -p "$build"
-flags=(-std=c++17 -O2 -msimd128 -DISM_NO_THREADS -fno-exceptions -fno-rtti -Wall -Wextra
+flags=(-std=c++17 -O2 -msimd128 -DISM_NO_THREADS -fno-rtti -Wall -Wextra
        -DEMSCRIPTEN_HAS_UNBOUND_TYPE_NAMES=0 -I. -isystem "$eigen" -isystem "$stb")
 echo '#define ISM_IMPLEMENTATION
 #include "ism.hpp"' > "$build/ism.cpp"
@@ -34,7 +34,7 @@ compile() {
   done
 }
 compile "$build/ism.cpp" examples/map_picture.cpp examples/web/session.cpp
-em++ -O2 -msimd128 -fno-exceptions -fno-rtti --bind "$build"/{ism,map_picture,session}.o \
+em++ -O2 -msimd128 -fno-rtti --bind "$build"/{ism,map_picture,session}.o \
   -sTOTAL_STACK=8MB -sALLOW_MEMORY_GROWTH -sMODULARIZE -sEXPORT_NAME=createIsm \
   -sEXPORTED_RUNTIME_METHODS=FS -sENVIRONMENT=worker,node -o "$build/ism.js"
 node examples/web/pack.js examples/web "$build" data "$build/index.html"
