@@ -1,13 +1,15 @@
 # Sourced by the scripts that build: installs what is missing on Debian and Ubuntu.
 
-# install PACKAGE COMMAND...: installs the package unless the command succeeds.
+# install PACKAGE COMMAND...: installs the package unless the command succeeds. With NO_INSTALL=1 in
+# the environment, it asks for it only.
 install() {
   local package="$1"
   shift
   if "$@" >/dev/null 2>&1; then return; fi
   local apt=(apt-get)
   if [ "$(id -u)" -ne 0 ]; then apt=(sudo apt-get); fi
-  if ! command -v apt-get >/dev/null || ! command -v "${apt[0]}" >/dev/null; then
+  if [ -n "${NO_INSTALL:-}" ] || ! command -v apt-get >/dev/null ||
+    ! command -v "${apt[0]}" >/dev/null; then
     echo "Please install what Debian and Ubuntu call '$package', then run this again." >&2
     exit 1
   fi

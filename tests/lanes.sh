@@ -60,7 +60,7 @@ windows() {
   mkdir -p "$headers"
   for folder in doctest boost nlohmann; do ln -sfn "/usr/include/$folder" "$headers/$folder"; done
   export WINEPREFIX="$root/wine" WINEDEBUG=-all
-  lane windows x86_64-w64-mingw32-g++-posix "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF \
+  lane windows x86_64-w64-mingw32-g++-posix "" "$scripts|test_tour" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF \
     -DCMAKE_TOOLCHAIN_FILE="$PWD/tests/consumers/mingw.cmake" -DISM_DOCTEST_DIR="$headers" \
     -DISM_BOOST_DIR="$headers" -DISM_JSON_DIR="$headers" -DISM_STB_DIR=/usr/include/stb \
     -DEigen3_DIR="${EIGEN3_DIR:-/usr/share/eigen3/cmake}"

@@ -181,7 +181,7 @@ function runNatively(pair) {
       ismMap,
       [
         path.join(folder, 'A.obj'), path.join(folder, 'B.obj'), '--landmarks',
-        path.join(folder, 'landmarks.txt'), '-o', to
+        path.join(folder, 'landmarks.txt'), '--threads', '1', '-o', to
       ],
       {stdio: 'ignore'});
   const report = JSON.parse(fs.readFileSync(path.join(to, 'report.json')));
@@ -297,13 +297,52 @@ test('lets a landmark be dragged, and the map follows', async b => {
   assert.ok(Number.isFinite(await b.number('distortion')) && before > 2);
 });
 
+test('sets landmarks by click, by touch and by keys, and removes them', async b => {
+  await b.choose('starfish');
+  const count = side => b.run(`return document.querySelectorAll("#marks_${side} button").length`);
+  await b.click('#clear');
+  await b.says(/^Ready/);
+  for (const [i, pointer] of ['mouse', 'touch'].entries()) {
+    for (const side of ['a', 'b']) {
+      const [x, y] = await b.middle(`#canvas_${side}`);
+      await b.drag([x, y - 30 * i], [x, y - 30 * i], pointer);
+    }
+    assert.deepStrictEqual([await count('a'), await count('b')], [i + 1, i + 1]);
+  }
+  await b.run('document.querySelector("#marks_b button").focus()');
+  await b.press(['\uE017']);  // delete
+  assert.deepStrictEqual([await count('a'), await count('b')], [1, 1]);
+  await b.run('document.querySelector("#marks_a button").focus()');
+  await b.press(['\uE017']);
+  for (const side of ['a', 'b']) {
+    await b.run(`document.getElementById("canvas_${side}").focus()`);
+    await b.press(['\uE007']);  // enter
+  }
+  assert.deepStrictEqual([await count('a'), await count('b')], [1, 1]);
+});
+
+test('begins anew where a run cannot change, and takes back what is refused', async b => {
+  await b.choose('starfish');
+  await b.click('#step');
+  await b.until('a map', 'return thePage.hasMap', 30);
+  for (const variant of ['spn', 'pn', 'full']) {
+    await b.set('variant', variant);
+    await b.says(/^Ready/);
+  }
+  await b.click('#step');
+  await b.until('a map', 'return thePage.hasMap', 30);
+  await b.run('thePage.landmarks.pairs.push([0, 1e6]); thePage.change()');
+  await b.says(/^Not changed: /);
+  assert.strictEqual(await b.run('return thePage.landmarks.pairs.length'), 6);
+});
+
 test('takes other options on the way', async b => {
   await b.choose('starfish');
   await b.click('#step');
   await b.until('a map', 'return document.getElementById("distortion").textContent !== "–"', 30);
   for (const [id, value] of [
-           ['variant', 'pn'], ['variant', 'full'], ['measure', 'arap'], ['measure', 'dirichlet'],
-           ['coverage_weight', '0.5'], ['omega', '2'], ['memory', '3']]) {
+           ['measure', 'asap'], ['measure', 'sarap'], ['measure', 'arap'], ['measure', 'dirichlet'],
+           ['coverage_weight', '0.5'], ['memory', '3']]) {
     await b.set(id, value);
     await b.says(/^Changed/);
     await b.click('#step');

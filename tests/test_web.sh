@@ -4,5 +4,5 @@
 set -euo pipefail
 
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-BUILD="$2" examples/web/build.sh
+NO_INSTALL=1 BUILD="$2" examples/web/build.sh
 node tests/test_web.js "$2/index.html" "$1" data "$2/seen"

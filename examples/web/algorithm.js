@@ -164,6 +164,7 @@ class AlgorithmPanel {
   // and again while it plays, once after a single step.
   sweep(milliseconds, repeats) {
     this.stop();
+    if (matchMedia('(prefers-reduced-motion: reduce)').matches) return;
     const visit = [...kLines.keys()].filter(i => this.runs(kLines[i], this.log));
     const seconds = AlgorithmPanel.seconds(this.log), sum = sumOf(seconds);
     const sharing = phase => visit.filter(i => kLines[i].phase === phase).length;

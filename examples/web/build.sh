@@ -2,6 +2,7 @@
 # Makes the page: ism.hpp compiled to WebAssembly, and all that belongs to it, in one file that runs
 # from any server and from the file system. On Debian and Ubuntu it installs what is missing.
 #   BUILD=dir  where it is made (default: build/web of the project); the page is BUILD/index.html
+#   EIGEN=dir, STB=dir  the folders with Eigen/Core and with stb_image.h, if they are elsewhere
 set -euo pipefail
 
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -9,7 +10,7 @@ build="${BUILD:-build/web}"
 source .ci/packages.sh
 install emscripten command -v em++
 install nodejs command -v node
-install node-acorn test -d /usr/share/nodejs/acorn
+[ "$(command -v em++)" != /usr/bin/em++ ] || install node-acorn test -d /usr/share/nodejs/acorn
 export NODE_PATH="/usr/share/nodejs${NODE_PATH:+:$NODE_PATH}"  # of a node that is not Debian's
 # Headers alone: what else is in /usr/include is of another system.
 eigen="${EIGEN:-/usr/include/eigen3}"
@@ -18,8 +19,7 @@ stb="${STB:-/usr/include/stb}"
 mkdir -p "$build"
 flags=(-std=c++17 -O2 -msimd128 -DISM_NO_THREADS -fno-rtti -Wall -Wextra
        -DEMSCRIPTEN_HAS_UNBOUND_TYPE_NAMES=0 -I. -isystem "$eigen" -isystem "$stb")
-echo '#define ISM_IMPLEMENTATION
-#include "ism.hpp"' > "$build/ism.cpp"
+[ -e "$build/ism.cpp" ] || printf '#define ISM_IMPLEMENTATION\n#include "ism.hpp"\n' > "$build/ism.cpp"
 
 # compile SOURCE...: those that changed, or whose headers did.
 compile() {

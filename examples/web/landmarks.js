@@ -56,6 +56,7 @@ class Landmarks {
       if (this.pending && this.pending.side === side) {
         const mark = document.createElement('span');
         mark.className = 'mark pending';
+        mark.setAttribute('role', 'img');
         box.append(mark);
       }
     }
@@ -88,9 +89,11 @@ class Landmarks {
   key(event, i, side) {
     const directions =
         {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
-    if (event.key === 'Delete' || event.key === 'Backspace')
+    if (event.key === 'Delete' || event.key === 'Backspace') {
       this.remove(i);
-    else if (directions[event.key]) {
+      const rest = $(`marks_${kSides[side]}`).querySelectorAll('button');
+      (rest[Math.min(i, rest.length - 1)] || this.views[side].canvas).focus();
+    } else if (directions[event.key]) {
       const next = this.neighbour(side, this.pairs[i][side], directions[event.key]);
       this.move(i, side, next);
       clearTimeout(this.timer);

@@ -118,12 +118,15 @@ class Page {
 
   // Does work after what was asked for before.
   enqueue(work) {
-    this.queue = this.queue.then(work).catch(error => this.say(error.message, true));
+    this.queue = this.queue.then(work).catch(error => {
+      this.pause();
+      this.say(error.message, true);
+    });
     return this.queue;
   }
 
   say(text, isRefusal = false) {
-    $('status').textContent = text;
+    if ($('status').textContent !== text) $('status').textContent = text;  // is read out
     $('status').classList.toggle('refused', isRefusal);
   }
 
@@ -139,21 +142,23 @@ class Page {
   }
 
   request() {
-    return {landmarks: this.landmarks.pairs, options: this.options()};
+    return {landmarks: this.landmarks.pairs.map(pair => [...pair]), options: this.options()};
   }
 
   // ---- meshes ----
 
-  async openPair(name) {
+  openPair(name) {
     const pair = this.pairs[name];
     this.pause();
-    this.landmarks.set([]);
-    for (const side of [0, 1]) {
-      const bytes = new TextEncoder().encode(pair[kSides[side]]).buffer;
-      await this.enqueue(() => this.open(side, `${name} ${'AB'[side]}.obj`, bytes));
-    }
-    this.landmarks.set(pair.landmarks);
-    return this.start();
+    return this.enqueue(async () => {
+      this.landmarks.set([]);
+      for (const side of [0, 1]) {
+        const bytes = new TextEncoder().encode(pair[kSides[side]]).buffer;
+        await this.open(side, `${name} ${'AB'[side]}.obj`, bytes);
+      }
+      this.landmarks.set(pair.landmarks);
+      await this.begin();
+    });
   }
 
   // The user's own; landmarks of the other surface alone mean nothing.
@@ -164,7 +169,8 @@ class Page {
       this.landmarks.set([]);
       const told = $('status').textContent;
       await this.begin();
-      this.say(`${told} Press Play, or set landmarks first: click the same place on both.`);
+      if (this.state.more)
+        this.say(`${told} Press Play, or set landmarks first: click the same place on both.`);
     });
   }
 
@@ -188,6 +194,7 @@ class Page {
   clearMap() {
     this.views.forEach(view => view.clearOverlay());
     this.plot.clear();
+    this.times = [];  // of the last iterations: how many, and their seconds
     this.state = null;
     this.hasMap = false;
     this.proof = '';
@@ -207,8 +214,9 @@ class Page {
     if (!this.views[0].mesh || !this.views[1].mesh) return;
     this.clearMap();
     this.seconds = 0;  // of all steps
-    this.take(await this.solver.ask('start', this.request()));
-    for (const id of ['play', 'step', 'restart']) $(id).disabled = !this.state.more;
+    this.accepted = this.request();
+    this.take(await this.solver.ask('start', this.accepted));
+    for (const id of ['play', 'step']) $(id).disabled = !this.state.more;
     $('restart').disabled = false;
   }
 
@@ -217,9 +225,15 @@ class Page {
     this.needsDrawing = true;
     return this.enqueue(async () => {
       if (!this.state) return;
-      if (!this.hasMap) return this.begin();
-      const outcome = await this.solver.ask('change', this.request());
-      if (!outcome.usable) return this.say(`Not changed: ${outcome.message}`, true);
+      const request = this.request(), {omega, variant} = this.accepted.options;
+      if (!this.hasMap || request.options.omega !== omega || request.options.variant !== variant) {
+        await this.begin();  // these are about how a run begins
+        if (this.wasPlaying) this.play();
+        return;
+      }
+      const outcome = await this.solver.ask('change', request);
+      if (!outcome.usable) return this.refuse(outcome);
+      this.accepted = request;
       this.proof = '';
       this.state.more = true;
       for (const id of ['play', 'step']) $(id).disabled = false;
@@ -228,14 +242,25 @@ class Page {
     });
   }
 
+  // A change that the library refuses is taken back.
+  refuse(outcome) {
+    this.pause();
+    this.wasPlaying = false;
+    this.landmarks.set(this.accepted.landmarks);
+    this.setOptions(this.accepted.options);
+    this.say(`Not changed: ${outcome.message}`, true);
+  }
+
   play() {
     if (this.isPlaying || !this.state || !this.state.more) return;
     this.isPlaying = this.wasPlaying = true;
     $('play').textContent = 'Pause';
+    const run = this.playing = {};
     const go = async () => {
-      if (!this.isPlaying) return;
-      await this.enqueue(() => this.advance(false));
-      if (this.isPlaying && this.state && this.state.more)
+      if (this.playing !== run) return;
+      await this.enqueue(() => this.advance());
+      if (this.playing !== run) return;
+      if (this.state && this.state.more)
         setTimeout(go);
       else
         this.pause();
@@ -245,6 +270,7 @@ class Page {
 
   pause() {
     this.isPlaying = false;
+    this.playing = null;
     $('play').textContent = 'Play';
     this.algorithm.stop();
   }
@@ -252,22 +278,31 @@ class Page {
   step() {
     this.pause();
     this.wasPlaying = false;
-    return this.enqueue(() => this.advance(true));
+    const go = async () => {  // slice by slice, up to the end of an iteration
+      await this.enqueue(() => this.advance(true));
+      const {state} = this;
+      if (state && state.more && state.logs && !state.logs.length && !this.isPlaying)
+        setTimeout(go);
+    };
+    return go();
   }
 
-  async advance(single) {
+  async advance(single = false) {
     if (!this.state || !this.state.more) return;
     this.take(await this.solver.ask('advance', {milliseconds: 120, single}));
-    this.seconds += this.state.secondsOfSteps;
-    if (this.state.logs.length) {
-      this.algorithm.show(this.state.log);
+    const {logs, log, secondsOfSteps} = this.state;
+    this.seconds += secondsOfSteps;
+    if (logs.length) {
+      this.times = [...this.times, [logs.length, secondsOfSteps]].slice(-10);
+      this.algorithm.show(log);
       if (single)
         this.algorithm.sweep(2500, false);
-      else if (!this.algorithm.isSweeping)
+      else if (this.isPlaying && !this.algorithm.isSweeping)
         this.algorithm.sweep(1500, true);
     } else if (!this.hasMap) {
       this.algorithm.embedding();
     }
+    this.showNumbers();
     if (this.state.more) return;
     this.pause();
     $('play').disabled = $('step').disabled = true;
@@ -324,9 +359,6 @@ class Page {
     set('iterations', log ? this.plot.series[0].values.length : '–', log ? state.iterations : '');
     set('polygons', log ? log.polygons.toLocaleString() : '–', log ? log.polygons : '');
     set('proof', this.proof || (log ? 'by construction' : '–'), this.proof);
-    if (!log) this.times = [];
-    if (state && state.logs && state.logs.length)
-      this.times = [...(this.times || []), [state.logs.length, state.secondsOfSteps]].slice(-10);
     const [count, seconds] = this.times.reduce(([n, s], [m, t]) => [n + m, s + t], [0, 0]);
     set('rate', count ? (count / seconds).toFixed(1) : '–', count ? count / seconds : '');
     this.views[2].canvas.setAttribute(
@@ -369,6 +401,7 @@ class Page {
 
   async download() {
     await this.enqueue(async () => {
+      if (!this.hasMap) return;
       const result = await this.solver.ask('save');
       if (!result.ok) return this.say(result.message, true);
       for (const {name, bytes} of result.files) {
@@ -393,7 +426,7 @@ class Page {
     $('clear').onclick = () => (this.landmarks.set([]), this.change());
     $('pair').onchange = () => this.openPair($('pair').value);
     for (const id of ['measure', 'variant', 'coverage_weight', 'omega', 'memory', 'exact'])
-      $(id).onchange = () => this.change();
+      $(id).onchange = () => (this.showSettings(), this.change());
     for (const id of ['coverage_weight', 'omega', 'memory'])
       $(id).oninput = () => this.showSettings();
     for (const input of document.querySelectorAll('input[name=paint], #edges'))
@@ -405,15 +438,35 @@ class Page {
     matchMedia('(prefers-color-scheme: dark)').onchange = () => this.recolor();
     addEventListener('resize', () => this.needsDrawing = true);
     addEventListener('keydown', event => this.key(event));
+    for (const type of ['dragover', 'drop'])  // beside A and B, the browser would leave the page
+      addEventListener(type, event => event.preventDefault());
     kSides.forEach((name, side) => {
-      $(`file_${name}`).onchange = event => this.openFile(side, event.target.files[0]);
+      $(`file_${name}`).onchange = ({target}) => {
+        const [file] = target.files;
+        target.value = '';  // so that the same one can be opened again
+        if (file) this.openFile(side, file);
+      };
       this.acceptDrops(this.views[side].canvas.parentElement, side);
     });
     this.views.forEach((view, i) => this.turnByHand(view, i));
     this.showSettings();
   }
 
+  setOptions({measure, coverage, omega, memory, variant, exact}) {
+    Object.assign($('measure'), {value: measure});
+    Object.assign($('variant'), {value: variant});
+    $('coverage_weight').value = coverage;
+    $('omega').value = Math.log10(omega);
+    $('memory').value = memory;
+    $('exact').checked = exact;
+    this.showSettings();
+  }
+
   showSettings() {
+    const variant = $('variant').value, isDirichlet = $('measure').value === 'dirichlet';
+    $('omega').disabled = variant !== 'full';
+    $('memory').disabled = variant === 'pn';
+    $('isometry').textContent = `(${isDirichlet ? 2 : 0}: isometry)`;
     $('coverage_out').textContent = Number($('coverage_weight').value).toFixed(2);
     $('omega_out').textContent = `1e${$('omega').value}`;
     $('memory_out').textContent = $('memory').value;
@@ -455,9 +508,10 @@ class Page {
     const {canvas} = view, pointers = new Map();
     let moved = 0;
     canvas.onpointerdown = event => {
+      if (event.button !== 0) return;
       canvas.setPointerCapture(event.pointerId);
+      moved = pointers.size ? Infinity : 0;  // two fingers are no click
       pointers.set(event.pointerId, event);
-      moved = 0;
     };
     canvas.onpointermove = event => {
       const before = pointers.get(event.pointerId);
@@ -472,10 +526,10 @@ class Page {
     };
     canvas.onpointercancel = event => pointers.delete(event.pointerId);
     canvas.onpointerup = event => {
-      pointers.delete(event.pointerId);
-      if (moved < 6 && i < 2) this.click(i, event);
+      if (pointers.delete(event.pointerId) && moved < 6 && i < 2) this.click(i, event);
     };
-    canvas.onwheel = event => {
+    canvas.onwheel = event => {  // else it scrolls the page
+      if (document.activeElement !== canvas && !event.ctrlKey) return;
       event.preventDefault();
       this.scale(view, Math.exp(-event.deltaY / 500));
     };
@@ -488,6 +542,8 @@ class Page {
         this.scale(view, 1.1);
       else if (event.key === '-')
         this.scale(view, 1 / 1.1);
+      else if (event.key === 'Enter' && i < 2)
+        this.clickMiddle(i);
       else
         return;
       event.preventDefault();
@@ -501,18 +557,24 @@ class Page {
     this.scale(view, distance(event) / Math.max(distance(before), 1));
   }
 
+  // The plane is moved, surfaces are turned.
   turn(i, yaw, pitch) {
-    if (i === 2) return;
+    this.needsDrawing = true;
+    if (i === 2) return this.views[2].shift(yaw, pitch);
     for (const view of $('together').checked ? this.views.slice(0, 2) : [this.views[i]]) {
       view.yaw += yaw;
       view.pitch = Math.min(Math.max(view.pitch + pitch, -Math.PI / 2), Math.PI / 2);
     }
-    this.needsDrawing = true;
   }
 
   scale(view, factor) {
     view.zoom = Math.min(Math.max(view.zoom * factor, 0.3), 20);
     this.needsDrawing = true;
+  }
+
+  clickMiddle(side) {
+    const box = this.views[side].canvas.getBoundingClientRect();
+    this.click(side, {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2});
   }
 
   click(side, event) {

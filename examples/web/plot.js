@@ -32,8 +32,8 @@ class Plot {
     if (!all.length) return;
     const box = {left: 40, right: width - 10, top: 24, bottom: height - 22};
     const low = Math.min(...all) * 0.98, high = Math.max(...all) * 1.05;
-    const n = Math.max(...this.series.map(s => s.values.length), 2);
-    const x = i => box.left + (box.right - box.left) * i / (n - 1);
+    const n = this.series[0].values.length;
+    const x = i => box.left + (box.right - box.left) * i / Math.max(n - 1, 1);
     const y = v => box.bottom - (box.bottom - box.top) * Math.log(v / low) / Math.log(high / low);
     this.grid(g, color, box, low, high, y, n);
     for (const s of this.series) {
@@ -71,7 +71,7 @@ class Plot {
       g.textAlign = 'right';
       g.fillText(String(v), box.left - 4, last + 4);
     }
-    g.fillText(`${n} iterations, coarse levels included`, box.right, box.bottom + 16);
+    g.fillText(`iterations: ${n}, coarse levels included`, box.right, box.bottom + 16);
     g.textAlign = 'left';
   }
 }

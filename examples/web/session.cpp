@@ -48,22 +48,11 @@ val list_of(const std::vector<T>& items, val (*convert)(const T&)) {
   return list;
 }
 
-val ids_of(const std::vector<ism::ElementId>& ids) {
-  return list_of<ism::ElementId>(ids, [](const ism::ElementId& id) {
-    val v = val::object();
-    v.set("side", id.side == Side::kA ? 0 : 1);
-    v.set("vertex", id.element == ism::Element::kVertex);
-    v.set("id", id.id);
-    return v;
-  });
-}
-
 val outcome_of(const ism::Outcome& outcome) {
   val v = val::object();
   v.set("status", ism::to_string(outcome.status));
   v.set("usable", ism::is_usable(outcome.status));
   v.set("message", outcome.message);
-  v.set("ids", ids_of(outcome.ids));
   return v;
 }
 
@@ -78,7 +67,6 @@ val log_of(const ism::IterationLog& it) {
   val v = val::object();
   const std::initializer_list<std::pair<const char*, double>> numbers = {
       {"energy", it.energy},
-      {"mapEnergy", it.map_energy},
       {"energyF", it.energy_f},
       {"energyG", it.energy_g},
       {"distortion", it.mean_distortion},
@@ -92,7 +80,6 @@ val log_of(const ism::IterationLog& it) {
       {"secondsSolve", it.seconds_solve},
       {"secondsSearch", it.seconds_search}};
   for (const auto& [name, x] : numbers) v.set(name, x);
-  v.set("iteration", it.iteration);
   v.set("polygons", it.polygons);
   v.set("historyReset", it.history_reset);
   v.set("quasiNewton", it.quasi_newton);
@@ -114,6 +101,7 @@ ism::Options options_of(const val& v) {
   options.measure = measure_named(v["measure"].as<std::string>());
   options.coverage_weight = v["coverage"].as<double>();
   options.exact_landmarks = v["exact"].as<bool>();
+  options.max_memory = 1.6e9;  // of the 2 GB that a page has
   ism::Tuning& t = options.tuning;
   t.omega_start = v["omega"].as<double>();
   t.history_length = v["memory"].as<int>();
@@ -137,14 +125,14 @@ std::vector<ism::Landmark> landmarks_of(const val& list) {
 
 // ---- what is drawn ----
 
-/// One corner of a triangle of the meta mesh; the layout of page.js.
+/// One corner of a triangle of the meta mesh; the layout of view.js.
 struct Corner {
   float on_a[3], on_b[3], plane[2];
   float weights_a[2], weights_b[2];  // the first two barycentric coordinates in the triangles
   std::int8_t normal_a[4], normal_b[4];
   float density;
 };
-static_assert(sizeof(Corner) == 60, "page.js counts bytes");
+static_assert(sizeof(Corner) == 60, "view.js counts bytes");
 
 /// The overlay of a map as triangles without common vertices, since densities belong to polygons.
 class OverlayPicture {
@@ -229,6 +217,7 @@ class Session {
 
   /// Goes on with other landmarks and options.
   val change(val landmarks, val options) {
+    if (!solver_) return refusal("there is no run");
     return outcome_of(solver_->change(landmarks_of(landmarks), with_progress(options)));
   }
 
@@ -239,13 +228,13 @@ class Session {
 
   /// The overlay and both embeddings, in triangles; undefined while there is no map.
   val picture() {
+    if (!solver_) return val::undefined();
     const ism::SurfaceMap map(solver_->result());
     if (map.status() != ism::Status::kDone) return val::undefined();
     val v = val::object();
     v.set("overlay", OverlayPicture(map).bytes());
     v.set("f", plane_of(map, Side::kA));
     v.set("g", plane_of(map, Side::kB));
-    v.set("isClosed", map.is_closed());
     return v;
   }
 
@@ -254,6 +243,7 @@ class Session {
 
   /// Writes the map to files: {ok, message}.
   val save() {
+    if (!solver_) return refusal("there is no map");
     const ism::SurfaceMap map(solver_->result());
     if (map.status() != ism::Status::kDone) return refusal(map.message());
     std::vector<mesh_io::TextFile> files;
@@ -293,13 +283,11 @@ class Session {
     v.set("isNew", is_new_);  // the last step was an iteration
     v.set("what", what_);
     v.set("fraction", solver_->fraction());
-    v.set("levels", static_cast<int>(result.coarse.size()));
     v.set("iterations", static_cast<int>(result.log.size()));
     if (!result.log.empty() || !last_)
       v.set("log", log_of(result.final_state()));
     else
       v.set("log", log_of(*last_));
-    v.set("initial", log_of(result.initial));
     return v;
   }
 
@@ -346,11 +334,11 @@ class Session {
   std::string what_;
 };
 
-/// The colours of densities 2 to 8, n times red, green, blue.
+/// The colours of densities 2 to 8, their logarithms equally apart, n times red, green, blue.
 val heat_colors(int n) {
   std::vector<std::uint8_t> colors;
   for (int i = 0; i < n; ++i)
-    for (float c : picture::heat_of(2 + 6.0 * i / (n - 1)))
+    for (float c : picture::heat_of(2 * std::pow(4.0, i / (n - 1.0))))
       colors.push_back(static_cast<std::uint8_t>(std::lround(255 * c)));
   return array_of(colors);
 }

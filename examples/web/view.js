@@ -120,7 +120,7 @@ function affine(turn, scale, center) {
   return m;
 }
 
-// ---- the box of points, for what fits on the screen ----
+// ---- a ball around points, for what fits on the screen ----
 
 function ballOf(points, dimension) {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -144,6 +144,15 @@ class View {
     this.where = where;
     this.yaw = this.pitch = 0;
     this.zoom = 1;
+    this.heatColors = heatColors;
+    this.edges = [];  // of both meshes in the plane: {of: triangles, list}
+    this.build();
+    canvas.addEventListener('webglcontextlost', event => event.preventDefault());
+    canvas.addEventListener('webglcontextrestored', () => this.rebuild());
+  }
+
+  build() {
+    const {canvas} = this;
     const gl = canvas.getContext('webgl2', {antialias: true, premultipliedAlpha: true});
     if (!gl) throw new Error('This browser has no WebGL 2, which the page needs to draw.');
     this.gl = gl;
@@ -153,8 +162,17 @@ class View {
     this.overlayArray = this.overlayAttributes();
     this.corners = 0;
     this.plains = [];  // what is drawn in one colour: {array, count, kind, color, lit}
-    this.edges = [];   // of both meshes in the plane: {of: triangles, list}
-    this.setHeatColors(heatColors);
+    this.setHeatColors(this.heatColors);
+  }
+
+  // Once more all that is drawn, as when a phone has taken the processor of graphics away.
+  rebuild() {
+    const {mesh, plane, bytes, yaw, pitch, zoom} = this;
+    this.build();
+    if (mesh) this.setMesh(mesh);
+    if (plane) this.setPlane(...plane);
+    if (bytes) this.setOverlay(bytes);
+    Object.assign(this, {yaw, pitch, zoom});
   }
 
   program(vertexText, fragmentText) {
@@ -242,12 +260,11 @@ class View {
   // Both embeddings as lines. The picture keeps its place as long as that fits.
   setPlane(f, g, colors) {
     const gl = this.gl;
-    const ball = ballOf(f.positions, 2), other = ballOf(g.positions, 2);
-    const reach = Math.max(ball.radius, other.radius);
-    if (!this.ball || reach > 1.15 * this.ball.radius || reach < 0.7 * this.ball.radius ||
-        Math.hypot(ball.center[0] - this.ball.center[0], ball.center[1] - this.ball.center[1]) >
-            0.2 * reach)
-      this.ball = {center: ball.center, radius: reach};
+    this.plane = [f, g, colors];
+    const {center, radius} = ballOf(f.positions, 2);
+    const reach = Math.max(radius, ballOf(g.positions, 2).radius);
+    if (!this.ball || !(this.isShifted || this.fits(center, reach)))
+      this.ball = {center, radius: reach};
     this.edges = [f, g].map(
         (x, i) => this.edges[i] && areEqual(this.edges[i].of, x.triangles) ?
             this.edges[i] :
@@ -257,8 +274,16 @@ class View {
             x.positions, 2, null, this.edges[i].list, gl.LINES, [...colors[i], 0.4], 0)));
   }
 
+  // Does what lies about a center fill the picture, and no more?
+  fits([x, y], reach) {
+    const {center, radius} = this.ball;
+    return reach <= 1.15 * radius && reach >= 0.7 * radius &&
+        Math.hypot(x - center[0], y - center[1]) <= 0.2 * reach;
+  }
+
   setOverlay(bytes) {
     const gl = this.gl;
+    this.bytes = bytes;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.overlayBuffer);
     gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STREAM_DRAW);
     this.corners = bytes.length / kCornerBytes;
@@ -266,10 +291,20 @@ class View {
 
   clearOverlay() {
     this.corners = 0;
+    this.bytes = this.plane = null;
     if (this.where === 2) {
       this.setPlains([]);
       this.ball = null;
+      this.isShifted = false;
     }
+  }
+
+  // Moves the plane by parts of what is seen of it; from then on it stays where it is put.
+  shift(x, y) {
+    if (!this.ball) return;
+    const reach = this.ball.radius / this.zoom, [cx, cy] = this.ball.center;
+    this.ball = {...this.ball, center: [cx - x * reach, cy + y * reach, 0]};
+    this.isShifted = true;
   }
 
   // Rows: right, up, towards the viewer, of what is seen.
@@ -282,7 +317,7 @@ class View {
   matrix() {
     const {width, height} = this.canvas, side = Math.min(width, height);
     const fit = new Float32Array(16);
-    fit[0] = side / width, fit[5] = side / height, fit[10] = -0.25, fit[15] = 1;
+    fit[0] = side / width, fit[5] = side / height, fit[10] = -0.25 / this.zoom, fit[15] = 1;
     const center = this.ball.center;
     return multiply(fit, affine(this.turn(), 0.95 * this.zoom / this.ball.radius, center));
   }
@@ -360,7 +395,6 @@ class View {
     return {
       x: (1 + at[0]) / 2 * this.canvas.clientWidth,
       y: (1 - at[1]) / 2 * this.canvas.clientHeight,
-      depth: at[2],
       isInFront: facing > 0
     };
   }

@@ -1,5 +1,5 @@
 // The solver, beside the page's own thread, so that the page never freezes. A request is
-// {id, call, arguments}, the answer {id, result}; arrays change hands without a copy. What stands
+// {id, call, values}, the answer {id, result}; arrays change hands without a copy. What stands
 // before this text in the worker is ism.js, emscripten's frame for session.cpp.
 'use strict';
 
@@ -31,25 +31,19 @@ const calls = {
     return session.change(landmarks, options);
   },
 
-  // Steps until some milliseconds have passed, at least one, then draws; or up to the end of one
-  // iteration, which the embedding does not have.
+  // Steps until some milliseconds have passed, at least one, or to the end of one iteration, then
+  // draws.
   advance({milliseconds, single}) {
     const logs = [];
     const begin = performance.now();
     let state;
-    let steps = 0;
     do {
       state = session.step();
-      ++steps;
       if (state.isNew) logs.push(state.log);
-    } while (state.more && !(single && state.isNew) &&
-             (single || performance.now() - begin < milliseconds));
-    const end = performance.now();
+    } while (state.more && !(single && state.isNew) && performance.now() - begin < milliseconds);
     state.logs = logs;
-    state.steps = steps;
-    state.secondsOfSteps = (end - begin) / 1000;
+    state.secondsOfSteps = (performance.now() - begin) / 1000;
     state.picture = session.picture();
-    state.secondsOfPicture = (performance.now() - end) / 1000;
     return state;
   },
 
