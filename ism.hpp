@@ -650,7 +650,7 @@ Result compute_map(const MeshView& a, const MeshView& b,
 
 /// About how many bytes compute_map() or a Solver takes at its peak, beyond what the caller has.
 /// Counts vertices and triangles only, which may be invalid. With default options, on ten pairs of
-/// 4 to 46 thousand triangles and on generated ones, it was 0.7 to 1.3 times what the process grew
+/// 4 to 46 thousand triangles and on generated ones, it was 0.7 to 1.32 times what the process grew
 /// by. The most was taken where the start fits badly: the steps are long, and the memory of the
 /// iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
 double memory_estimate(const MeshView& a, const MeshView& b, const Options& options = {});
