@@ -179,6 +179,21 @@ Eigen::VectorXd areas_of(const ism::TriangleMesh& mesh) {
 constexpr double kWorst = 8;  // the distortion at which the colours of heat() end
 
 /// The colour of a distortion: from 2, an isometry, to kWorst and above, on a logarithmic scale.
+ism::TriangleMesh square_grid(int n) {
+  ism::TriangleMesh mesh;
+  mesh.vertices.resize((n + 1) * (n + 1), 3);
+  mesh.triangles.resize(2 * n * n, 3);
+  for (int j = 0, v = 0; j <= n; ++j)
+    for (int i = 0; i <= n; ++i, ++v) mesh.vertices.row(v) << 2.0 * i / n - 1, 2.0 * j / n - 1, 0;
+  for (int j = 0, f = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i, f += 2) {
+      const int v = j * (n + 1) + i;
+      mesh.triangles.row(f) << v, v + 1, v + n + 2;
+      mesh.triangles.row(f + 1) << v, v + n + 2, v + n + 1;
+    }
+  return mesh;
+}
+
 render::Color heat_of(double density) {
   return render::heat(std::log(density / 2) / std::log(kWorst / 2));
 }

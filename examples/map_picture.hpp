@@ -97,6 +97,9 @@ render::Shape uncovered_part(const Scene& scene, ism::Side side);
 void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
                     const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas);
 
+/// n × n squares over [-1, 1]², each of two triangles; vertex i + j (n + 1) is at (i, j).
+ism::TriangleMesh square_grid(int n);
+
 }  // namespace picture
 
 #endif  // ISM_EXAMPLES_MAP_PICTURE_HPP

@@ -40,7 +40,7 @@ double bend(const figure::Lines& lines) {
 int fig06_bent_edges(int argc, char** argv) {
   const figure::Arguments args = figure::read_arguments(argc, argv, {});
   const ism::TriangleMesh fine = figure::hill(24);
-  ism::TriangleMesh quad = figure::square_grid(1);
+  ism::TriangleMesh quad = picture::square_grid(1);
   quad.vertices *= 0.55;
   const std::vector<std::array<int, 2>> sides = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
   const auto edges = figure::edges_of(fine);

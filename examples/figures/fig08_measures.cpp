@@ -47,7 +47,7 @@ int fig08_measures(int argc, char** argv) {
                               {"ARAP", ism::arap()},
                               {"SARAP", ism::sarap()},
                               {"ASAP", ism::asap()}};
-  figure::Pair pair = {"quad", figure::square_grid(1), figure::hill(30), {}, {}};
+  figure::Pair pair = {"quad", picture::square_grid(1), figure::hill(30), {}, {}};
   pair.a.vertices *= 0.6;
   const std::vector<std::array<int, 2>> sides = {{0, 1}, {1, 3}, {3, 2}, {2, 0}};
   const Eigen::Matrix3d tilted =

@@ -21,7 +21,7 @@ figure::Pair with_grid(const figure::Pair& pair, int n) {
   options.boundary = ism::Boundary::kFixed;
   const ism::Embedding square = figure::embed(pair, options);
   const Eigen::RowVector2d lo = square.f.colwise().minCoeff(), hi = square.f.colwise().maxCoeff();
-  const ism::TriangleMesh grid = figure::square_grid(n);
+  const ism::TriangleMesh grid = picture::square_grid(n);
   const double inside = 0.49;  // of the square
   const ism::Points2 plane =
       (inside * grid.vertices.leftCols<2>() * (hi - lo).asDiagonal()).rowwise() + 0.5 * (lo + hi);

@@ -228,23 +228,8 @@ void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>
 
 // ==== [6] A QUAD OVER A HILL =====================================================================
 
-ism::TriangleMesh square_grid(int n) {
-  ism::TriangleMesh mesh;
-  mesh.vertices.resize((n + 1) * (n + 1), 3);
-  mesh.triangles.resize(2 * n * n, 3);
-  for (int j = 0, v = 0; j <= n; ++j)
-    for (int i = 0; i <= n; ++i, ++v) mesh.vertices.row(v) << 2.0 * i / n - 1, 2.0 * j / n - 1, 0;
-  for (int j = 0, f = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i, f += 2) {
-      const int v = j * (n + 1) + i;
-      mesh.triangles.row(f) << v, v + 1, v + n + 2;
-      mesh.triangles.row(f + 1) << v, v + n + 2, v + n + 1;
-    }
-  return mesh;
-}
-
 ism::TriangleMesh hill(int n) {
-  ism::TriangleMesh mesh = square_grid(n);
+  ism::TriangleMesh mesh = picture::square_grid(n);
   for (int v = 0; v < mesh.vertices.rows(); ++v)
     mesh.vertices(v, 2) = 0.3 * std::exp(-2 * mesh.vertices.row(v).head<2>().squaredNorm());
   return mesh;

@@ -135,9 +135,7 @@ void draw_plane(const ism::Points2& points, const std::vector<std::array<int, 2>
 
 // ---- A quad over a hill ----
 
-/// n x n squares over [-1, 1]², each of two triangles; vertex i + j (n + 1) is at (i, j).
-ism::TriangleMesh square_grid(int n);
-/// A shallow hill over the same squares.
+/// A shallow hill over picture::square_grid(n).
 ism::TriangleMesh hill(int n);
 
 // ---- Plots ----

@@ -57,22 +57,6 @@ Pair read_pair(const std::string& name) {
 
 namespace {
 
-/// n x n squares over [-1, 1]², each of two triangles.
-ism::TriangleMesh square(int n) {
-  ism::TriangleMesh mesh;
-  mesh.vertices.resize((n + 1) * (n + 1), 3);
-  mesh.triangles.resize(2 * n * n, 3);
-  for (int j = 0, v = 0; j <= n; ++j)
-    for (int i = 0; i <= n; ++i, ++v) mesh.vertices.row(v) << 2.0 * i / n - 1, 2.0 * j / n - 1, 0;
-  for (int j = 0, f = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i, f += 2) {
-      const int v = j * (n + 1) + i;
-      mesh.triangles.row(f) << v, v + 1, v + n + 2;
-      mesh.triangles.row(f + 1) << v, v + n + 2, v + n + 1;
-    }
-  return mesh;
-}
-
 /// The vertex k of ring r of a disk in rings of 6 r vertices around vertex 0.
 int ring_vertex(int r, int k) { return r == 0 ? 0 : 1 + 3 * r * (r - 1) + k % (6 * r); }
 
@@ -120,7 +104,7 @@ void raise_hill(double x, double y, ism::TriangleMesh& mesh) {
 }  // namespace
 
 Pair sheets(int n) {
-  Pair pair = {square(n), disk((n + 1) / 2 + 1), {}};
+  Pair pair = {picture::square_grid(n), disk((n + 1) / 2 + 1), {}};
   raise_hill(-0.3, -0.1, pair.a);
   raise_hill(0.3, 0.1, pair.b);
   return pair;
