@@ -7224,10 +7224,10 @@ class Optimizer {
     set_scaffold(memory.has_scaffold, x_.x);
   }
 
-  /// Takes over ω_L and the memory of another run on the same surfaces, after start(). E does not
-  /// depend on where the planes are, so its models may be moved with them.
+  /// Takes over ω_L, where both runs have one, and the memory of another run on the same surfaces,
+  /// after start(). E does not depend on where the planes are, so its models may be moved with them.
   void keep(const Memory& memory) {
-    omega_ = memory.omega;
+    if (omega_ > 0 && memory.omega > 0) omega_ = memory.omega;
     visited_ = memory.visited;
     history_.clear();
     is_scaffolded_ = memory.is_scaffolded;

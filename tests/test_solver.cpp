@@ -332,6 +332,24 @@ TEST_CASE("a solver goes on with other landmarks and options from the map it has
   }
 }
 
+TEST_CASE("a change to or from a run without a preconditioner takes its weight from the options") {
+  Case c = cases()[1];
+  c.options.tuning.coarsest = 0;
+  ism::Options projected_newton = c.options;
+  projected_newton.tuning.omega_start = 0;
+  Solver solver = solver_of(c);
+  const auto advance = [&] {
+    while (solver.phase() != Phase::kOptimization) REQUIRE(solver.step());
+    for (int i = 0; i < 3; ++i) REQUIRE(solver.step());
+    return solver.result().final_state().omega;
+  };
+  CHECK(advance() > 0);
+  REQUIRE(solver.change(c.landmarks, projected_newton).status == Status::kDone);
+  CHECK(advance() == 0);
+  REQUIRE(solver.change(c.landmarks, c.options).status == Status::kDone);
+  CHECK(advance() > 0);
+}
+
 TEST_CASE("a change that is interrupted, saved and restored ends in the same bits") {
   for (const Change& c : changes()) {
     CAPTURE(c.to.name);
