@@ -37,12 +37,15 @@ bool has_failed_allocation() { return has_failed; }
 #endif
 #endif
 #ifndef ISM_OWN_NEW
-void* operator new(std::size_t size) {
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
   ++count;
-  if (is_refused()) throw std::bad_alloc();
-  void* memory = std::malloc(size);
+  void* memory = is_refused() ? nullptr : std::malloc(size);
+  if (memory != nullptr) ++pieces;
+  return memory;
+}
+void* operator new(std::size_t size) {
+  void* memory = operator new(size, std::nothrow);
   if (memory == nullptr) throw std::bad_alloc();
-  ++pieces;
   return memory;
 }
 void operator delete(void* memory) noexcept {

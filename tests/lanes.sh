@@ -102,7 +102,7 @@ lane clang_cxx23_portable clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23 -DISM_NA
 lane no_threads g++ "-DISM_NO_THREADS" "$scripts|$memory" "${lean[@]}"
 lane address clang++ "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all" \
   "$scripts|$memory" "${sanitizer[@]}"
-lane thread clang++ "-O1 -g -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}" "${lean[@]}"
+lane thread clang++ "-O2 -gline-tables-only -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}" "${lean[@]}"
 same_bits
 eigen33
 windows

@@ -321,6 +321,32 @@ test('sets landmarks by click, by touch and by keys, and removes them', async b 
   assert.deepStrictEqual([await count('a'), await count('b')], [1, 1]);
 });
 
+test('meets landmarks exactly', async b => {
+  await b.choose('starfish');
+  await b.click('#step');
+  await b.until('a map', 'return thePage.hasMap', 30);
+  await b.run('document.getElementById("exact").click()');
+  await b.says(/^Changed/);
+  await b.click('#step');
+  await b.until(
+      'a step',
+      'return thePage.hasMap && !/^Changed/.test(document.getElementById("status").textContent)', 60);
+  const distances = await b.wait(`
+    const done = arguments[arguments.length - 1];
+    thePage.enqueue(async () => {
+      const {files} = await thePage.solver.ask('save');
+      const file = files.find(f => f.name === 'A_on_B.obj');
+      const text = new TextDecoder().decode(file.bytes);
+      const images = text.split('\\n').filter(line => line.startsWith('v '))
+          .map(line => line.split(' ').slice(1).map(Number));
+      const there = thePage.views[1].mesh.vertices;
+      done(thePage.landmarks.pairs.map(
+          ([a, b]) => Math.hypot(...[0, 1, 2].map(k => images[a][k] - there[3 * b + k]))));
+    });`);
+  assert.strictEqual(distances.length, 6);
+  distances.forEach(d => assert.ok(d < 1e-5, `${distances}`));
+});
+
 test('begins anew where a run cannot change, and takes back what is refused', async b => {
   await b.choose('starfish');
   await b.click('#step');
@@ -341,11 +367,21 @@ test('takes other options on the way', async b => {
   await b.choose('starfish');
   await b.click('#step');
   await b.until('a map', 'return document.getElementById("distortion").textContent !== "–"', 30);
+  const formulas = {
+    asap: /σmax − σmin/,
+    sarap: /½ ∫ \(1 − 1\/σmin/,
+    arap: /∫ \(1 − σmin/,
+    dirichlet: /‖J‖² \+ ‖J⁻¹‖²/
+  };
   for (const [id, value] of [
            ['measure', 'asap'], ['measure', 'sarap'], ['measure', 'arap'], ['measure', 'dirichlet'],
            ['coverage_weight', '0.5'], ['memory', '3']]) {
     await b.set(id, value);
     await b.says(/^Changed/);
+    if (id === 'measure') {
+      const formula = await b.run('return document.querySelectorAll("#lines .formula")[3].innerText');
+      assert.match(formula, formulas[value]);
+    }
     await b.click('#step');
     await b.until(
         'a step', 'return !/^Changed/.test(document.getElementById("status").textContent)', 30);
@@ -370,6 +406,22 @@ test('mends what can be mended, and says so', async b => {
 });
 
 // Two closed surfaces, each uploaded by itself.
+test('takes a file that is dropped on a surface, and none beside them', async b => {
+  const drop = (selector, text) => b.run(
+      `const dataTransfer = new DataTransfer();
+      dataTransfer.items.add(new File([arguments[1]], 'dropped.obj'));
+      const drop = new DragEvent('drop', {dataTransfer, bubbles: true, cancelable: true});
+      document.querySelector(arguments[0]).dispatchEvent(drop);
+      return drop.defaultPrevented;`,
+      selector, text);
+  await b.choose('starfish');
+  const text = fs.readFileSync(path.join(data, 'starfish', 'A.obj'), 'utf8');
+  assert.ok(await drop('#canvas_plane', text));
+  await b.says(/^Ready/);
+  assert.ok(await drop('#canvas_b', text));
+  await b.says(/dropped.obj is an open surface/);
+});
+
 test('maps closed surfaces that were uploaded', async b => {
   const texts = await b.run('return [blob(2, 1), blob(2, 1.4)]');
   for (const [i, side] of ['a', 'b'].entries()) {
@@ -403,6 +455,38 @@ test('never freezes while it computes', async (b, t) => {
       `${times[142].toFixed(0)} ms (95%); ${await b.text('rate')} iterations a second`);
   assert.ok(times[75] < 100, `median ${times[75]} ms`);
   await b.click('#play');
+});
+
+test('draws the same again after the graphics was taken away', async b => {
+  await b.choose('starfish');
+  await b.click('#step');
+  await b.until('a map', 'return thePage.hasMap', 30);
+  for (const id of ['canvas_a', 'canvas_plane']) {
+    const before = await b.pixels(id);
+    await b.wait(
+        `const done = arguments[arguments.length - 1], canvas = document.getElementById(arguments[0]);
+        const context = canvas.getContext('webgl2').getExtension('WEBGL_lose_context');
+        canvas.addEventListener('webglcontextlost', () => setTimeout(() => context.restoreContext()));
+        canvas.addEventListener('webglcontextrestored', () => setTimeout(done));
+        context.loseContext();`,
+        id);
+    assert.strictEqual(await b.pixels(id), before, id);
+  }
+});
+
+test('keeps still where less motion is asked for', async b => {
+  const media = features =>
+      b.call('POST', '/goog/cdp/execute', {cmd: 'Emulation.setEmulatedMedia', params: {features}});
+  const marked = () => b.run('return document.querySelectorAll("#lines .now").length');
+  await b.choose('starfish');
+  await b.click('#step');
+  await b.until('a line', 'return document.querySelectorAll("#lines .now").length > 0', 30);
+  await media([{name: 'prefers-reduced-motion', value: 'reduce'}]);
+  await b.choose('starfish');
+  await b.click('#step');
+  await b.until('a map', 'return thePage.hasMap', 30);
+  assert.strictEqual(await marked(), 0);
+  await media([]);
 });
 
 test('is readable for those who do not see it', async b => {

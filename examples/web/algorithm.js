@@ -2,6 +2,16 @@
 // words, and what the last iteration made of them.
 'use strict';
 
+// The energy of a polygon by the measure; σ: the singular values of J, the Jacobian of Φ.
+const kEnergies = {
+  dirichlet: '∫ ‖J‖² + ‖J⁻¹‖²',
+  sarap: '½ ∫ (1 − 1/σ<sub>min</sub>)² + (1 − σ<sub>max</sub>)²',
+  arap: '∫ (1 − σ<sub>min</sub>)² + (1 − σ<sub>max</sub>)²',
+  asap: '∫ (σ<sub>max</sub> − σ<sub>min</sub>)²'
+};
+const derivativesOf = measure =>
+    `E<sub>ρ</sub> = ${kEnergies[measure]}, g<sub>ρ</sub>, H<sub>ρ</sub>`;
+
 // `phase` names the part of IterationLog's seconds that a line belongs to; some have none.
 const kLines = [
   {
@@ -29,7 +39,7 @@ const kLines = [
   {
     at: '4–6',
     phase: 'derivatives',
-    formula: 'E<sub>ρ</sub> = ∫ ‖J‖² + ‖J⁻¹‖², g<sub>ρ</sub>, H<sub>ρ</sub>',
+    formula: derivativesOf('dirichlet'),
     words:
         'In each polygon Φ is affine. Its stretch, how that changes with the six corners of the ' +
         'two triangles, and how that change changes.',
@@ -113,6 +123,13 @@ class AlgorithmPanel {
       return item;
     });
     this.timer = 0;
+  }
+
+  // Shows the energy that is minimised.
+  setMeasure(measure) {
+    const index = kLines.findIndex(line => line.phase === 'derivatives');
+    kLines[index].formula = derivativesOf(measure);
+    this.items[index].querySelector('.formula').innerHTML = kLines[index].formula;
   }
 
   // What each phase of an iteration took.

@@ -183,11 +183,11 @@ class Page {
     mesh.ball = ballOf(mesh.vertices, 3);
     this.views[side].setMesh(mesh);
     this.clearMap();
-    const kind = mesh.isClosed ? 'closed' : 'open';
+    const kind = mesh.isClosed ? 'a closed' : 'an open';
     const n = mesh.triangles.length / 3;
     $(`name_${kSides[side]}`).textContent = `${name}, ${n.toLocaleString()} triangles`;
     const mended = mesh.repairs.length ? ` It was mended: ${mesh.repairs.join('; ')}.` : '';
-    this.say(`${name} is a ${kind} surface of ${n.toLocaleString()} triangles.${mended}`);
+    this.say(`${name} is ${kind} surface of ${n.toLocaleString()} triangles.${mended}`);
     return true;
   }
 
@@ -466,6 +466,7 @@ class Page {
     const variant = $('variant').value, isDirichlet = $('measure').value === 'dirichlet';
     $('omega').disabled = variant !== 'full';
     $('memory').disabled = variant === 'pn';
+    this.algorithm.setMeasure($('measure').value);
     $('isometry').textContent = `(${isDirichlet ? 2 : 0}: isometry)`;
     $('coverage_out').textContent = Number($('coverage_weight').value).toFixed(2);
     $('omega_out').textContent = `1e${$('omega').value}`;
