@@ -4,6 +4,7 @@
 #define ISM_TESTS_HOSTILE_HPP
 
 #include "ism.hpp"
+#include "sanitized.hpp"
 #include "shapes.hpp"
 
 #include <Eigen/Geometry>
@@ -905,7 +906,12 @@ inline void check_map(const ism::Result& r, Verdict& verdict) {
 
 /// How long a pair may take. Large fans on each other have polygons by the hundred thousand.
 inline double time_limit(const Case& c) {
-  return c.a.shape.is_large || c.b.shape.is_large ? 100 : 5;  // seconds
+#ifdef ISM_TEST_SANITIZED
+  constexpr double kSlower = 20;
+#else
+  constexpr double kSlower = 1;
+#endif
+  return kSlower * (c.a.shape.is_large || c.b.shape.is_large ? 100 : 5);  // seconds
 }
 
 /// What may be refused although the surfaces are valid: exact landmarks that were not joined, if

@@ -100,7 +100,7 @@ lane cxx20_no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_
 lane clang clang++ "" "$scripts"
 lane clang_cxx23_portable clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23 -DISM_NATIVE=OFF "${lean[@]}"
 lane no_threads g++ "-DISM_NO_THREADS" "$scripts|$memory" "${lean[@]}"
-lane address clang++ "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all" \
+lane address clang++ "-O2 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all" \
   "$scripts|$memory" "${sanitizer[@]}"
 lane thread clang++ "-O2 -gline-tables-only -fsanitize=thread" "$scripts|$memory" "${sanitizer[@]}" "${lean[@]}"
 same_bits

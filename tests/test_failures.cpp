@@ -3,6 +3,7 @@
 
 #include "allocations.hpp"
 #include "ism.hpp"
+#include "sanitized.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -29,14 +30,6 @@
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
-#endif
-
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define ISM_TEST_SANITIZED
-#endif
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define ISM_TEST_SANITIZED
 #endif
 
 namespace {
