@@ -253,7 +253,8 @@ enum class Status {
   kInvalidPositions,  // given planar positions are not an injective embedding
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
-  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
+  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements, or a
+                       // mesh is not the other one with vertices added, see refine()
   kNoOverlap,          // f(A) and g(B) do not overlap at the start
   kNumericalFailure    // an embedding failed, please report the mesh; or E, its derivatives or a
                        // factorisation are not finite
@@ -295,11 +296,11 @@ struct Problem {
   std::vector<int> ids;  // these are
 };
 
-/// Lists everything that keeps a mesh from being a clean surface; empty means valid. Checks:
-/// indices, finite coordinates, degenerate and repeated triangles, edge and vertex manifoldness,
-/// orientation, unreferenced vertices, one component, no handles; and at most 2^24
-/// vertices and triangles, so that an int counts all that is made of them. Cost O(#F log #F).
-/// Reports at most 20 problems of each kind. Thread-safe.
+/// Lists what keeps a mesh from being a clean surface; empty means valid. Checks: indices, finite
+/// coordinates, degenerate and repeated triangles, edge and vertex manifoldness, orientation,
+/// unreferenced vertices, one component, no handles; and at most 2^24 vertices and triangles, so
+/// that an int counts all that is made of them. What builds on a check that fails is left out.
+/// Reports at most 20 problems of each kind. Cost O(#F log #F). Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
 /// A point of a surface: a triangle and barycentric coordinates that add up to 1.
@@ -360,7 +361,8 @@ struct Landmark {
   LandmarkPoint a, b;
 };
 
-/// What the boundaries may do. Held ones are suggested in §7.
+/// What the boundaries may do. Held ones are suggested in §7; closed surfaces and those with
+/// openings are then refused (kInvalidOptions).
 enum class Boundary {
   /// They move freely. What A and B have in common is where they overlap in the plane.
   kFree,
@@ -410,7 +412,7 @@ struct Progress {
   Phase phase = Phase::kEmbedding;
   double fraction = 0;                      // of the call, an estimate in [0, 1] that never falls
   std::string what;                         // a few words, for a progress line
-  const IterationLog* iteration = nullptr;  // set once after each iteration
+  const IterationLog* iteration = nullptr;  // after each one on the meshes given, else null
 };
 
 /// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done. No
@@ -540,7 +542,8 @@ struct Options {
   std::function<bool(const Progress&)> progress;
   /// Set it to true, from any thread, to cancel. It is read between small pieces of work.
   const std::atomic<bool>* stop = nullptr;
-  /// > 0: a call, or all steps of a Solver together, take no longer.
+  /// > 0: a call, or all steps of a Solver together, take no longer; change() and restore() begin
+  /// to count anew.
   double max_seconds = std::numeric_limits<double>::infinity();
   /// > 0, in bytes: a call ends with kMemoryLimit before it begins if memory_estimate() is more.
   double max_memory = std::numeric_limits<double>::infinity();
@@ -550,11 +553,12 @@ struct Options {
   /// are closed, held from when the map is closed.
   std::vector<int> pins_a, pins_b;
   /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where the
-  /// map of closed surfaces is to be closed.
+  /// map of closed surfaces is to be closed (see close).
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
-  /// to the end. Those on the boundaries must then have the same order on A and B. Points become
-  /// vertices, which are added there; with given positions they are refused.
+  /// to the end. Those on the boundaries must then have the same order on A and B; where boundaries
+  /// are held, both ends of one lie there or none. Points become vertices, which are added there;
+  /// with given positions they are refused, and images of vertices must coincide there already.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
@@ -570,10 +574,11 @@ struct Options {
   bool close = true;    // maps of two closed surfaces are closed; false: the surfaces stay cut open
   Tuning tuning;
 
-  /// The paper's constants: κ = 0 for every measure, ω_R = 1e-8, history of 6 with 0.5, ω_L from
-  /// 1e9, α = 1.25, all steps of the line search, at most 550 iterations; no least_coverage, no
-  /// quasi-Newton steps, no scaffold. Of what the paper does not have, max_displacement and
-  /// max_coverage_loss stay: without them the empty overlap is reached in the first iterations.
+  /// The paper's constants: κ = 0 for every measure of the library, ω_R = 1e-8, history of 6 with
+  /// 0.5, ω_L from 1e9 to any smaller, α = 1.25, all steps of the line search, at most 550
+  /// iterations; no coarse levels, no least_coverage, no quasi-Newton steps, no scaffold. Of what
+  /// the paper does not have, max_displacement and max_coverage_loss stay: without them the empty
+  /// overlap is reached in the first iterations.
   static Options paper();
 };
 
@@ -631,8 +636,8 @@ struct Result : Outcome {
 /// optimisation. Closed surfaces are cut open: where landmarks are alike and nothing is far; with
 /// fewer than three landmarks, four pairs of places are tried. Where an outline is in its own way
 /// or a surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
-/// Statuses: kDone, kInvalidMesh, kInvalidLandmarks, kInvalidOptions, kNoMapYet, kNumericalFailure.
-/// Thread-safe.
+/// Options::initial_f and initial_g are not read. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
+/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure, kMemoryLimit. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -681,9 +686,10 @@ class Solver {
   Solver& operator=(Solver&& other) noexcept;
 
   /// Does one step: of the embedding (at most some tenths of a second), or one iteration. True
-  /// while there is more to do. A step that was cancelled or met Options::max_seconds returns
-  /// false; the next call goes on, to the same bits as without the pause. An iteration that was
-  /// stopped is begun anew: one that is stopped every time before it ends never does.
+  /// while there is more to do. A step that was cancelled returns false; the next call goes on, to
+  /// the same bits as without the pause. An iteration that was stopped is begun anew: one that is
+  /// stopped every time before it ends never does. After Options::max_seconds all steps return
+  /// false, until change() or restore().
   bool step();
   /// Steps until some seconds have passed, at least one.
   bool advance(double seconds);
@@ -692,7 +698,7 @@ class Solver {
   /// injective iterate. Valid until the next call of another function.
   const Result& result() const;
   Phase phase() const;
-  double fraction() const;  // of all there is to do, an estimate that never falls
+  double fraction() const;  // of all there is to do, an estimate that never falls in between
 
   /// What restore() needs: little while there is no map, else some positions of all vertices.
   SolverState state() const;
@@ -726,7 +732,8 @@ using Polyline = std::vector<SurfacePoint>;
 /// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
 /// two geometries. Vertices are identified by what they are, so neighbouring polygons share them.
 struct MetaMesh {
-  SharedMesh a, b;                  // what it refines
+  /// What it refines.
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   Points3 on_a, on_b;               // #M×3, the vertices on either surface
   Points2 plane;                    // #M×2, the vertices in the common plane
   std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
@@ -791,12 +798,12 @@ class SurfaceMap {
   /// vertices than those given. Where it found none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
 
-  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions, kNoOverlap or, for more
-  /// than 16 million polygons, kMemoryLimit; all points are then uncovered.
+  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions, kNumericalFailure,
+  /// kNoOverlap or, for more than 16 million polygons, kMemoryLimit; all points are then uncovered.
   Status status() const;
   const std::string& message() const;
   const TriangleMesh& mesh(Side side) const;
-  Points2 planar_positions(Side side) const;  // f or g, as given; no rows where there is no map
+  Points2 planar_positions(Side side) const;  // f or g, as given; no rows if refused
   /// True for a map of two closed surfaces that is closed: every point has an image, both ways.
   bool is_closed() const;
 
@@ -861,7 +868,7 @@ struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does no
 /// How attributes of some elements become those of others: a sparse matrix, by rows. Value i is the
 /// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
 /// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
-struct Transfer : Outcome {  // kInvalidAttributes: see refine()
+struct Transfer : Outcome {
   int n_sources = 0;         // elements that the values given belong to
   std::vector<int> offsets = {0};
   std::vector<int> sources;
@@ -898,7 +905,7 @@ struct Transfer : Outcome {  // kInvalidAttributes: see refine()
 };
 
 /// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
-/// MetaMesh::corners. Nothing is lost, neither detail nor seams. Linear cost; all thread-safe.
+/// MetaMesh::corners. Nothing is lost, neither detail nor seams. Cost O(n log n); all thread-safe.
 Transfer to_meta(const MetaMesh& meta, Side side, Element element);
 
 /// From corners of the meta mesh to vertices or corners of the mesh on one side (the mean, where
@@ -912,7 +919,7 @@ Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
 /// From elements of a mesh to those of the same mesh with vertices added (Embedding::a and added_a,
-/// or b and added_b).
+/// or b and added_b). kInvalidAttributes, if `refined` is not `mesh` with these.
 Transfer refine(const MeshView& mesh, const MeshView& refined,
                 const std::vector<AddedVertex>& added, Element element);
 
@@ -1192,11 +1199,6 @@ class Array {
 inline void sort_unique(Array<int>& ids) {
   std::sort(ids.begin(), ids.end());
   ids.resize(static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin()));
-}
-
-/// Takes all occurrences of a value out of an array.
-inline void remove_value(Array<int>& ids, int value) {
-  ids.resize(static_cast<int>(std::remove(ids.begin(), ids.end(), value) - ids.begin()));
 }
 
 /// Places in an order of keys; equal keys keep theirs.
@@ -2001,20 +2003,32 @@ inline void compute_rest_frames(Surface& s) {
                   s);
 }
 
-/// Moves a surface to the origin and scales it to area 1. Far from the origin, scaling alone would
-/// round away what its coordinates have left of its shape.
+/// The power of two that brings the largest coordinate to between 1 and 2: exact, and in any unit,
+/// squares then neither over- nor underflow.
+inline double unit_scale(const Points3& vertices) {
+  const double extent = vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0;
+  return extent > 0 ? std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)) : 1;
+}
+
+/// Moves a surface to the origin, along each axis that it is not at already, and scales it to area
+/// 1. Far from the origin, scaling alone would round away what its coordinates have left of its
+/// shape; the coordinate of the least magnitude takes nothing from small differences.
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
     s.scale *= factor;
   };
-  double extent = 0, area = 0;
-  for (int i = 0; i < s.vertices.size(); ++i)
-    extent = (std::max)(extent, std::abs(s.vertices.data()[i]));
-  // First by a power of two, which is exact: in any unit, squares then neither over- nor underflow.
-  scale(std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)));
-  const Vec3 corner = row3(s.vertices, 0);
-  for (int v = 0; v < s.mesh.n_vertices; ++v) set_row(s.vertices, v, row3(s.vertices, v) - corner);
+  scale(unit_scale(s.vertices));
+  for (int c = 0; c < 3; ++c) {
+    double low = kInfinity, high = -kInfinity;
+    for (int v = 0; v < s.mesh.n_vertices; ++v) {
+      low = (std::min)(low, s.vertices(v, c));
+      high = (std::max)(high, s.vertices(v, c));
+    }
+    const double nearest = low > 0 ? low : (std::min)(high, 0.0);  // to 0, of those in between
+    for (int v = 0; v < s.mesh.n_vertices; ++v) s.vertices(v, c) -= nearest;
+  }
+  double area = 0;
   for (int f = 0; f < s.mesh.n_faces; ++f)
     area += 0.5 * norm(cross(s.corner(f, 1) - s.corner(f, 0), s.corner(f, 2) - s.corner(f, 0)));
   scale(1 / std::sqrt(area));
@@ -2428,6 +2442,7 @@ inline SharedMesh shared(const MeshView& mesh) {
 
 /// What keeps a mesh from being a clean surface; if nothing, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m) {
+  const NoTraps no_traps;
   ProblemList list;
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
     list.add(Problem::Kind::kEmpty,
@@ -2467,7 +2482,7 @@ inline std::string counted(int n, const char* one, const char* many = nullptr) {
 class Preparer {
  public:
   Preparer(const TriangleMesh& given, Prepared& result)
-      : given_(given), F_(given.triangles), result_(result) {}
+      : given_(given), F_(given.triangles), result_(result), unit_(unit_scale(given.vertices)) {}
 
   void run(const std::vector<LandmarkPoint>& landmarks) {
     find_places();
@@ -2499,7 +2514,7 @@ class Preparer {
 
   int vertex(int h) const { return F_.data()[corner_[h]]; }
   int place(int h) const { return place_[vertex(h)]; }
-  Vec3 point(int h) const { return row3(given_.vertices, vertex(h)); }
+  Vec3 point(int h) const { return unit_ * row3(given_.vertices, vertex(h)); }
   int n_triangles() const { return corner_.size() / 3; }
 
   /// Vertices at equal places are found as the first one of them.
@@ -2636,6 +2651,7 @@ class Preparer {
   /// Glues pairs, within a component first, then those with the same vertices of the mesh given,
   /// then those that bend least.
   void glue_crowded(Uses left) {
+    if (left.size() > kHub) return;  // to compare all pairs again and again would take too long
     constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
     while (left.size() >= 2) {
       int best_i = -1, best_k = -1;
@@ -2865,6 +2881,7 @@ class Preparer {
   const TriangleMesh& given_;
   const Triangles& F_;
   Prepared& result_;
+  const double unit_;  // of lengths
   Array<int> place_;           // per vertex given, the first one at its place
   Array<int> corner_;          // per corner of the triangles that are left, the one given
   Array<int> twin_;            // per half-edge of those, the one it is glued to, or -1
@@ -2894,6 +2911,7 @@ inline Prepared as_given(const SharedMesh& mesh) {
 }
 
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
+  const NoTraps no_traps;
   Prepared result = as_given(given);
   bool is_clean = true, is_readable = true;
   for (const Problem& p : result.problems) {
@@ -7201,7 +7219,7 @@ class Optimizer {
   /// True unless a memory is one that no run could have.
   static bool is_sound(const Memory& memory, const Tuning& tuning) {
     const QuickSteps& quick = memory.quick;
-    const int most = kGradientsPerHessian * tuning.history_length + tuning.quasi_newton_steps;
+    const std::int64_t most = most_entries(tuning) + tuning.quasi_newton_steps;
     bool has_hessian = false;
     for (const Visit& visit : memory.visited) has_hessian = has_hessian || visit.has_hessian;
     return std::isfinite(quick.omega) && quick.step > 0 && quick.step <= 1 &&
@@ -7230,6 +7248,7 @@ class Optimizer {
     if (omega_ > 0 && memory.omega > 0) omega_ = memory.omega;
     visited_ = memory.visited;
     history_.clear();
+    forget();
     is_scaffolded_ = memory.is_scaffolded;
     for (Visit& visit : visited_)
       if (!is_held_) move_to_anchors(s_.mesh, anchors_, visit.x);
@@ -7259,7 +7278,11 @@ class Optimizer {
 
  private:
   static constexpr double kHardlyActs = 1e-3;     // ω_L below which the preconditioner hardly acts
-  static constexpr int kGradientsPerHessian = 4;  // in the memory, at most
+  /// Of the memory, quasi-Newton steps since its newest Hessian apart.
+  static std::int64_t most_entries(const Tuning& tuning) {
+    constexpr std::int64_t kGradientsPerHessian = 4;
+    return kGradientsPerHessian * tuning.history_length;
+  }
 
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
   /// both planes are moved.
@@ -7340,11 +7363,11 @@ class Optimizer {
 
   void forget() {
     int hessians = 0, keep = 0;
-    while (keep < history_.size() && keep < kGradientsPerHessian * options_.tuning.history_length &&
-           (hessians += history_[keep].has_hessian()) <= options_.tuning.history_length)
+    while (keep < visited_.size() && keep < most_entries(options_.tuning) &&
+           (hessians += visited_[keep].has_hessian) <= options_.tuning.history_length)
       ++keep;
-    history_.resize(keep);
     visited_.resize(keep);
+    history_.resize((std::min)(keep, history_.size()));
   }
 
   void reset_history(IterationLog& log) {
@@ -7715,7 +7738,7 @@ class Optimizer {
     constexpr int kStepsPerIteration = 5;
     const int n = static_cast<int>(result.log.size());
     int entries = 0, steps = 0;
-    while (entries < n && steps < kStepsPerIteration * iterations)
+    while (entries < n && steps / kStepsPerIteration < iterations)
       steps += state_before(result, entries++).quasi_newton ? 1 : kStepsPerIteration;
     return {entries, static_cast<double>(steps) / kStepsPerIteration};
   }
@@ -9117,13 +9140,25 @@ inline std::string names_of(const Array<VertexPair>& landmarks, std::vector<Elem
 /// True if the landmarks on the boundaries follow each other in the same order on A and on B.
 inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                         Outcome& outcome) {
+  constexpr double kLeastGap = 1e-12;  // of the length; in between, there is room for vertices
   const Array<VertexPair> sorted = boundary_landmarks(pair, landmarks);
-  const Array<double> arc = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
-  double around = 0;
-  for (int i = 0; i < sorted.size(); ++i)
-    around += fraction(arc[sorted[(i + 1) % sorted.size()].b] - arc[sorted[i].b]);
-  if (around < 1.5) return true;
+  const Array<double> arc_a = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
+  const Array<double> arc_b = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
   std::vector<ElementId> ids;
+  double around = 0;
+  for (int i = 0; i < sorted.size(); ++i) {
+    const VertexPair &l = sorted[i], &next = sorted[(i + 1) % sorted.size()];
+    const double gap_a = fraction(arc_a[next.a] - arc_a[l.a]);
+    const double gap_b = fraction(arc_b[next.b] - arc_b[l.b]);
+    around += gap_b;
+    if (sorted.size() == 1 || (std::min)(gap_a, gap_b) > kLeastGap) continue;
+    Array<VertexPair> both(1, l);
+    both.push_back(next);
+    const std::string names = names_of(both, ids);
+    return fail(outcome, Status::kInvalidLandmarks,
+                {"landmarks on the boundaries are too close to each other:", names}, ids);
+  }
+  if (around < 1.5) return true;
   const std::string names = names_of(sorted, ids);
   return fail(outcome, Status::kInvalidLandmarks,
               {"the landmarks on the boundaries are in different order on A and B:", names,
@@ -10314,7 +10349,7 @@ struct EmbeddedPair {
         place_on_seam[v] = i;
     const auto join_edges = [&](int u, int v, int copy_u, int copy_v) {
       const int h = find_edge(s.mesh, u, v), t = find_edge(s.mesh, copy_v, copy_u);
-      across[h] = t, across[t] = h;
+      if (h >= 0 && t >= 0) across[h] = t, across[t] = h;
     };
     for (int i = 0; i < seam.size(); ++i) {
       const SeamVertex &p = seam[i], &q = seam[(i + 1) % seam.size()];
@@ -10864,7 +10899,7 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
   const JointSurface& s = data.pair.s;
   const Points2 x_other = of_a ? rows_between(data.pair.x, s.n_a, s.mesh.n_vertices)
                                : rows_between(data.pair.x, 0, s.n_a);
-  const EmbeddedPair over(join({build_surface(data.mesh(other(side)), true), insides.surface}),
+  const EmbeddedPair over(join({build_surface(data.mesh(other(side)), false), insides.surface}),
                           stacked(x_other, insides.x));
   for (const OverlayPolygon& p : over.overlay.polygons) {
     const double area = polygon_area(polygon_shape(p, six_points(over.s.mesh, over.x, p)),
@@ -12307,6 +12342,7 @@ class Closer {
       log_.push_back(whole(result_.log.back()));
     }
     status_ = result_.status;
+    if (status_ == Status::kNumericalFailure) status_ = Status::kStalled;  // there is a map
     if (status_ == Status::kStalled && has_settled()) status_ = Status::kConverged;
     return has_more;
   }
@@ -12549,7 +12585,7 @@ class Closer {
     if (!is_injective(join(cut_pair_).mesh, with_caps(y)) || !hold(y)) return false;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     optimizer_->start(y, result_);
-    if (result_.status == Status::kInvalidPins) return optimizer_.reset(), false;
+    if (result_.status != Status::kUnfinished) return optimizer_.reset(), false;
     measure_body();
     status_ = result_.status;
     return true;
@@ -12931,7 +12967,9 @@ class MetaMeshVerifier {
   /// As seen from how large a mesh is.
   template <class Positions>
   bool are_close(const Vec3& p, const Vec3& q, const Positions& x) const {
-    return norm(p - q) <= kTolerance * x.cwiseAbs().maxCoeff();
+    const Vec3 d = p - q;
+    return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <=
+           kTolerance * x.cwiseAbs().maxCoeff();
   }
 
   /// Two triangles overlap in one convex polygon.
@@ -12981,7 +13019,11 @@ class MetaMeshVerifier {
     for (Side side : {Side::kA, Side::kB}) {
       const TriangleMesh& mesh = side == Side::kA ? *meta_.a : *meta_.b;
       const Points3& on = side == Side::kA ? meta_.on_a : meta_.on_b;
+      const double unit = unit_scale(mesh.vertices);
       double of_mesh = 0, of_polygons = 0;
+      const auto area = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
+        return 0.5 * norm(cross(unit * (b - a), unit * (c - a)));
+      };
       for (int f = 0; f < mesh.triangles.rows(); ++f)
         of_mesh += area(row3(mesh.vertices, mesh.triangles(f, 0)),
                         row3(mesh.vertices, mesh.triangles(f, 1)),
@@ -12995,10 +13037,6 @@ class MetaMeshVerifier {
                     {"the map is to be closed, and does not cover ", letter(side)});
     }
     return true;
-  }
-
-  static double area(const Vec3& a, const Vec3& b, const Vec3& c) {
-    return 0.5 * norm(cross(b - a, c - a));
   }
 
   static constexpr double kTolerance = 1e-9;
@@ -13044,11 +13082,6 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// The connectivity of a mesh that is valid.
-inline bool check_mesh(const TriangleMesh& mesh, Side side, HalfEdgeMesh& m, Outcome& outcome) {
-  return check_problems(find_problems(mesh, m), side, outcome);
-}
-
 /// Landmarks are placed on a mesh one after the other; two of them must not share a place.
 struct LandmarkPlacer {
   const HalfEdgeMesh& m;
@@ -13085,7 +13118,7 @@ struct LandmarkPlacer {
       return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
     tidy(place);
     const int v = add_place(place, m.n_vertices, added);
-    used.resize(m.n_vertices + static_cast<int>(added.size()));
+    if (v >= used.size()) used.push_back(0);
     return !used[v]++ || refuse({is_point(p) ? "the point in triangle " : "vertex ", given, " of ",
                                  mesh, " is in another landmark"});
   }
@@ -13393,7 +13426,7 @@ inline StatusWords words_of(Status s) {
       {"no map yet", "the initial embedding has not come to its end"},
       {"memory limit",
        "the overlay has more than 16 million polygons: where vertices of thousands of edges of A "
-       "and B lie over each other, all their edges cross; subdivide such a vertex' triangles"},
+       "and B lie over each other, all their edges cross; subdivide such a vertex's triangles"},
       {"invalid mesh", ""},
       {"invalid landmarks", ""},
       {"invalid options", ""},
@@ -13669,6 +13702,7 @@ class Run {
         options_(options),
         only_start_(only_start),
         executor_(options_) {
+    const NoTraps no_traps;
     return_input();
     if (only_start) executor_.set_embedding_share(1);
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
@@ -13736,6 +13770,7 @@ class Run {
   /// A step of the embedding, or an iteration; true while there is more to do. The result is what
   /// it is if the caller goes no further.
   bool step() {
+    const NoTraps no_traps;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
       result_.status = closer_ ? optimized_ : Status::kUnfinished;
@@ -13799,6 +13834,7 @@ class Run {
   }
 
   bool restore(SavedRun& saved) {
+    const NoTraps no_traps;
     opening_ = {saved.opening_a, saved.opening_b};
     if (!fits(opening_.a, whole_.a) || !fits(opening_.b, whole_.b)) return false;
     open();
@@ -13811,7 +13847,7 @@ class Run {
     const Optimizer::Memory& memory = saved.memory;
     bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
               is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
-              std::isnormal(saved.scale) &&
+              is_power_of_two(saved.scale) &&
               (saved.is_changed || Optimizer::is_sound(memory, options_.tuning));
     for (const Optimizer::Visit& visit : memory.visited) ok = ok && is_embedding_of_both(visit.x);
     for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
@@ -13837,7 +13873,13 @@ class Run {
       result_.status = static_cast<Status>(saved.status);
     }
     if (optimizer_) hand_over();
-    return optimizer_ != nullptr;
+    return optimizer_ && is_usable(result_.status);
+  }
+
+  /// Positions are scaled by such a factor, which leaves them the bits they were decided on.
+  static bool is_power_of_two(double scale) {
+    int exponent = 0;
+    return std::isnormal(scale) && std::frexp(scale, &exponent) == 0.5;
   }
 
   static bool fits(int opening, const Surface& s) {
@@ -14227,6 +14269,7 @@ class Run {
 
 inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const Points2& f,
                                                const Points2& g, const Array<SeamVertex>& seam) {
+  const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
   HalfEdgeMesh m, n;
   const auto check = [&](const TriangleMesh& mesh, Side side, HalfEdgeMesh& half_edges) {
@@ -14262,10 +14305,10 @@ inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Poi
   };
   const auto copies_in = [](const std::vector<AddedVertex>& added, const Points2& x) {
     Array<Copy> copies;
-    int v = rows_of(x) - static_cast<int>(added.size());
-    for (const AddedVertex& p : added) {
-      if (is_copy(p)) copies.push_back({p.corners[0], v});
-      ++v;
+    const int n = rows_of(x), n_before = n - static_cast<int>(added.size());
+    for (int i = 0; n_before >= 0 && i < n - n_before; ++i) {
+      const AddedVertex& p = added[static_cast<std::size_t>(i)];
+      if (is_copy(p) && p.corners[0] >= 0 && p.corners[0] < n) copies.push_back({p.corners[0], n_before + i});
     }
     return copies;
   };

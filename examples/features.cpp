@@ -1,4 +1,4 @@
-// One short function for every feature beyond the plain run, to copy from:
+// A short function for each of many features beyond the plain run, to copy from:
 //
 //   features A.obj B.obj landmarks.txt
 

@@ -3,7 +3,7 @@
 //   ism_map A.obj B.obj -o OUT --landmarks landmarks.txt
 //
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
-// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 change nothing.
+// Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
 #include "map_glb.hpp"
@@ -66,7 +66,8 @@ landmarks is taken; what was done is printed.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first
   --no-prepare       refuse meshes with defects
-  --set NAME=VALUE   any numeric option that report.json lists; can be repeated
+  --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
+                     false and true; can be repeated
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
@@ -683,16 +684,23 @@ Json json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
                int opening) {
   const WrittenIds ids = written_ids(prepared, added);
   const auto written = [&](int v) { return ids.id[static_cast<std::size_t>(v)]; };
-  Json midpoints = Json::array(), repairs = Json::array();
-  for (const ism::AddedVertex& p : added)
-    if (p.corners[1] >= 0) midpoints.push_back({written(p.corners[0]), written(p.corners[1])});
+  Json new_vertices = Json::array(), repairs = Json::array();
+  for (const ism::AddedVertex& p : added) {
+    if (p.corners[1] < 0) continue;  // a copy, which is written as one with its original
+    Json corners = Json::array(), weights = Json::array();
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      corners.push_back(written(p.corners[k]));
+      weights.push_back(p.weights[k]);
+    }
+    new_vertices.push_back({{"corners", corners}, {"weights", weights}});
+  }
   for (const ism::Repair& repair : prepared.repairs) repairs.push_back(repair.message);
   return {{"file", path},
           {"vertices", ids.size},
           {"triangles", mesh.triangles.rows()},
           {"prepared", repairs},
           {"opened_at", opening < 0 ? -1 : written(opening)},
-          {"added_midpoints", midpoints}};
+          {"added", new_vertices}};
 }
 
 Json json_options(const Arguments& args) {
@@ -1064,7 +1072,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   const int added_a = count_added(result.start.added_a),
             added_b = count_added(result.start.added_b);
   if (added_a + added_b > 0)
-    std::printf("added        %d vertices to A, %d to B, behind those given, on their edges\n",
+    std::printf("added        %d vertices to A, %d to B, behind those given\n",
                 added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());

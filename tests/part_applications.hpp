@@ -473,6 +473,17 @@ TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weight
     }
 }
 
+TEST_CASE("of an empty meta mesh nothing is transferred") {
+  const ism::MetaMesh none;
+  for (ism::Side side : {ism::Side::kA, ism::Side::kB})
+    for (ism::Element element :
+         {ism::Element::kVertex, ism::Element::kFace, ism::Element::kCorner}) {
+      CHECK(ism::to_meta(none, side, element).rows() == 0);
+      CHECK(ism::from_meta(none, side, element).rows() == 0);
+      CHECK(ism::transfer(none, side, element, element).rows() == 0);
+    }
+}
+
 TEST_CASE("attributes that do not fit a mesh are refused") {
   const auto [a, b] = square_pair(17);
   const MetaMesh meta = good_map(a, b).meta_mesh();

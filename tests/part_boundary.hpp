@@ -552,6 +552,27 @@ TEST_CASE("boundary landmarks in contradictory order or with one inner vertex ar
   CHECK(ism::is_usable(ism::compute_map(a, a, {{o, inner}}, exact).status));
 }
 
+TEST_CASE("landmarks on the boundary with no room between them are refused") {
+  constexpr int kSteps = 7;  // along two sides of a corner, which is cut off closely
+  ism::TriangleMesh a;
+  a.vertices.resize(2 * kSteps, 3);
+  a.triangles.resize(2 * (kSteps - 1), 3);
+  for (int k = 0; k < kSteps; ++k) {
+    const double r = 1e-17 * std::pow(1000, k);
+    a.vertices.row(2 * k) << 0, r, 0;
+    a.vertices.row(2 * k + 1) << r, 0, 0;
+    if (k == 0) continue;
+    a.triangles.row(2 * k - 2) << 2 * k - 2, 2 * k - 1, 2 * k + 1;
+    a.triangles.row(2 * k - 1) << 2 * k - 2, 2 * k + 1, 2 * k;
+  }
+  REQUIRE(ism::validate(a).empty());
+  const Disk b = shapes::grid(4, 4);
+  const Result r = ism::compute_map(a, b.mesh, {{0, 0}, {1, 24}}, held(Boundary::kFixed, 3));
+  CHECK(r.status == ism::Status::kInvalidLandmarks);
+  CHECK(r.message.find("are too close to each other: ") != std::string::npos);
+  CHECK(r.ids.size() == 4);
+}
+
 TEST_CASE("fixed vertices keep their positions to the last bit") {
   Rng rng(4);
   Disk a = shapes::random_disk(5, 5, rng), b = shapes::random_disk(6, 6, rng);

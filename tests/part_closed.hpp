@@ -364,6 +364,26 @@ TEST_CASE("a surface with defects has the map that it has without") {
   CHECK(r.g == again.g);
 }
 
+TEST_CASE("closed maps are verified in any unit, and a result without its positions is refused") {
+  TriangleMesh a = shapes::sphere(1), b = shapes::blob(1, 0.1, 3);
+  Options options = on_one_thread();
+  options.max_iterations = 5;
+  for (double unit : {1e-120, 1e120}) {
+    TriangleMesh scaled = a;
+    scaled.vertices *= unit;
+    const Result r = ism::compute_map(scaled, b, {}, options);
+    CHECK(ism::verify(SurfaceMap(r)).status == Status::kDone);
+  }
+  Result r = ism::compute_map(a, b, {}, options);
+  REQUIRE(ism::is_usable(r.status));
+  Result spoilt = r;
+  spoilt.f.resize(0, 2);
+  CHECK(SurfaceMap(spoilt).status() == Status::kInvalidMesh);  // two parts, as far as it can tell
+  spoilt = r;
+  for (ism::AddedVertex& p : spoilt.start.added_a) p.corners[0] = 1 << 30;
+  CHECK(SurfaceMap(spoilt).status() != Status::kNoMapYet);
+}
+
 TEST_CASE("a surface that is closed is valid; one side held needs a boundary") {
   CHECK(ism::validate(shapes::sphere(1)).empty());
   Options options;

@@ -282,6 +282,11 @@ TEST_CASE("a surface keeps inverse rest frames and areas of its faces") {
   }
 }
 
+/// The vertices as seen from the first one.
+ism::Points3 from_first(const Surface& s) {
+  return s.vertices.rowwise() - Eigen::RowVector3d(s.vertices.row(0));
+}
+
 TEST_CASE("a surface is scaled to unit area whatever its unit") {
   for (shapes::Disk& disk : shapes::all_disks())
     for (double unit : {1e-300, 1e-160, 1e-6, 1.0, 1e6, 1e160, 1e300}) {
@@ -294,7 +299,7 @@ TEST_CASE("a surface is scaled to unit area whatever its unit") {
       CHECK(s.total_area == doctest::Approx(1).epsilon(1e-12));
       const Eigen::RowVector3d origin = disk.mesh.vertices.row(0);
       const ism::Points3 expected = (disk.mesh.vertices.rowwise() - origin) / std::sqrt(area);
-      CHECK((s.vertices - expected).norm() < 1e-13);
+      CHECK((from_first(s) - expected).norm() < 1e-13);
     }
 }
 
@@ -303,10 +308,33 @@ TEST_CASE("a surface far from the origin keeps all that its coordinates have lef
   far.vertices.array() += 1e8;
   TriangleMesh near = far;
   near.vertices.array() -= 1e8;  // exact
-  CHECK(build_surface(far, false).vertices == build_surface(near, false).vertices);
+  CHECK((from_first(build_surface(far, false)) - from_first(build_surface(near, false))).norm() <
+        1e-14);
 }
 
 // ---- two surfaces as one ----
+
+TEST_CASE("a surface whose triangles are ever smaller towards the origin keeps them") {
+  constexpr int kRings = 4, kSectors = 5;  // of radii 1, 1e-6, ..., the outer one first
+  TriangleMesh mesh;
+  mesh.vertices.resize(kRings * kSectors + 1, 3);
+  mesh.triangles.resize((2 * kRings - 1) * kSectors, 3);
+  int f = 0;
+  for (int i = 0; i < kRings; ++i)
+    for (int k = 0; k < kSectors; ++k) {
+      const double r = std::pow(1e-6, i), angle = 2 * ism::detail::kPi * k / kSectors;
+      const int u = i * kSectors + k, v = i * kSectors + (k + 1) % kSectors;
+      const bool is_last = i + 1 == kRings;
+      mesh.vertices.row(u) << r * std::cos(angle), r * std::sin(angle), 0.3 * r;
+      mesh.triangles.row(f++) << u, v, is_last ? kRings * kSectors : v + kSectors;
+      if (!is_last) mesh.triangles.row(f++) << u, v + kSectors, u + kSectors;
+    }
+  mesh.vertices.bottomRows(1).setZero();
+  REQUIRE(ism::validate(mesh).empty());
+  const ism::detail::Surface s = ism::detail::build_surface(mesh, false);
+  CHECK(s.total_area == doctest::Approx(1));
+  CHECK(ism::validate(TriangleMesh{s.vertices, mesh.triangles}).empty());
+}
 
 TEST_CASE("in a joint surface, what is of B comes behind what is of A") {
   const TriangleMesh a = shapes::comb(3, 2).mesh, b = shapes::spherical_cap(3, 7, 1).mesh;

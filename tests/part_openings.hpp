@@ -156,6 +156,18 @@ TEST_CASE("what lies over an opening is not covered, and told") {
   CHECK(uncovered >= 4);  // inside the large opening
 }
 
+TEST_CASE("what lies over an opening is told in any unit") {
+  const Disk frame = shapes::frame(8, 2), grid = shapes::grid(8, 8);
+  const double expected = shapes::map_of(frame, grid).openings().at(0).over;
+  CHECK(expected > 0.1);
+  for (double unit : {1e-170, 1e170}) {
+    Disk scaled = grid;
+    scaled.mesh.vertices *= unit;
+    CHECK(shapes::map_of(frame, scaled).openings().at(0).over ==
+          doctest::Approx(expected).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("plates with different openings are mapped, with all constraints that exist there") {
   for (std::uint64_t seed : {5u, 6u, 7u}) {
     CAPTURE(seed);

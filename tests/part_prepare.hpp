@@ -282,6 +282,41 @@ TEST_CASE("of several components the one with most landmarks is kept, else the l
   CHECK(p.repairs[0].message == "dropped 1 component, 32 triangles");
 }
 
+TEST_CASE("meshes are mended in any unit") {
+  TriangleMesh mesh = soup(shapes::grid(3, 3).mesh);
+  turn(mesh, 5);
+  const TriangleMesh small = soup(shapes::grid(1, 1).mesh);  // a component, and the first one
+  TriangleMesh both;
+  both.vertices.resize(small.vertices.rows() + mesh.vertices.rows(), 3);
+  both.vertices << (small.vertices.array() + 10).matrix(), mesh.vertices;
+  both.triangles.resize(small.triangles.rows() + mesh.triangles.rows(), 3);
+  both.triangles << small.triangles,
+      (mesh.triangles.array() + static_cast<int>(small.vertices.rows())).matrix();
+  const Prepared expected = checked(both);
+  for (double unit : {1e-250, 1e-100, 1e100, 1e250}) {
+    TriangleMesh scaled = both;
+    scaled.vertices *= unit;
+    const Prepared p = checked(scaled);
+    CHECK(p.mesh->triangles == expected.mesh->triangles);
+    CHECK(p.given_corner == expected.given_corner);
+  }
+}
+
+TEST_CASE("20,000 triangles at one edge are taken apart in time") {
+  TriangleMesh book;
+  add_vertex(book, 0, 0, 0);
+  add_vertex(book, 0, 0, 1);
+  constexpr int n = 20000;
+  book.vertices.conservativeResize(n + 2, Eigen::NoChange);
+  book.triangles.resize(n, 3);
+  for (int i = 0; i < n; ++i) {
+    const double angle = 6.28 * i / n;
+    book.vertices.row(i + 2) << std::cos(angle), std::sin(angle), 0.5;
+    book.triangles.row(i) << 0, 1, i + 2;
+  }
+  CHECK(n_triangles(*checked(book).mesh) == 1);
+}
+
 TEST_CASE("a surface with one side, and one with a handle, are refused with the reason") {
   TriangleMesh strip = shapes::grid(12, 2).mesh;
   for (int v = 0; v < n_vertices(strip); ++v) {

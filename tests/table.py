@@ -153,7 +153,7 @@ def row(name, report):
     if "error" in report:
         return [name, "", "", "", report["error"]] + [""] * (len(COLUMNS) - 5)
     start, final, seconds = report["start"], report["final"], report["seconds"]
-    added = " / ".join(str(len(report[mesh]["added_midpoints"])) for mesh in "ab")
+    added = " / ".join(str(len(report[mesh]["added"])) for mesh in "ab")
     phases = ["derivatives", "assembly", "solve", "search", "total"]
     coarse = report["coarse"]
     return [name, f'{report["a"]["triangles"]} / {report["b"]["triangles"]}',

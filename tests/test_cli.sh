@@ -418,7 +418,7 @@ for boundary in fixed slide; do
   [ "$lines" = 144 ] || fail "--boundary $boundary: $lines of 144 sides of quads"
 done
 tr -d ' \n' <out/held/report.json |
-  grep -E '"added_midpoints":\[\[[0-9]+,[0-9]+\],\[[0-9]+,[0-9]+\]\]' >/dev/null ||
+  grep -E '"added":(.?\{"corners":\[[0-9]+,[0-9]+\],"weights":\[0.5,0.5\]\}){2}' >/dev/null ||
   fail "report.json does not tell the added vertices"
 code=0
 "$ism_map" a.obj b.obj -o out/held --landmarks marks.txt --pin-landmarks --boundary slide \

@@ -350,6 +350,31 @@ TEST_CASE("a change to or from a run without a preconditioner takes its weight f
   CHECK(advance() > 0);
 }
 
+TEST_CASE("a change to a shorter memory can be saved and restored before it goes on") {
+  const Case c = cases()[1];
+  Solver solver = solver_of(c);
+  while (solver.step()) {
+  }
+  Case shorter = c;
+  shorter.options.tuning.history_length = 1;
+  shorter.options.tuning.quasi_newton_steps = 0;
+  REQUIRE(solver.change(c.landmarks, shorter.options).status == Status::kDone);
+  Solver other = solver_of(shorter);
+  REQUIRE(other.restore(solver.state()));
+  other.step();
+  solver.step();
+  CHECK(other.result().f == solver.result().f);
+}
+
+TEST_CASE("a memory of any length is one of all iterations") {
+  Case c = cases()[1];
+  c.options.tuning.history_length = 100;
+  const Result expected = expected_of(c);
+  c.options.tuning.history_length = std::numeric_limits<int>::max();
+  c.options.tuning.window = std::numeric_limits<int>::max();
+  check_same(ism::compute_map(c.a.mesh, c.b.mesh, c.landmarks, c.options), expected);
+}
+
 TEST_CASE("a change that is interrupted, saved and restored ends in the same bits") {
   for (const Change& c : changes()) {
     CAPTURE(c.to.name);

@@ -275,7 +275,7 @@ class Session {
     return options;
   }
 
-  /// Where the run is; `log` is that of the last iteration, on a coarse level or on the meshes.
+  /// Where the run is; `log` is that of the last iteration, after a change of one before it.
   val state(bool has_more) const {
     const ism::Result& result = solver_->result();
     val v = outcome_of(result);
