@@ -655,9 +655,9 @@ Result compute_map(const MeshView& a, const MeshView& b,
 
 /// About how many bytes compute_map() or a Solver takes at its peak, beyond what the caller has.
 /// Counts vertices and triangles only, which may be invalid. With default options, on ten pairs of
-/// 4 to 46 thousand triangles and on generated ones, it was 0.79 to 1.25 times what the process grew
-/// by. The most was taken where the start fits badly: the steps are long, and the memory of the
-/// iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
+/// 4 to 46 thousand triangles and on generated ones, it was 0.79 to 1.25 times what the process
+/// grew by. The most was taken where the start fits badly: the steps are long, and the memory of
+/// the iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
 double memory_estimate(const MeshView& a, const MeshView& b, const Options& options = {});
 
 /// What a Solver knows, as plain arrays, to be written to a file and read again. Of use together
@@ -869,7 +869,7 @@ struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does no
 /// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
 /// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
 struct Transfer : Outcome {
-  int n_sources = 0;         // elements that the values given belong to
+  int n_sources = 0;  // elements that the values given belong to
   std::vector<int> offsets = {0};
   std::vector<int> sources;
   std::vector<double> weights;
@@ -7243,7 +7243,8 @@ class Optimizer {
   }
 
   /// Takes over ω_L, where both runs have one, and the memory of another run on the same surfaces,
-  /// after start(). E does not depend on where the planes are, so its models may be moved with them.
+  /// after start(). E does not depend on where the planes are, so its models may be moved with
+  /// them.
   void keep(const Memory& memory) {
     if (omega_ > 0 && memory.omega > 0) omega_ = memory.omega;
     visited_ = memory.visited;
@@ -7277,7 +7278,8 @@ class Optimizer {
   }
 
  private:
-  static constexpr double kHardlyActs = 1e-3;     // ω_L below which the preconditioner hardly acts
+  static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
+
   /// Of the memory, quasi-Newton steps since its newest Hessian apart.
   static std::int64_t most_entries(const Tuning& tuning) {
     constexpr std::int64_t kGradientsPerHessian = 4;
@@ -13032,7 +13034,7 @@ class MetaMeshVerifier {
         for (int i = begin(p) + 1; i + 1 < end(p); ++i)
           of_polygons +=
               area(row3(on, vertex(begin(p))), row3(on, vertex(i)), row3(on, vertex(i + 1)));
-      if (!(std::abs(of_mesh - of_polygons) <= kTolerance * of_mesh))
+      if (!(of_mesh > 0 && std::abs(of_mesh - of_polygons) <= kTolerance * of_mesh))
         return fail(outcome_, Status::kNumericalFailure,
                     {"the map is to be closed, and does not cover ", letter(side)});
     }
@@ -14306,9 +14308,10 @@ inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Poi
   const auto copies_in = [](const std::vector<AddedVertex>& added, const Points2& x) {
     Array<Copy> copies;
     const int n = rows_of(x), n_before = n - static_cast<int>(added.size());
-    for (int i = 0; n_before >= 0 && i < n - n_before; ++i) {
-      const AddedVertex& p = added[static_cast<std::size_t>(i)];
-      if (is_copy(p) && p.corners[0] >= 0 && p.corners[0] < n) copies.push_back({p.corners[0], n_before + i});
+    for (int v = n_before; n_before >= 0 && v < n; ++v) {
+      const AddedVertex& p = added[static_cast<std::size_t>(v - n_before)];
+      const int original = p.corners[0];
+      if (is_copy(p) && original >= 0 && original < n) copies.push_back({original, v});
     }
     return copies;
   };

@@ -405,7 +405,6 @@ test('mends what can be mended, and says so', async b => {
   await b.says(/It was mended: /);
 });
 
-// Two closed surfaces, each uploaded by itself.
 test('takes a file that is dropped on a surface, and none beside them', async b => {
   const drop = (selector, text) => b.run(
       `const dataTransfer = new DataTransfer();
@@ -422,6 +421,7 @@ test('takes a file that is dropped on a surface, and none beside them', async b 
   await b.says(/dropped.obj is an open surface/);
 });
 
+// Two closed surfaces, each uploaded by itself.
 test('maps closed surfaces that were uploaded', async b => {
   const texts = await b.run('return [blob(2, 1), blob(2, 1.4)]');
   for (const [i, side] of ['a', 'b'].entries()) {
