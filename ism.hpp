@@ -533,7 +533,8 @@ struct Options {
   /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
   /// without a fall, a quasi-Newton step as a fifth of one.
   double tolerance = 3e-4;  // ≥ 0
-  bool keep_scale = false;  // true: the meshes are not scaled to area 1; 1e-50 to 1e50 works
+  /// true: the meshes, which are in one unit, are not scaled to area 1; areas of 1e-50 to 1e50 work.
+  bool keep_scale = false;
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system

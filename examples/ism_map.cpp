@@ -64,7 +64,7 @@ landmarks is taken; what was done is printed.
   --iterations N     at most N iterations (default 1000)
   --tolerance T      stop below this relative decrease per iteration (default 3e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
-  --keep-scale       do not scale both meshes to area 1 first
+  --keep-scale       do not scale both meshes to area 1 first; for meshes in one unit
   --no-prepare       refuse meshes with defects
   --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
                      false and true; can be repeated
