@@ -1,5 +1,5 @@
-// The loop of Algorithm 1 and what it may be held by, one program: what compiles the implementation
-// takes longest to compile.
+// The loop of Algorithm 1, what it may be held by, and what it costs on the largest surfaces, one
+// program: what compiles the implementation takes longest to compile.
 
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"
@@ -7,3 +7,4 @@
 #include "part_boundary.hpp"
 #include "part_constraints.hpp"
 #include "part_optimizer.hpp"
+#include "part_sizes.hpp"

@@ -2,7 +2,9 @@
 // ends in seconds here, and would not in minutes if it were quadratic. tests/bench/sizes.cpp prints
 // seconds and memory.
 
-#define ISM_IMPLEMENTATION
+#ifndef ISM_TESTS_PART_SIZES_HPP
+#define ISM_TESTS_PART_SIZES_HPP
+
 #include "ism.hpp"
 #include "large.hpp"
 #include "runs.hpp"
@@ -14,6 +16,7 @@
 #include <cmath>
 #include <string>
 
+namespace sizes_tests {
 namespace {
 
 using namespace ism::detail;
@@ -158,3 +161,7 @@ TEST_CASE("a pair with boundaries of 100,000 edges takes an iteration") {
   options.initial_g = b.plane;
   check_run(ism::compute_map(a.mesh, b.mesh, {}, options), 1);
 }
+
+}  // namespace sizes_tests
+
+#endif  // ISM_TESTS_PART_SIZES_HPP
