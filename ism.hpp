@@ -7386,7 +7386,7 @@ class Optimizer {
       const Array<Direction> directions = find_directions(log);  // lines 9 to 16
       if (executor_.is_stopped()) return false;
       is_stationary_ = promise_little(directions, kRounding);
-      if (is_stationary_ || directions.empty()) return false;
+      if (is_stationary_) return false;
       search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision();

@@ -31,12 +31,7 @@ void fail_allocation(std::size_t n) { start(n, false); }
 void fail_allocations_from(std::size_t n) { start(n, true); }
 bool has_failed_allocation() { return has_failed; }
 
-#ifdef __has_feature
-#if __has_feature(thread_sanitizer)
-#define ISM_OWN_NEW 0  // it has one of its own, and room for no other
-#endif
-#endif
-#ifndef ISM_OWN_NEW
+#ifndef ISM_NO_OWN_NEW
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
   ++count;
   void* memory = is_refused() ? nullptr : std::malloc(size);

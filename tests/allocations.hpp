@@ -6,6 +6,18 @@
 
 constexpr std::size_t kNever = static_cast<std::size_t>(-1);
 
+// ThreadSanitizer has an operator new of its own, and room for no other.
+#ifdef __has_feature
+#if __has_feature(thread_sanitizer)
+#define ISM_NO_OWN_NEW
+#endif
+#endif
+#ifdef ISM_NO_OWN_NEW
+constexpr bool kCountsAllocations = false;  // all below stays 0, and nothing fails
+#else
+constexpr bool kCountsAllocations = true;
+#endif
+
 std::size_t allocations();
 std::size_t memory_in_use();  // in pieces
 

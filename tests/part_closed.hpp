@@ -110,10 +110,10 @@ TEST_CASE("maps of closed surfaces are homeomorphisms, with landmarks and withou
   for (int n : {0, 1, 2, 6}) {
     CAPTURE(n);
     const TriangleMesh a = shapes::blob(n < 6 ? 2 : 3, 0.3, 1), b = shapes::blob(2, 0.2, 2);
-    const Options options = iterations(25);
-    const Result r = ism::compute_map(a, b, landmarks_of(a, b, n), options);
+    const Result r = ism::compute_map(a, b, landmarks_of(a, b, n), on_one_thread());
     check_closed(a, b, r);
-    CHECK(r.final_state().mean_distortion < 2.7);
+    CHECK(r.status == Status::kConverged);
+    CHECK(r.final_state().mean_distortion < 2.3);
     CHECK(r.log.size() >= 25);
     for (std::size_t i = 0; i < r.log.size(); ++i)
       CHECK(r.log[i].iteration == static_cast<int>(i) + 1);
