@@ -533,7 +533,7 @@ struct Options {
   /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
   /// without a fall, a quasi-Newton step as a fifth of one.
   double tolerance = 3e-4;  // ≥ 0
-  /// true: the meshes, which are in one unit, are not scaled to area 1; areas of 1e-50 to 1e50 work.
+  /// true: the meshes are in one unit and not scaled to area 1; areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it

@@ -135,7 +135,8 @@ TEST_CASE("what lies over an opening is not covered, and told") {
   Disk b = shapes::cells(12, 12, [](int i, int j) {
     return !(i >= 3 && i < 6 && j >= 3 && j < 6) && !(i == 8 && j == 8);
   });
-  SUBCASE("as it is") {}
+  bool coincide = false;
+  SUBCASE("as it is") { coincide = true; }
   SUBCASE("turned") { b.plane = shapes::moved(b.plane, shapes::rotation(0.2), {2, -1}); }
   Options options = shapes::from_planes(a, b);
   options.max_iterations = 0;
@@ -149,7 +150,10 @@ TEST_CASE("what lies over an opening is not covered, and told") {
   CHECK(openings[1].edges == 4);
   CHECK(openings[0].over == doctest::Approx(9.0 / 144));
   CHECK(openings[1].over == doctest::Approx(1.0 / 144));
-  if (r.initial.coverage_b > 0.999) CHECK(r.initial.coverage_a == doctest::Approx(1 - 10.0 / 144));
+  if (coincide) {
+    CHECK(r.initial.coverage_a == doctest::Approx(1 - 10.0 / 144));
+    CHECK(r.initial.coverage_b == doctest::Approx(1));
+  }
   int uncovered = 0;
   for (const MappedPoint& image : map.forward_vertices()) uncovered += !image.covered;
   CHECK(uncovered >= 4);  // inside the large opening
