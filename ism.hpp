@@ -5943,6 +5943,14 @@ struct LinearSystem {
   ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
 
+/// The blocks of the diagonal, which are the first of their rows, times a factor.
+inline void scale_diagonal(double factor, BlockMatrix& matrix) {
+  for (int r = 0; r < matrix.rows(); ++r) {
+    Mat2& block = matrix.value[matrix.start[r]];
+    block = factor * block;
+  }
+}
+
 /// A matrix on a larger pattern.
 inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
   BlockMatrix result;
@@ -7586,13 +7594,15 @@ class Optimizer {
     return false;
   }
 
-  /// Rounding may have made a factor indefinite; with more of Q it is not.
+  /// Rounding may have made a factor indefinite; with more on the diagonal, as little as is enough,
+  /// it is not.
   bool make_factor_positive() {
-    constexpr double kMore = 100, kMost = 1;
-    for (double omega = kHardlyActs; factor_.negative > 0 && omega <= kMost; omega *= kMore) {
-      const LinearSystem system = blended_system(0);
-      if (!system.has_Q() || executor_.is_stopped()) break;
-      factorize(system, omega, x_.x);
+    constexpr double kLeast = 1e-14, kMost = 1, kMore = 100;
+    for (double share = kLeast; factor_.negative > 0 && share <= kMost; share *= kMore) {
+      LinearSystem system = blended_system(0);
+      if (executor_.is_stopped()) break;
+      scale_diagonal(1 + share, system.H);
+      factorize(system, omega_, x_.x);
     }
     return factor_.ok && factor_.negative == 0;
   }

@@ -269,6 +269,20 @@ TEST_CASE("two triangles on themselves have converged, though E has kinks there"
   }
 }
 
+TEST_CASE("so have two triangles of any shape, however their numbers are rounded") {
+  for (double width : {0.01, 0.1, 0.5, 1.0, 2.0, 3.0, 7.0})
+    for (int k = 0; k < 12; ++k) {
+      CAPTURE(width);
+      CAPTURE(k);
+      TriangleMesh mesh = shapes::grid(1, 1).mesh;
+      mesh.vertices.col(0) *= width;
+      mesh = moved_in_space(mesh, 1, 0.1 * k, Vector3d::UnitZ(), Vector3d::Zero());
+      const Result result = ism::compute_map(mesh, mesh, {}, runs::on_one_thread());
+      CHECK(result.status == Status::kConverged);
+      CHECK(result.final_state().mean_distortion == doctest::Approx(2).epsilon(1e-9));
+    }
+}
+
 TEST_CASE("the shortest combination of gradients is found") {
   // B = 1; so that of (1, 1) and (-3, 1) is (0, 1), which neither (2, 3) nor twice the same changes.
   const auto one = [](double x, double y) { return Array<Vec2>(1, Vec2{x, y}); };
