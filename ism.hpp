@@ -1607,13 +1607,22 @@ struct Expansion {
     size = kept;
   }
 
-  /// Adds a·b exactly. volatile keeps the compiler from fusing the rounded product into the
-  /// additions, which would break the error-free transformation.
+  /// Adds a·b exactly (two-product [Dekker 1971]; std::fma is not exact in every library, as in
+  /// MinGW's). volatile keeps the compiler from fusing the rounded product into the additions; the
+  /// products of halves are exact, and so are their differences, fused or not.
   void add_product(double a, double b) {
     const volatile double product = a * b;
-    const double tail = std::fma(a, b, -product);
-    add(tail);
+    const double a_high = high_half(a), a_low = a - a_high;
+    const double b_high = high_half(b), b_low = b - b_high;
+    add(a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low));
     add(product);
+  }
+
+  /// x rounded to 26 bits; what remains has 26 bits too, and a sign [Veltkamp 1968].
+  static double high_half(double x) {
+    const volatile double scaled = (0x1p27 + 1) * x;
+    const volatile double difference = scaled - x;
+    return scaled - difference;
   }
 
   /// The sum but for a rounding, of its sign.
@@ -1695,10 +1704,12 @@ inline bool arithmetic_is_sound() {
   const double a = one, b = small, inf = infinity, nan = quiet_nan, same_nan = quiet_nan;
   const double sum = a + b, virtual_b = sum - a, tail = (a - (sum - virtual_b)) + (b - virtual_b);
   const bool rounds_to_nearest = sum == a && a - b == a && -a - b == -a && tail == b;
+  Expansion product;  // (1 + 2^-52)² = (1 + 2^-51) + 2^-104
+  product.add_product(a + 2 * half_ulp, a + 2 * half_ulp);
   const Vec2 p = {0.5 * a, 0.5 * a + half_ulp}, q = {12 * a, 12 * a}, r = {24 * a, 24 * a};
-  return rounds_to_nearest && orient2d(p, q, r) > 0 && orient2d(q, p, r) < 0 &&
-         orient2d(q, r, {0.5 * a, 0.5 * a}) == 0 && !std::isfinite(inf) && !std::isfinite(nan) &&
-         nan != same_nan;  // nothing here traps
+  return rounds_to_nearest && product.term[0] == 0x1p-104 && orient2d(p, q, r) > 0 &&
+         orient2d(q, p, r) < 0 && orient2d(q, r, {0.5 * a, 0.5 * a}) == 0 && !std::isfinite(inf) &&
+         !std::isfinite(nan) && nan != same_nan;  // nothing here traps
 }
 
 /// Nothing is promised where the predicates are not exact.

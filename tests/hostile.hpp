@@ -709,14 +709,20 @@ class ExactSum {
     parts_.resize(kept);
     if (x != 0) parts_.push_back(x);
   }
+  /// In halves, whose products are exact; std::fma is not, in every library.
   void add_product(double x, double y) {
-    const double product = x * y;
-    add(product);
-    add(std::fma(x, y, -product));
+    for (double a : {high_half(x), x - high_half(x)})
+      for (double b : {high_half(y), y - high_half(y)}) add(a * b);
   }
   int sign() const { return parts_.empty() ? 0 : parts_.back() > 0 ? 1 : -1; }
 
  private:
+  static double high_half(double x) {
+    int exponent = 0;
+    const double mantissa = std::frexp(x, &exponent);
+    return std::ldexp(std::round(std::ldexp(mantissa, 26)), exponent - 26);
+  }
+
   std::vector<double> parts_;
 };
 
