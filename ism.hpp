@@ -322,7 +322,7 @@ struct Repair {
   enum class Kind {
     kDroppedDegenerate,
     kDroppedRepeated,
-    kWelded,             // vertices of boundary edges that lie on each other
+    kWelded,             // vertices that lie on each other, or at the ends of a short edge
     kCutEdges,           // edges of more than two triangles
     kCutVertices,        // vertices of more than one fan
     kTurnedTriangles,    // so that all have the orientation of most of the surface
@@ -343,12 +343,15 @@ struct Prepared {
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
   /// first; corner k of triangle f is 3 f + k.
   std::vector<int> given_vertex, given_corner;
-  /// Per vertex and per triangle given, where it is in `mesh`, at first if it was cut; -1: dropped.
+  /// Per triangle of `mesh`, the one given that it is, or is a part of.
+  std::vector<int> given_triangle;
+  /// Per vertex and per triangle given, where it is in `mesh`, or its first part; -1: dropped.
   std::vector<int> new_vertex, new_triangle;
 };
 
-/// Makes a surface of what people have: drops degenerate and repeated triangles and vertices that
-/// are not used, joins boundary edges that lie on each other (triangles with vertices of their own,
+/// Makes a surface of what people have: drops degenerate triangles (the ends of a short edge become
+/// one vertex; where a corner lies on the longest edge, the triangle behind that is cut in two),
+/// repeated ones, and vertices that are not used, joins boundary edges that lie on each other (triangles with vertices of their own,
 /// seams of texture coordinates), cuts where more than two triangles share an edge or fans share a
 /// vertex, turns triangles to one orientation, and keeps the component that has most landmarks, of
 /// several the largest. A mesh without problems stays as it is, to the last id. Surfaces with
@@ -2017,14 +2020,16 @@ inline void compute_rest_frames(Surface& s) {
 
 /// The power of two that brings the largest coordinate to between 1 and 2: exact, and in any unit,
 /// squares then neither over- nor underflow.
+inline double unit_scale(double largest) {
+  return largest > 0 ? std::ldexp(1.0, std::clamp(-std::ilogb(largest), -1000, 1000)) : 1;
+}
 inline double unit_scale(const Points3& vertices) {
-  const double extent = vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0;
-  return extent > 0 ? std::ldexp(1.0, std::clamp(-std::ilogb(extent), -1000, 1000)) : 1;
+  return unit_scale(vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0);
 }
 
-/// Moves a surface to the origin, along each axis that it is not at already, and scales it to area
-/// 1. Far from the origin, scaling alone would round away what its coordinates have left of its
-/// shape; the coordinate of the least magnitude takes nothing from small differences.
+/// Scales a surface to area 1, after it was moved to the origin along each axis that it is far away
+/// along. There, scaling alone would round away what its coordinates have left of its shape; to move
+/// it is exact where the coordinate of the least magnitude is half of all others [Sterbenz 1974].
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
@@ -2038,6 +2043,7 @@ inline void normalize(Surface& s) {
       high = (std::max)(high, s.vertices(v, c));
     }
     const double nearest = low > 0 ? low : (std::min)(high, 0.0);  // to 0, of those in between
+    if (high - low > std::abs(nearest)) continue;
     for (int v = 0; v < s.mesh.n_vertices; ++v) s.vertices(v, c) -= nearest;
   }
   double area = 0;
@@ -2181,10 +2187,14 @@ inline JointSurface join(const SurfacePair& pair) {
 
 // ---- validation ----
 
-/// Collects problems, at most kMostOfAKind of each kind.
+/// Collects problems, at most kMostOfAKind of each kind, in ids of the mesh given if this one was
+/// prepared from it.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
+  explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
+  int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
+  int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
   void add(Problem::Kind kind, Words message, Element element, const std::vector<int>& ids) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
@@ -2194,6 +2204,7 @@ class ProblemList {
   std::vector<Problem> problems;
 
  private:
+  const Prepared* prepared_;
   int count_[16] = {};
 };
 
@@ -2202,7 +2213,8 @@ inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
     const Vec3 p = row3(mesh.vertices, v);
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       list.add(Problem::Kind::kNonFiniteCoordinate,
-               {"vertex ", v, " has a coordinate that is not finite"}, Element::kVertex, {v});
+               {"vertex ", list.vertex(v), " has a coordinate that is not finite"},
+               Element::kVertex, {list.vertex(v)});
   }
 }
 
@@ -2213,19 +2225,19 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
       const int v = mesh.triangles(f, k);
       if (v < 0 || v >= n)
         list.add(Problem::Kind::kIndexOutOfRange,
-                 {"triangle ", f, " refers to vertex ", v, ", but there are ", n, " vertices"},
-                 Element::kFace, {f});
+                 {"triangle ", list.triangle(f), " refers to vertex ", v, ", but there are ", n,
+                  " vertices"},
+                 Element::kFace, {list.triangle(f)});
     }
 }
 
 /// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
 /// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
 /// fourth powers of the ratio have to exist.
-inline Array<const char*> triangle_defects(const TriangleMesh& mesh) {
+inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
-  const Triangles& F = mesh.triangles;
   const auto edge = [&](int f, int k) {
-    return row3(mesh.vertices, F(f, (k + 1) % 3)) - row3(mesh.vertices, F(f, k));
+    return row3(vertices, F(f, (k + 1) % 3)) - row3(vertices, F(f, k));
   };
   Array<double> extent(static_cast<int>(F.rows()), 0);
   double largest = 0;
@@ -2254,11 +2266,11 @@ inline Array<const char*> triangle_defects(const TriangleMesh& mesh) {
 }
 
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
-  const Array<const char*> defects = triangle_defects(mesh);
+  const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
   for (int f = 0; f < defects.size(); ++f)
     if (defects[f] != nullptr)
-      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", f, defects[f]}, Element::kFace,
-               {f});
+      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", list.triangle(f), defects[f]},
+               Element::kFace, {list.triangle(f)});
 }
 
 inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
@@ -2269,11 +2281,12 @@ inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
     corners.push_back(v);
   }
   std::sort(corners.begin(), corners.end());
-  for (int i = 1; i < corners.size(); ++i)
-    if (std::equal(corners[i].begin(), corners[i].begin() + 3, corners[i - 1].begin()))
-      list.add(Problem::Kind::kRepeatedTriangle,
-               {"triangles ", corners[i - 1][3], " and ", corners[i][3], " have the same vertices"},
-               Element::kFace, {corners[i - 1][3], corners[i][3]});
+  for (int i = 1; i < corners.size(); ++i) {
+    if (!std::equal(corners[i].begin(), corners[i].begin() + 3, corners[i - 1].begin())) continue;
+    const int f = list.triangle(corners[i - 1][3]), g = list.triangle(corners[i][3]);
+    list.add(Problem::Kind::kRepeatedTriangle,
+             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
+  }
 }
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
@@ -2281,8 +2294,9 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
     if (uses[begin].lo == uses[begin].hi) return;  // of a triangle that uses a vertex twice
     if (end - begin == 1) return;
     std::vector<int> faces;
-    for (int i = begin; i < end; ++i) faces.push_back(uses[i].half_edge / 3);
-    const std::string edge = sentence({"edge ", uses[begin].lo, "-", uses[begin].hi});
+    for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
+    const std::string edge =
+        sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
     if (faces.size() > 2)
       list.add(Problem::Kind::kNonManifoldEdge,
                {edge, " has ", end - begin, " triangles: ", join(faces)}, Element::kFace, faces);
@@ -2303,8 +2317,9 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   for (int v : m.tail) ++incident[v];
   for (int v = 0; v < m.n_vertices; ++v) {
     if (incident[v] == 0) {
-      list.add(Problem::Kind::kUnreferencedVertex, {"vertex ", v, " is used by no triangle"},
-               Element::kVertex, {v});
+      list.add(Problem::Kind::kUnreferencedVertex,
+               {"vertex ", list.vertex(v), " is used by no triangle"}, Element::kVertex,
+               {list.vertex(v)});
       continue;
     }
     if (!edges_are_sound) continue;
@@ -2315,8 +2330,9 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
     }
     if (fan != incident[v])
       list.add(Problem::Kind::kNonManifoldVertex,
-               {"vertex ", v, " joins ", incident[v], " triangles that form more than one fan"},
-               Element::kVertex, {v});
+               {"vertex ", list.vertex(v), " joins ", incident[v],
+                " triangles that form more than one fan"},
+               Element::kVertex, {list.vertex(v)});
   }
 }
 
@@ -2373,14 +2389,18 @@ inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
   };
   std::vector<int> shortest;
   for (int h = 0; h < m.tail.size(); ++h) {
-    if (is_taken[h]) continue;
+    if (is_taken[h] || h < m.twin[h]) continue;
     std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
-    while (up.back() != down.back()) {
+    const auto is_shorter = [&] {
+      return shortest.empty() || up.size() + down.size() <= shortest.size();
+    };
+    while (up.back() != down.back() && is_shorter()) {
       std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
       deeper.push_back(parent(deeper.back()));
     }
+    if (!is_shorter()) continue;
     up.insert(up.end(), down.rbegin() + 1, down.rend());
-    if (shortest.empty() || up.size() < shortest.size()) shortest = up;
+    shortest = up;
   }
   return shortest;
 }
@@ -2394,7 +2414,8 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  const std::vector<int> cycle = handle_cycle(m);
+  std::vector<int> cycle = handle_cycle(m);
+  for (int& v : cycle) v = list.vertex(v);
   list.add(
       Problem::Kind::kHandles,
       {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it, for ",
@@ -2452,10 +2473,12 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// What keeps a mesh from being a clean surface; if nothing, m is its connectivity.
-inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m) {
+/// What keeps a mesh from being a clean surface; if nothing, m is its connectivity. If it was
+/// prepared, problems are told in ids of the mesh given.
+inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
+                                          const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
-  ProblemList list;
+  ProblemList list(prepared);
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
     list.add(Problem::Kind::kEmpty,
              {"the mesh has no vertices or no triangles, or more than 2^24 of "
@@ -2493,8 +2516,19 @@ inline std::string counted(int n, const char* one, const char* many = nullptr) {
 
 class Preparer {
  public:
-  Preparer(const TriangleMesh& given, Prepared& result)
-      : given_(given), F_(given.triangles), result_(result), unit_(unit_scale(given.vertices)) {}
+  /// welds: vertices at one place may become one.
+  Preparer(const TriangleMesh& given, bool welds, Prepared& result)
+      : given_(given), F_(given.triangles), welds_(welds), result_(result) {
+    const int n = static_cast<int>(given.vertices.rows());
+    is_used_.assign(n, 0);
+    double largest = 0;
+    for (int i = 0; i < F_.size(); ++i) {
+      const Vec3 p = row3(given.vertices, F_.data()[i]);
+      is_used_[F_.data()[i]] = 1;
+      largest = (std::max)({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    }
+    unit_ = unit_scale(largest);
+  }
 
   void run(const std::vector<LandmarkPoint>& landmarks) {
     find_places();
@@ -2508,7 +2542,8 @@ class Preparer {
                          "the surface has one side only, as a Möbius strip has");
     turn(kept);
     build(kept);
-    check();
+    HalfEdgeMesh m;
+    result_.problems = find_problems(*result_.mesh, m, &result_);
   }
 
  private:
@@ -2526,22 +2561,26 @@ class Preparer {
 
   int vertex(int h) const { return F_.data()[corner_[h]]; }
   int place(int h) const { return place_[vertex(h)]; }
-  Vec3 point(int h) const { return unit_ * row3(given_.vertices, vertex(h)); }
-  int n_triangles() const { return corner_.size() / 3; }
+  Vec3 point(int h) const { return unit_ * row3(given_.vertices, place(h)); }
+  double length(int h) const { return norm(point(next(h)) - point(h)); }
+  int n_triangles() const { return source_.size(); }
 
   /// Vertices at equal places are found as the first one of them.
   void find_places() {
-    const int n = static_cast<int>(given_.vertices.rows());
-    Array<int> order(n);
-    for (int v = 0; v < n; ++v) order[v] = v;
+    const int n = is_used_.size();
+    Array<int> order;
+    place_.resize(n);
+    for (int v = 0; v < n; ++v) {
+      place_[v] = v;
+      if (welds_ && is_used_[v]) order.push_back(v);
+    }
     const auto before = [&](int u, int v) {
       const Vec3 p = row3(given_.vertices, u), q = row3(given_.vertices, v);
       return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z != q.z ? p.z < q.z : false;
     };
     std::sort(order.begin(), order.end(),
               [&](int u, int v) { return before(u, v) || (!before(v, u) && u < v); });
-    place_ = order;
-    for (int i = 0, first = 0; i < n; ++i) {
+    for (int i = 0, first = 0; i < order.size(); ++i) {
       if (i > 0 && before(order[i - 1], order[i])) first = i;
       place_[order[i]] = order[first];
     }
@@ -2549,46 +2588,125 @@ class Preparer {
 
   /// All triangles but repeated and degenerate ones.
   void take_triangles() {
-    const Array<const char*> defects = triangle_defects(given_);
-    Array<int> degenerate, repeated, caps;
-    Array<std::array<int, 4>> sorted;
-    Array<char> is_dropped(defects.size(), 0);
+    const Array<const char*> defects = triangle_defects(given_.vertices, F_);
+    Array<int> degenerate, repeated;
     for (int f = 0; f < defects.size(); ++f) {
-      std::array<int, 4> p = {place_[F_(f, 0)], place_[F_(f, 1)], place_[F_(f, 2)], f};
-      std::sort(p.begin(), p.begin() + 3);
       if (defects[f] != nullptr) degenerate.push_back(f);
-      if (p[0] == p[1] || p[1] == p[2])
-        is_dropped[f] = 1;
-      else
-        sorted.push_back(p);
-    }
-    std::sort(sorted.begin(), sorted.end());
-    for (int i = 1; i < sorted.size(); ++i)
-      if (std::equal(sorted[i].begin(), sorted[i].begin() + 3, sorted[i - 1].begin()))
-        repeated.push_back(sorted[i][3]), is_dropped[sorted[i][3]] = 1;
-    for (int f = 0; f < defects.size(); ++f) {
-      if (is_dropped[f]) continue;
-      if (defects[f] != nullptr) caps.push_back(n_triangles());
+      source_.push_back(f);
       for (int k = 0; k < 3; ++k) corner_.push_back(3 * f + k);
     }
-    std::sort(repeated.begin(), repeated.end());
+    drop_collapsed();
+    drop_repeated(repeated);
+    mend_flat();
+    drop_repeated(repeated);
+    sort_unique(repeated);
     tell(Repair::Kind::kDroppedDegenerate,
          {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
          degenerate);
     tell(Repair::Kind::kDroppedRepeated,
          {"dropped ", counted(repeated.size(), "repeated triangle")}, Element::kFace, repeated);
-    const Array<EdgeUse> uses = edge_uses();
-    for (int cap : caps) give_to_neighbour(cap, uses);
-    drop_degenerate();
   }
 
-  /// A triangle without area has a corner on its longest edge: there, the triangle behind that edge
-  /// is cut in two, so that no gap is left.
-  void give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
+  void drop(const Array<char>& is_dropped) {
+    Array<int> corners, sources;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (is_dropped[f]) continue;
+      sources.push_back(source_[f]);
+      corners.append(&corner_[3 * f], 3);
+    }
+    corner_.swap(corners);
+    source_.swap(sources);
+  }
+
+  /// Drops triangles with two corners at one place.
+  void drop_collapsed() {
+    Array<char> is_dropped(n_triangles(), 0);
+    for (int h = 0; h < corner_.size(); ++h)
+      if (place(h) == place(next(h))) is_dropped[h / 3] = 1;
+    drop(is_dropped);
+  }
+
+  /// Of triangles at one place, keeps the first.
+  void drop_repeated(Array<int>& repeated) {
+    Array<std::array<int, 4>> sorted;
+    Array<char> is_dropped(n_triangles(), 0);
+    for (int f = 0; f < n_triangles(); ++f) {
+      sorted.push_back({place(3 * f), place(3 * f + 1), place(3 * f + 2), f});
+      std::sort(sorted.back().begin(), sorted.back().begin() + 3);
+    }
+    std::sort(sorted.begin(), sorted.end());
+    for (int i = 1; i < sorted.size(); ++i) {
+      if (!std::equal(sorted[i].begin(), sorted[i].begin() + 3, sorted[i - 1].begin())) continue;
+      is_dropped[sorted[i][3]] = 1;
+      repeated.push_back(source_[sorted[i][3]]);
+    }
+    drop(is_dropped);
+  }
+
+  // ---- degenerate triangles ----
+
+  /// Takes degenerate triangles out so that no gap is left. What this makes may be degenerate again.
+  void mend_flat() {
+    constexpr int kRounds = 50;
+    for (int round = 0; round < kRounds; ++round) {
+      const Array<int> flat = flat_triangles();
+      bool has_changed = false;
+      for (int f : flat)
+        if (unite_short_edge(f)) has_changed = true;
+      if (has_changed) {
+        for (int v = 0; v < place_.size(); ++v) place_[v] = place_[place_[v]];  // <= v
+        drop_collapsed();
+        continue;
+      }
+      if (flat.empty()) return;
+      const Array<EdgeUse> uses = edge_uses();
+      for (int f : flat)
+        if (give_to_neighbour(f, uses)) has_changed = true;
+      if (!has_changed) break;
+    }
+    Array<char> is_dropped(n_triangles(), 0);
+    for (int f : flat_triangles()) is_dropped[f] = 1;
+    drop(is_dropped);
+  }
+
+  Array<int> flat_triangles() const {
+    Triangles at_places(n_triangles(), 3);
+    for (int h = 0; h < corner_.size(); ++h) at_places.data()[h] = place(h);
+    const Array<const char*> defects = triangle_defects(given_.vertices, at_places);
+    Array<int> flat;
+    for (int f = 0; f < defects.size(); ++f)
+      if (defects[f] != nullptr) flat.push_back(f);
+    return flat;
+  }
+
+  /// True if a triangle has a short edge, or all are short beside the mesh: its ends become one
+  /// place.
+  bool unite_short_edge(int f) {
+    constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
+    int shortest = 3 * f;
+    double longest = 0;
+    for (int h = 3 * f; h < 3 * f + 3; ++h) {
+      if (length(h) < length(shortest)) shortest = h;
+      longest = (std::max)(longest, length(h));
+    }
+    const bool has_height = double_area(f) > kShort * longest * longest;
+    if (length(shortest) > kShort * longest && !has_height) return false;
+    const int p = root(place(shortest)), q = root(place(next(shortest)));
+    place_[(std::max)(p, q)] = (std::min)(p, q);
+    return true;
+  }
+
+  int root(int place) const {
+    while (place_[place] != place) place = place_[place];
+    return place;
+  }
+
+  /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if there
+  /// is none.
+  bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
-      if (norm(point(next(h)) - point(h)) > norm(point(next(longest)) - point(longest)))
-        longest = h;
+      if (length(h) > length(longest)) longest = h;
     const EdgeUse edge = edge_use(longest);
     const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
     for (; use != uses.end() && use->same_edge(edge); ++use) {
@@ -2598,8 +2716,10 @@ class Preparer {
       corner_[3 * cap + 1] = corner_[to];
       corner_[3 * cap + 2] = corner_[left];
       corner_[to] = middle;
-      return;
+      source_[cap] = source_[h / 3];
+      return true;
     }
+    return false;
   }
 
   EdgeUse edge_use(int h) const {
@@ -2612,17 +2732,6 @@ class Preparer {
     for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h));
     std::sort(uses.begin(), uses.end());
     return uses;
-  }
-
-  /// What is still degenerate goes.
-  void drop_degenerate() {
-    TriangleMesh mesh = {given_.vertices, Triangles(n_triangles(), 3)};
-    for (int h = 0; h < corner_.size(); ++h) mesh.triangles.data()[h] = vertex(h);
-    const Array<const char*> defects = triangle_defects(mesh);
-    Array<int> kept;
-    for (int h = 0; h < corner_.size(); ++h)
-      if (defects[h / 3] == nullptr) kept.push_back(corner_[h]);
-    corner_.swap(kept);
   }
 
   // ---- gluing ----
@@ -2765,7 +2874,7 @@ class Preparer {
     }
     Array<std::array<int, 2>> found;
     for (int h = 0; h < corner_.size(); ++h)
-      for (int at : {vertex(h), n + corner_[h] / 3})
+      for (int at : {vertex(h), n + source_[h / 3]})
         if (is_at[at]) found.push_back({component_[h / 3], at});
     std::sort(found.begin(), found.end());
     Array<int> count(members_.size(), 0);
@@ -2785,7 +2894,6 @@ class Preparer {
   }
 
   void build(int kept) {
-    const int n_given = static_cast<int>(given_.vertices.rows());
     std::sort(members_[kept].begin(), members_[kept].end());
     // Vertices in the order of the first vertex given that became one.
     Array<int> source(corner_.size(), -1), roots;
@@ -2804,13 +2912,15 @@ class Preparer {
       result_.given_vertex.push_back(source[roots[i]]);
     }
     result_.given_corner.clear();
+    result_.given_triangle.clear();
     std::fill(result_.new_vertex.begin(), result_.new_vertex.end(), -1);
     std::fill(result_.new_triangle.begin(), result_.new_triangle.end(), -1);
     Array<int> corners, turned, cut;
     for (int f : members_[kept]) {
-      const int given = corner_[3 * f] / 3;
-      result_.new_triangle.data()[given] = corners.size() / 3;
-      if (turned_[f]) turned.push_back(given);
+      int& new_triangle = result_.new_triangle.data()[source_[f]];
+      if (new_triangle < 0) new_triangle = corners.size() / 3;
+      result_.given_triangle.push_back(source_[f]);
+      if (turned_[f]) turned.push_back(source_[f]);
       for (int k : {0, 1, 2}) {
         const int h = 3 * f + (turned_[f] ? (3 - k) % 3 : k), v = id[first_of(h)];
         corners.push_back(v);
@@ -2824,32 +2934,32 @@ class Preparer {
     for (int i = 0; i < roots.size(); ++i)
       set_row(mesh.vertices, i, row3(given_.vertices, source[roots[i]]));
     result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
+    sort_unique(turned);
     sort_unique(cut);
-    tell_rest(kept, n_given, turned, cut);
+    tell_rest(kept, turned, cut);
   }
 
-  void tell_rest(int kept, int n_given, const Array<int>& turned, const Array<int>& cut) {
+  void tell_rest(int kept, const Array<int>& turned, const Array<int>& cut) {
     Array<int> welded, unused, elsewhere;
-    Array<char> is_used(n_given, 0);
-    for (int i = 0; i < F_.size(); ++i) is_used[F_.data()[i]] = 1;
     int n_welded = 0;
-    for (int v = 0; v < n_given; ++v) {
-      if (!is_used[v]) unused.push_back(v);
+    for (int v = 0; v < is_used_.size(); ++v) {
+      if (!is_used_[v]) unused.push_back(v);
       const int w = result_.new_vertex.data()[v];
       n_welded += w >= 0;
       if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
     }
     for (int h = 0; h < corner_.size(); h += 3)
-      if (component_[h / 3] != kept) elsewhere.push_back(corner_[h] / 3);
+      if (component_[h / 3] != kept) elsewhere.push_back(source_[h / 3]);
+    sort_unique(elsewhere);
     tell(Repair::Kind::kWelded,
-         {"welded ", n_welded, " vertices to ", static_cast<int>(result_.given_vertex.size())},
+         {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
          Element::kVertex, welded);
     int n_cut = 0;
     Array<int> at_cuts;
     for (const Uses& here : crowded_) {
       if (!is_cut(here, kept)) continue;
       ++n_cut;
-      for (int h : here) at_cuts.push_back(corner_[h] / 3);
+      for (int h : here) at_cuts.push_back(source_[h / 3]);
     }
     sort_unique(at_cuts);
     tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
@@ -2880,22 +2990,15 @@ class Preparer {
     return false;
   }
 
-  /// What is still wrong, in ids of the mesh given.
-  void check() {
-    HalfEdgeMesh m;
-    result_.problems = find_problems(*result_.mesh, m);
-    for (Problem& problem : result_.problems)
-      for (int& id : problem.ids)
-        id = problem.element == Element::kVertex ? result_.given_vertex.data()[id]
-                                                 : result_.given_corner.data()[3 * id] / 3;
-  }
-
   const TriangleMesh& given_;
   const Triangles& F_;
+  const bool welds_;
   Prepared& result_;
-  const double unit_;  // of lengths
+  double unit_;                // of lengths
+  Array<char> is_used_;        // per vertex given, by a triangle
   Array<int> place_;           // per vertex given, the first one at its place
-  Array<int> corner_;          // per corner of the triangles that are left, the one given
+  Array<int> source_;          // per triangle that is left, the one given that it is a part of
+  Array<int> corner_;          // per corner of those, the one given
   Array<int> twin_;            // per half-edge of those, the one it is glued to, or -1
   Array<int> component_;       // per triangle
   Array<char> turned_;         // per triangle, in its component
@@ -2916,22 +3019,38 @@ inline Prepared as_given(const SharedMesh& mesh) {
   result.mesh = mesh;
   result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
   result.given_corner = identity(mesh->triangles.size());
-  result.new_triangle = identity(mesh->triangles.rows());
+  result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
   HalfEdgeMesh m;
   result.problems = find_problems(*mesh, m);
   return result;
 }
 
+/// Nothing but unused vertices is out of range.
+inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
+  for (const Problem& p : problems)
+    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
+  for (int i = 0; i < mesh.triangles.size(); ++i) {
+    const Vec3 p = row3(mesh.vertices, mesh.triangles.data()[i]);
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) return false;
+  }
+  return true;
+}
+
+/// If a surface that was cut along its handles has other defects, to weld what lies at one place
+/// would undo the cuts; then that is not done.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
   const NoTraps no_traps;
-  Prepared result = as_given(given);
-  bool is_clean = true, is_readable = true;
-  for (const Problem& p : result.problems) {
-    is_clean = is_clean && p.kind == Problem::Kind::kHandles;
-    is_readable = is_readable && p.kind > Problem::Kind::kNonFiniteCoordinate;  // the first kinds
-  }
-  if (!is_clean && is_readable) Preparer(*given, result).run(landmarks);
-  return result;
+  const Prepared before = as_given(given);
+  bool is_clean = true;
+  for (const Problem& p : before.problems) is_clean = is_clean && p.kind == Problem::Kind::kHandles;
+  if (is_clean || !is_readable(*given, before.problems)) return before;
+  Prepared welded = before;
+  Preparer(*given, true, welded).run(landmarks);
+  if (welded.problems.empty()) return welded;
+  Prepared not_welded = before;
+  Preparer(*given, false, not_welded).run(landmarks);
+  const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
+  return not_welded.problems.empty() && is_whole ? not_welded : welded;
 }
 
 using SharedPrepared = std::shared_ptr<const Prepared>;
@@ -13106,6 +13225,38 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
+/// A point of a triangle of the mesh given, in the prepared one. If the triangle was cut, it lies in
+/// one of its parts, which together have all of its corners. False if a part was dropped.
+inline bool place_in_triangle(const Prepared& prepared, const SurfacePoint& p, Place& place) {
+  const Triangles& F = prepared.mesh->triangles;
+  const int* const given = prepared.given_corner.data();
+  const double unit = unit_scale(prepared.mesh->vertices);
+  const auto corner = [&](int f, int k) { return unit * row3(prepared.mesh->vertices, F(f, k)); };
+  Vec3 at = {0, 0, 0};
+  bool is_found[3] = {false, false, false};
+  for (int f = 0; f < F.rows(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const int c = given[3 * f + k] % 3;
+      if (given[3 * f + k] / 3 != p.face || is_found[c]) continue;
+      is_found[c] = true;
+      at = at + p.barycentric[c] * corner(f, k);
+    }
+  double best = -kInfinity;
+  for (int f = 0; f < F.rows(); ++f) {
+    if (prepared.given_triangle.data()[f] != p.face) continue;
+    const Vec3 normal = cross(corner(f, 1) - corner(f, 0), corner(f, 2) - corner(f, 0));
+    Eigen::Vector3d weights;
+    for (int k = 0; k < 3; ++k)
+      weights[k] = dot(normal, cross(corner(f, (k + 1) % 3) - at, corner(f, (k + 2) % 3) - at)) /
+                   squared_norm(normal);
+    if (weights.minCoeff() <= best) continue;
+    best = weights.minCoeff();
+    place.corners = F.row(f);
+    place.weights = weights.cwiseMax(0) / weights.cwiseMax(0).sum();
+  }
+  return is_found[0] && is_found[1] && is_found[2];
+}
+
 /// Landmarks are placed on a mesh one after the other; two of them must not share a place.
 struct LandmarkPlacer {
   const HalfEdgeMesh& m;
@@ -13133,13 +13284,19 @@ struct LandmarkPlacer {
     place.corners = Eigen::Vector3i(id, -1, -1);
     place.weights = Eigen::Vector3d(1, 0, 0);
     if (is_point(p)) {
+      const Eigen::Vector3d& weights = p.point.barycentric;
+      if (!(std::abs(weights.sum() - 1) <= kRounding) || weights.minCoeff() < -kRounding)
+        return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
+      bool is_whole = true;
       for (int k = 0; k < 3; ++k) {
+        const int given_corner = prepared.given_corner.data()[3 * id + k];
+        is_whole = is_whole && given_corner / 3 == given;
         place.corners[k] = m.corner(id, k);
-        place.weights[k] = p.point.barycentric[prepared.given_corner.data()[3 * id + k] % 3];
+        place.weights[k] = weights[given_corner % 3];
       }
+      if (!is_whole && !place_in_triangle(prepared, p.point, place))
+        return refuse({what, given, " of ", mesh, " lost a part when the mesh was prepared"});
     }
-    if (!(std::abs(place.weights.sum() - 1) <= kRounding) || place.weights.minCoeff() < -kRounding)
-      return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
     tidy(place);
     const int v = add_place(place, m.n_vertices, added);
     if (v >= used.size()) used.push_back(0);

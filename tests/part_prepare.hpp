@@ -14,6 +14,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <set>
 #include <string>
 #include <utility>
@@ -230,6 +231,125 @@ TEST_CASE("a triangle without area leaves no gap") {
   CHECK(p.repairs[0].kind == Repair::Kind::kDroppedDegenerate);
 }
 
+TEST_CASE("a short edge becomes one vertex: a closed surface stays closed") {
+  for (double length : {1e-16, 1e-14, 1e-13, 5e-13, 1e-12}) {
+    CAPTURE(length);
+    TriangleMesh mesh = shapes::sphere(2);
+    const int u = mesh.triangles(40, 0), v = mesh.triangles(40, 1);
+    mesh.vertices.row(v) =
+        (1 - length) * mesh.vertices.row(u) + length * Eigen::RowVector3d(mesh.vertices.row(v));
+    const Prepared p = ism::prepare(mesh);
+    CHECK(p.problems.empty());
+    CHECK(n_triangles(*p.mesh) == 126);
+    CHECK(shapes::half_edges(*p.mesh).loops() == 0);
+    CHECK(p.new_vertex[static_cast<std::size_t>(u)] == p.new_vertex[static_cast<std::size_t>(v)]);
+    CHECK(p.repairs[0].kind == Repair::Kind::kDroppedDegenerate);
+  }
+}
+
+/// A tetrahedron with points on edges of triangle 0, on one side only: its vertices 4 and 5.
+TriangleMesh cut_tetrahedron(bool on_one_edge) {
+  TriangleMesh mesh = {ism::Points3(6, 3), ism::Triangles(8, 3)};
+  mesh.vertices << 0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3, 1, 0, 0, 2, 0, 0;
+  if (on_one_edge) {
+    mesh.triangles << 0, 2, 1, 0, 4, 3, 4, 5, 3, 5, 1, 3, 1, 2, 3, 0, 3, 2, 0, 1, 4, 4, 1, 5;
+  } else {
+    mesh.vertices.row(5) << 0, 1, 0;
+    mesh.triangles << 0, 2, 1, 0, 4, 3, 4, 1, 3, 1, 2, 3, 0, 3, 5, 5, 3, 2, 0, 1, 4, 0, 5, 2;
+  }
+  return mesh;
+}
+
+TEST_CASE("several corners on the edges of one triangle leave no gap") {
+  for (bool on_one_edge : {true, false})
+    for (bool turned_around : {false, true}) {
+      TriangleMesh mesh = cut_tetrahedron(on_one_edge);
+      if (turned_around) mesh.triangles.row(6).swap(mesh.triangles.row(7));
+      const Prepared p = checked(mesh);
+      CHECK(shapes::half_edges(*p.mesh).loops() == 0);
+      CHECK(n_triangles(*p.mesh) == 8);
+      CHECK(area(*p.mesh) == doctest::Approx(area(mesh)));
+      CHECK(p.new_triangle == Ids({0, 1, 2, 3, 4, 5, -1, -1}));
+      CHECK(std::count(p.given_triangle.begin(), p.given_triangle.end(), 0) == 3);
+    }
+}
+
+TEST_CASE("a landmark in a triangle that was cut stays where it is") {
+  const TriangleMesh clean = cut_tetrahedron(true);
+  ism::Options options;
+  options.exact_landmarks = true;
+  for (int turns = 0; turns < 9; ++turns) {
+    TriangleMesh mesh = clean;
+    for (int k = 0; k < 3; ++k) {
+      mesh.triangles(0, k) = clean.triangles(0, (k + turns) % 3);
+      mesh.triangles(6, k) = clean.triangles(6, (k + turns / 3) % 3);
+    }
+    for (int k = 0; k < 3; ++k) {
+      ism::SurfacePoint at = {0, {0.1, 0.15, 0.15}};
+      at.barycentric[k] = 0.85 - (at.barycentric.sum() - at.barycentric[k]);
+      at.barycentric /= at.barycentric.sum();
+      Eigen::RowVector3d wanted = Eigen::RowVector3d::Zero();
+      for (int c = 0; c < 3; ++c)
+        wanted += at.barycentric[c] * mesh.vertices.row(mesh.triangles(0, c));
+      const ism::Embedding start = ism::initial_embedding(mesh, mesh, {{at, at}, {3, 3}}, options);
+      CAPTURE(start.message);
+      REQUIRE(start.status == ism::Status::kDone);
+      double nearest = 1;
+      for (int v = 0; v < n_vertices(*start.a); ++v)
+        nearest = std::min(nearest, (start.a->vertices.row(v) - wanted).norm());
+      CHECK(nearest < 1e-12);
+    }
+  }
+}
+
+TEST_CASE("a vertex that no triangle uses does not matter, wherever it is") {
+  TriangleMesh mesh = shapes::grid(6, 6).mesh;
+  turn(mesh, 0);
+  add_vertex(mesh, 0, 0, 0);
+  const Prepared expected = checked(mesh);
+  CHECK(expected.repairs.size() == 2);
+  for (double at : {1e100, 1.7e308, std::numeric_limits<double>::quiet_NaN()}) {
+    mesh.vertices(n_vertices(mesh) - 1, 1) = at;
+    const Prepared p = ism::prepare(mesh);
+    CHECK(p.problems.empty());
+    CHECK(p.mesh->triangles == expected.mesh->triangles);
+    CHECK(p.repairs.size() == 2);
+  }
+  mesh.vertices(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  CHECK(ism::prepare(mesh).problems[0].message == "vertex 0 has a coordinate that is not finite");
+}
+
+TEST_CASE("a torus is refused in the ids given, and one that was cut stays cut") {
+  const int n = 6, m = 4;
+  TriangleMesh closed = {ism::Points3(1 + n * m, 3), ism::Triangles(2 * n * m, 3)};
+  TriangleMesh open = {ism::Points3(1 + (n + 1) * (m + 1), 3), closed.triangles};
+  for (TriangleMesh* mesh : {&closed, &open}) {
+    const int rows = mesh == &open ? m + 1 : m;  // vertex 0 is not used
+    const auto id = [&](int i, int j) {
+      return 1 + (mesh == &open ? i : i % n) * rows + (mesh == &open ? j : j % m);
+    };
+    mesh->vertices.row(0) << 9, 9, 9;
+    for (int i = 0; i <= n; ++i)
+      for (int j = 0; j <= m; ++j) {
+        const double phi = 2 * shapes::kPi * (i % n) / n, psi = 2 * shapes::kPi * (j % m) / m;
+        const double r = 3 + std::cos(psi);
+        mesh->vertices.row(id(i, j)) << r * std::cos(phi), r * std::sin(phi), std::sin(psi);
+      }
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < m; ++j) {
+        mesh->triangles.row(2 * (i * m + j)) << id(i, j), id(i + 1, j), id(i + 1, j + 1);
+        mesh->triangles.row(2 * (i * m + j) + 1) << id(i, j), id(i + 1, j + 1), id(i, j + 1);
+      }
+  }
+  const Prepared p = ism::prepare(closed);
+  REQUIRE(p.problems.size() == 1);
+  CHECK(p.problems[0].message.find("through vertex " + std::to_string(p.problems[0].ids[0])) !=
+        std::string::npos);
+  CHECK(p.given_vertex[0] == 1);  // so that ids differ
+  check_only(checked(open), Repair::Kind::kDroppedVertices,
+             "dropped 1 vertex that no triangle uses", {0});
+}
+
 TEST_CASE("flaps are cut off, surfaces that meet in an edge or a vertex apart") {
   const TriangleMesh clean = shapes::grid(6, 5).mesh;
   TriangleMesh mesh = clean;
@@ -325,10 +445,10 @@ TEST_CASE("a surface with one side, and one with a handle, are refused with the 
     strip.vertices.row(v) << (2 + s * std::cos(t / 2)) * std::cos(t),
         (2 + s * std::cos(t / 2)) * std::sin(t), s * std::sin(t / 2);
   }
-  for (int v = 0; v < n_vertices(strip); ++v)  // the ends meet exactly
-    for (int w = 0; w < v; ++w)
-      if ((strip.vertices.row(v) - strip.vertices.row(w)).norm() < 1e-9)
-        strip.vertices.row(v) = strip.vertices.row(w);
+  for (int i = 0; i < strip.triangles.size(); ++i)  // the ends are one
+    for (int w = 0; w < strip.triangles.data()[i]; ++w)
+      if ((strip.vertices.row(strip.triangles.data()[i]) - strip.vertices.row(w)).norm() < 1e-9)
+        strip.triangles.data()[i] = w;
   add_vertex(strip, 9, 9, 9);  // so that something is wrong
   Prepared p = ism::prepare(strip);
   REQUIRE(p.problems.size() == 1);
