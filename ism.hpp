@@ -689,8 +689,8 @@ class Solver {
   Solver(Solver&& other) noexcept;
   Solver& operator=(Solver&& other) noexcept;
 
-  /// Does one step: of the embedding (at most some tenths of a second), or one iteration. True
-  /// while there is more to do. A step that was cancelled returns false; the next call goes on, to
+  /// Does one step: of the embedding (some tenths of a second at most for 10,000 vertices, a few
+  /// seconds for 100,000), or one iteration. True while there is more to do. A step that was cancelled returns false; the next call goes on, to
   /// the same bits as without the pause. An iteration that was stopped is begun anew: one that is
   /// stopped every time before it ends never does. After Options::max_seconds all steps return
   /// false, until change() or restore().
@@ -855,7 +855,8 @@ class SurfaceMap {
 Outcome verify(const SurfaceMap& map);
 
 /// The vertices along edges of a mesh to which vertices were added (Embedding::added_a): the
-/// ends of every edge and what lies between them, for SurfaceMap::forward_path(). Cost O(n log n).
+/// ends of every edge and what lies between them, for SurfaceMap::forward_path(); where a closed
+/// surface was cut, of the copies of a vertex that which has the edge. Cost O(n log n).
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
                                          const MeshView& refined,
                                          const std::vector<AddedVertex>& added);
@@ -1155,7 +1156,7 @@ class Array {
   const T* end() const { return items_ + size_; }
 
   void push_back(T value) {
-    if (size_ == room_) reserve(size_ < 4 ? 8 : 2 * size_);
+    if (size_ == room_) reserve(size_ < 4 ? 8 : size_ + (std::min)(size_, kMost - size_));
     ::new (static_cast<void*>(items_ + size_)) T(std::move(value));
     ++size_;
   }
@@ -1195,6 +1196,8 @@ class Array {
   }
 
  private:
+  static constexpr int kMost = (std::numeric_limits<int>::max)();
+
   T* items_ = nullptr;
   int size_ = 0, room_ = 0;
 };
@@ -1347,7 +1350,7 @@ class Crew {
   bool run(int n, const Callback<int>& task) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (task_ != nullptr) return false;
+      if (task_ != nullptr || working_ > 0) return false;
       task_ = &task;
       n_ = n;
       next_ = 0;
@@ -1977,7 +1980,12 @@ struct Surface {
   double edge_length(int h) const {
     return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
   }
-  int given_id(int v) const { return v < given.size() ? given[v] : v; }
+  /// The vertex that the caller knows, or of one that was added, one beside it.
+  int given_id(int v) const {
+    const int n = mesh.n_vertices - static_cast<int>(added.size());
+    while (v >= n) v = added.data()[v - n].corners[0];
+    return v < given.size() ? given[v] : v;
+  }
 };
 
 /// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
@@ -2137,7 +2145,7 @@ struct JointSurface : Surface {
   int boundary_a = 0;  // boundary half-edges of A
   double area_a = 0, area_b = 0;
   double scale_a = 1, scale_b = 1;
-  Array<int> given_b;  // as Surface::given, which is of A
+  Array<int> ids_a, ids_b;  // per vertex, Surface::given_id()
 };
 
 /// The rows of one matrix, then those of another.
@@ -2165,7 +2173,8 @@ inline JointSurface join(const SurfacePair& pair) {
   s.boundary_a = a.mesh.boundary.size();
   s.area_a = a.total_area, s.area_b = b.total_area;
   s.scale_a = a.scale, s.scale_b = b.scale;
-  s.given_b = b.given;
+  for (int v = 0; v < a.mesh.n_vertices; ++v) s.ids_a.push_back(a.given_id(v));
+  for (int v = 0; v < b.mesh.n_vertices; ++v) s.ids_b.push_back(b.given_id(v));
   s.total_area += b.total_area;
   HalfEdgeMesh& m = s.mesh;
   const int first = 3 * s.faces_a;  // half-edge of B
@@ -3064,7 +3073,8 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 //             no polygon has fewer than 3 or more than 6 corners.
 // Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
 //             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
-//             O((a + b + crossings) log(a b)) for boundaries of a and b edges.
+//             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless boxes of edges
+//             meet that do not, and O(#F) for every loop that lies outside of the other mesh.
 
 /// Those of a map between meshes of some five million triangles. Where two vertices of m and n
 /// edges lie over each other, there are m n / 4, so that small meshes can have as many.
@@ -3384,7 +3394,8 @@ struct Overlay {
   Array<int> older;           // per polygon: the one found before in the same triangle of A, or -1
   Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
-  Array<char> is_crossed;  // per boundary loop: by one of the other mesh
+  Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
+  Array<std::array<int, 2>> first;  // of loops that cross none: the first half-edge, the loop
   BoxTree boundary_a, boundary_b;
 };
 
@@ -3402,10 +3413,7 @@ class OverlayBuilder {
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
     flood_seeds();
-    for (int i = 0; i < m_.loops(); ++i) {
-      if (!overlay_.is_crossed[i]) seed_loop(i);
-      flood_seeds();
-    }
+    seed_other_loops();
   }
 
  private:
@@ -3464,7 +3472,7 @@ class OverlayBuilder {
   /// Every component of the overlap whose boundary has parts of loops has a crossing of a boundary
   /// edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
-    overlay_.is_crossed.assign(m_.loops(), 0);
+    overlay_.is_reached.assign(m_.loops(), 0);
     build_tree(m_, x_, 0, s_.boundary_a, overlay_.boundary_a);
     build_tree(m_, x_, s_.boundary_a, m_.boundary.size(), overlay_.boundary_b);
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
@@ -3473,7 +3481,7 @@ class OverlayBuilder {
       const LabelledPoint r = label(m_.tail[hb]), s = label(m_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
       overlay_.seeds.push_back({ha / 3, hb / 3});
-      overlay_.is_crossed[loop_at(i)] = overlay_.is_crossed[loop_at(s_.boundary_a + j)] = 1;
+      overlay_.is_reached[loop_at(i)] = overlay_.is_reached[loop_at(s_.boundary_a + j)] = 1;
     });
   }
 
@@ -3485,11 +3493,32 @@ class OverlayBuilder {
 
   /// Other components are bounded by whole loops, each inside of the other embedding or outside of
   /// it: one that no polygon has been found at is looked for there.
-  void seed_loop(int loop) {
-    const int h = m_.boundary[m_.loop[loop]], f = h / 3;
+  void seed_other_loops() {
+    overlay_.first.clear();
+    for (int i = 0; i < m_.loops(); ++i)
+      if (!overlay_.is_reached[i]) overlay_.first.push_back({m_.boundary[m_.loop[i]], i});
+    if (overlay_.first.empty()) return;
+    std::sort(overlay_.first.begin(), overlay_.first.end());
+    for (int i = 0, seen = 0; i < m_.loops(); ++i) {
+      for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
+      if (!overlay_.is_reached[i]) seed_loop(m_.boundary[m_.loop[i]]);
+      flood_seeds();
+    }
+  }
+
+  void mark_loops(const OverlayPolygon& p) {
+    for (int k = 0; k < p.count; ++k) {
+      const int e = p.piece(k), h = e < 3 ? 3 * p.ta + e : 3 * p.tb + e - 3;
+      if (m_.twin[h] >= 0) continue;
+      const std::array<int, 2>* found = std::lower_bound(
+          overlay_.first.begin(), overlay_.first.end(), std::array<int, 2>{h, -1});
+      if (found != overlay_.first.end() && (*found)[0] == h) overlay_.is_reached[(*found)[1]] = 1;
+    }
+  }
+
+  void seed_loop(int h) {
+    const int f = h / 3;
     const bool of_a = f < s_.faces_a;
-    for (const OverlayPolygon& p : overlay_.polygons)
-      if ((of_a ? p.ta : p.tb) == f && p.has(of_a ? h % 3 : 3 + h % 3)) return;
     const LabelledPoint p = label(m_.tail[h]);
     const int end = of_a ? m_.n_faces : s_.faces_a;
     for (int t = of_a ? s_.faces_a : 0; t < end; ++t)
@@ -4023,7 +4052,8 @@ struct LaneEigen {
       L tail = 0.0;
       for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
       const L head = a(k + 1, k), norm = sqrt(square(head) + tail);
-      const L some = is_positive(tail), signed_norm = select(is_positive(head), norm, -norm);
+      const L some = is_positive(tail - 1e-290);  // squares of less have lost their digits
+      const L signed_norm = select(is_positive(head), norm, -norm);
       below[k] = select(some, -signed_norm, head);
       a(k + 1, k) = some * (head + signed_norm);
       beta[k] = some / (signed_norm * (head + signed_norm) + (1 - some));  // 2 / vᵀv
@@ -6651,8 +6681,9 @@ inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
 }
 
 /// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
-/// fans that take n² flips to be Delaunay. What was no ear is tested again once a neighbour of it
-/// or the vertex found in its way is gone. About O(n log n).
+/// fans that take n² flips to be Delaunay; a long straight side, which has no ears, still does (8,000
+/// edges 0.7 s). What was no ear is tested again once a neighbour of it or the vertex found in its
+/// way is gone. About O(n log n), but for spirals, where one vertex may be in the way of many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -7145,7 +7176,8 @@ inline void describe(const JointSurface& s, const Array<Follower>& followers, co
   log.map_energy = x.map_energy;
   log.energy_f = x.energy_f;
   log.energy_g = x.energy_g;
-  log.mean_distortion = x.map_energy / (x.area_a + x.area_b);
+  const double area = x.area_a + x.area_b;
+  log.mean_distortion = area > 0 ? x.map_energy / area : 0;
   log.coverage_a = x.area_a / s.area_a;
   log.coverage_b = x.area_b / s.area_b;
   log.polygons = x.overlay.polygons.size();
@@ -7295,7 +7327,9 @@ class Optimizer {
   }
 
   /// Begins with a smaller ω_L.
-  void lower_omega(double omega) { omega_ = (std::min)(omega_, omega); }
+  void lower_omega(double omega) {
+    omega_ = (std::min)(omega_, (std::max)(omega, options_.tuning.omega_least));
+  }
 
   /// One iteration; true if there is more to do. Where the caller stops it, x stays what it is, and
   /// the next call goes on with the same iteration.
@@ -7305,14 +7339,15 @@ class Optimizer {
       return result.status = Status::kIterationLimit, false;
     if (!remember_visited()) return false;
     last_step_ = last_full_step(result);
-    bool found = quick_.steps_left > 0 && take_quasi_newton_step();
-    if (executor_.is_stopped()) return false;
-    if (!found) {
+    const bool is_quick = quick_.steps_left > 0 && take_quasi_newton_step();
+    bool found = is_quick;
+    if (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate()) return false;  // lines 3 to 9
       found = choose_step(log_);                                  // lines 9 to 23
-      if (executor_.is_stopped()) return false;
     }
+    if (executor_.is_stopped()) return false;
     is_remembered_ = false;
+    if (found) plan_quasi_newton_steps(is_quick);
     if (found) accept(result);  // lines 24 and 25
     result.status = found ? status_after_step(result) : status_without_step(result);
     return result.status == Status::kUnfinished;
@@ -7389,7 +7424,7 @@ class Optimizer {
     visited_ = memory.visited;
     history_.clear();
     forget();
-    is_scaffolded_ = memory.is_scaffolded;
+    is_scaffolded_ = memory.is_scaffolded && options_.tuning.scaffold;
     for (Visit& visit : visited_)
       if (!is_held_) move_to_anchors(s_.mesh, anchors_, visit.x);
   }
@@ -7523,15 +7558,13 @@ class Optimizer {
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 9 to 16
       if (executor_.is_stopped()) return false;
-      is_stationary_ = promise_little(directions, kRounding);
+      is_stationary_ = !holds_back() && promise_little(directions, kRounding);
       if (is_stationary_) return false;
       search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision();
       if (!trials_.found && recover(is_new, log)) continue;
-      if (!trials_.found && !leave_kink(log)) return false;
-      plan_quasi_newton_steps();
-      return true;
+      return trials_.found || leave_kink(log);
     }
   }
 
@@ -7654,6 +7687,11 @@ class Optimizer {
     return fall <= fraction * (x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b));
   }
 
+  /// True if ω_L makes steps short, and may come down.
+  bool holds_back() const {
+    return omega_ > (std::max)(double{kHardlyActs}, options_.tuning.omega_least);
+  }
+
   /// True if all directions promise no more than that.
   bool promise_little(const Array<Direction>& directions, double fraction) const {
     for (const Direction& d : directions)
@@ -7692,7 +7730,7 @@ class Optimizer {
     constexpr double kDrop = 16;
     if (needs_scaffold) return set_scaffold(true, x_.x), true;
     if (history_.size() > 1) return reset_history(log), true;
-    if (omega_ <= kHardlyActs || omega_ <= options_.tuning.omega_least) return false;
+    if (!holds_back()) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
   }
@@ -7770,15 +7808,20 @@ class Optimizer {
 
   /// After a step of some length: E bends from here on as it did there. As long as ω_L comes down,
   /// and where a kink holds the run up so that ω_L has to rise, quasi-Newton steps would only delay
-  /// that.
-  void plan_quasi_newton_steps() {
+  /// that. After one of them, `is_quick`, the next ones have to pay, too.
+  void plan_quasi_newton_steps(bool is_quick) {
     constexpr double kLargestOmega = 0.01, kLeastStep = 0.1;
     constexpr double kShare = 0.1;  // of the time of an iteration is what such a step takes
     const Trial& best = trials_.best;
-    const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
-                      factor_.ok && factor_.negative == 0;
-    quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
-    quick_.least_gain = kShare * (x_.energy - best.x.energy);
+    const double gain = x_.energy - best.x.energy;
+    if (is_quick) {
+      quick_.steps_left = gain >= quick_.least_gain ? quick_.steps_left - 1 : 0;
+    } else {
+      const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
+                        factor_.ok && factor_.negative == 0;
+      quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
+      quick_.least_gain = kShare * gain;
+    }
     quick_.step = longer(best.candidate.step);
   }
 
@@ -7799,9 +7842,7 @@ class Optimizer {
     log_.seconds_solve += timer.lap();
     const bool found = directions[0].slope < 0 && search_back(directions, log_);
     if (executor_.is_stopped()) return false;
-    const bool pays = found && x_.energy - trials_.best.x.energy >= quick_.least_gain;
-    quick_.steps_left = pays ? quick_.steps_left - 1 : 0;
-    if (found) quick_.step = longer(trials_.best.candidate.step);
+    if (!found) quick_.steps_left = 0;
     log_.quasi_newton = found;
     return found;
   }
@@ -8024,7 +8065,10 @@ inline Array<int> around_opening(const HalfEdgeMesh& m, int loop) {
 class OpeningCloser {
  public:
   explicit OpeningCloser(const Surface& s) : s_(s), corners_(s.mesh.tail) {
-    for (int v = 0; v < s.mesh.n_vertices; ++v) point_.push_back(row3(s.vertices, v));
+    for (int v = 0; v < s.mesh.n_vertices; ++v) {
+      point_.push_back(row3(s.vertices, v));
+      given_.push_back(s.given_id(v));
+    }
   }
 
   void close(int loop) {
@@ -8040,14 +8084,18 @@ class OpeningCloser {
       point_.push_back(center + 2 * lift * normal);
       for (int i = 0; i < ring.size(); ++i)
         add_triangle(ring[i], ring[(i + 1) % ring.size()], point_.size() - 1);
-      if (thinnest_from(n_corners) > kThinnest) return;
+      if (thinnest_from(n_corners) > kThinnest) break;
     }
+    while (given_.size() < point_.size()) given_.push_back(given_[around[0]]);
   }
 
   Surface build() const {
     Points3 vertices(point_.size(), 3);
     for (int v = 0; v < point_.size(); ++v) set_row(vertices, v, point_[v]);
-    return build_surface(build_half_edges(point_.size(), triangles_from(corners_)), vertices, true);
+    Surface closed =
+        build_surface(build_half_edges(point_.size(), triangles_from(corners_)), vertices, true);
+    closed.given = given_;
+    return closed;
   }
 
  private:
@@ -8111,6 +8159,7 @@ class OpeningCloser {
 
   const Surface& s_;
   Array<Vec3> point_;
+  Array<int> given_;    // per point, Surface::given
   Array<int> corners_;  // of all triangles
 };
 
@@ -9226,19 +9275,23 @@ inline double fraction(double x) {
   return r < 1 ? r : 0;
 }
 
-/// The arc length of every boundary vertex from a first one on, in units of the whole; -1 for
-/// others.
+/// The arc length of every boundary vertex along its loop, from a first one on if that is there, in
+/// units of the whole; -1 for others.
 inline Array<double> boundary_arcs(const Surface& s, int first) {
-  Array<double> arc(s.mesh.n_vertices, -1);
-  double sum = 0;
-  for (int h : s.mesh.boundary) {
-    arc[s.mesh.tail[h]] = sum;
-    sum += s.edge_length(h);
-  }
-  const double offset = arc[first];
-  for (int h : s.mesh.boundary) {
-    double& a = arc[s.mesh.tail[h]];
-    a = fraction((a - offset) / sum);
+  const HalfEdgeMesh& m = s.mesh;
+  Array<double> arc(m.n_vertices, -1);
+  for (int i = 0; i < m.loops(); ++i) {
+    const bool has_passed = arc[first] >= 0;
+    double sum = 0;
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) {
+      arc[m.tail[m.boundary[k]]] = sum;
+      sum += s.edge_length(m.boundary[k]);
+    }
+    const double offset = has_passed || arc[first] < 0 ? 0 : arc[first];
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) {
+      double& a = arc[m.tail[m.boundary[k]]];
+      a = fraction((a - offset) / sum);
+    }
   }
   return arc;
 }
@@ -9280,13 +9333,10 @@ inline std::string names_of(const Array<VertexPair>& landmarks, std::vector<Elem
   return names;
 }
 
-/// True if the landmarks on the boundaries follow each other in the same order on A and on B.
-inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-                        Outcome& outcome) {
+/// True if some landmarks, sorted along a loop of A, follow each other in this order on one of B.
+inline bool check_order(const Array<VertexPair>& sorted, const Array<double>& arc_a,
+                        const Array<double>& arc_b, Outcome& outcome) {
   constexpr double kLeastGap = 1e-12;  // of the length; in between, there is room for vertices
-  const Array<VertexPair> sorted = boundary_landmarks(pair, landmarks);
-  const Array<double> arc_a = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
-  const Array<double> arc_b = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
   std::vector<ElementId> ids;
   double around = 0;
   for (int i = 0; i < sorted.size(); ++i) {
@@ -9307,6 +9357,35 @@ inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& la
               {"the landmarks on the boundaries are in different order on A and B:", names,
                "; is one mesh mirrored?"},
               ids);
+}
+
+/// The loop of every boundary vertex; -1 for others.
+inline Array<int> boundary_loops(const HalfEdgeMesh& m) {
+  Array<int> loop(m.n_vertices, -1);
+  for (int i = 0; i < m.loops(); ++i)
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) loop[m.tail[m.boundary[k]]] = i;
+  return loop;
+}
+
+/// True if the landmarks on the boundaries follow each other in the same order on A and on B,
+/// wherever they are on one loop of either.
+inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
+                        Outcome& outcome) {
+  Array<VertexPair> left = boundary_landmarks(pair, landmarks);
+  if (left.empty()) return true;
+  const Array<double> arc_a = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
+  const Array<double> arc_b = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
+  const Array<int> loop_a = boundary_loops(pair.a.mesh), loop_b = boundary_loops(pair.b.mesh);
+  while (!left.empty()) {
+    Array<VertexPair> here, elsewhere;
+    for (const VertexPair& l : left) {
+      const bool is_here = loop_a[l.a] == loop_a[left[0].a] && loop_b[l.b] == loop_b[left[0].b];
+      (is_here ? here : elsewhere).push_back(l);
+    }
+    if (!check_order(here, arc_a, arc_b, outcome)) return false;
+    left.swap(elsewhere);
+  }
+  return true;
 }
 
 /// A place on the boundary of A and one on that of B that correspond, in arc length.
@@ -9540,8 +9619,8 @@ class OutlineBuilder {
 
 // ---- both surfaces ----
 //
-// Purpose:    embeds a pair by one of the approaches and brings the planes together, in steps of at
-//             most some tenths of a second.
+// Purpose:    embeds a pair by one of the approaches and brings the planes together, in steps that
+//             take some tenths of a second at most for 10,000 vertices.
 // Method:     by shape: each surface alone up to a coarse level, where the planes meet; then both,
 //             tied by the landmarks, up to the full meshes. Where the planes meet decides the
 //             isotopy class of the map around the landmarks, and limbs that have unfolded freely
@@ -10077,6 +10156,17 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
   return check_order(pair, located(landmarks, a, b, pair), outcome);
 }
 
+/// True if an embedding that was injective still is, after a vertex was moved: the triangles around
+/// it are positive, and so is its star, whose outline an inner vertex does not change.
+inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
+  bool is_positive = true;
+  m.for_each_outgoing(v, [&](int h) {
+    is_positive = is_positive && orient2d(row2(x, v), row2(x, m.tip(h)),
+                                          row2(x, m.tail[prev(h)])) > 0;
+  });
+  return is_positive && (!m.on_boundary(v) || boundaries_are_simple(m, x));
+}
+
 /// Lets those of A jump that can.
 inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>& apart,
                            Array<VertexPair>& joined) {
@@ -10084,7 +10174,7 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>&
   for (const VertexPair& l : apart) {
     const Vec2 before = row2(x, l.a), there = row2(x, s.n_a + l.b);
     set_row(x, l.a, there);
-    if (before == there || is_injective(s.mesh, x)) {
+    if (before == there || is_injective_at(s.mesh, x, l.a)) {
       joined.push_back(l);
     } else {
       set_row(x, l.a, before);
@@ -10414,12 +10504,14 @@ struct EmbeddedPair {
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
+  double extent = 0;         // of the plane, from the origin
   Array<int> across;         // per half-edge, its twin, or that beyond the seam; or -1
   Array<int> place_on_seam;  // per vertex, or -1
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
       : s(std::move(surface)), x(std::move(positions)), across(s.mesh.twin) {
+    for (int i = 0; i < x.size(); ++i) extent = (std::max)(extent, std::abs(x.data()[i]));
     compute_overlay(s, x, overlay);
     sew(seam);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
@@ -10597,11 +10689,7 @@ struct CurvePart {
 /// nor running along an edge tears a curve.
 class CurveMapper {
  public:
-  explicit CurveMapper(const EmbeddedPair& pair)
-      : pair_(pair), m_(pair.s.mesh), visited_(m_.n_faces, -1) {
-    for (int i = 0; i < pair.x.size(); ++i)
-      extent_ = (std::max)(extent_, std::abs(pair.x.data()[i]));
-  }
+  explicit CurveMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
   /// A path along edges.
   std::vector<Polyline> map_path(const std::vector<int>& vertices) {
@@ -10648,6 +10736,7 @@ class CurveMapper {
       for (const Array<SurfacePoint>* ends : {&from, &to})
         for (const SurfacePoint& p : *ends)
           if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
+      if (from[k].face != to[l].face) add_faces_at_boundary(from[k].face, faces);
       add_segment(pair_.planar_position(from[k]), pair_.planar_position(to[l]), faces);
     }
     return std::move(polylines_);
@@ -10662,12 +10751,20 @@ class CurveMapper {
 
   void interrupt() { is_open_ = false; }
 
+  /// A segment that leaves the plane of a mesh may come back into it.
+  void add_faces_at_boundary(int face, Array<int>& faces) const {
+    const bool of_a = face < pair_.s.faces_a;
+    for (int h : m_.boundary)
+      if ((h / 3 < pair_.s.faces_a) == of_a && pair_.are_in_one_part(h / 3, face))
+        faces.push_back(h / 3);
+  }
+
   /// Narrows a stretch of pq to a triangle; false if nothing is left.
   bool clip(Vec2 p, Vec2 q, int face, CurvePart& part) const {
     constexpr double kRounding = 1e-14;  // of the size of the plane
     for (int h = 3 * face; h < 3 * face + 3; ++h) {
       const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
-      const double slack = kRounding * extent_ * norm(edge);
+      const double slack = kRounding * pair_.extent * norm(edge);
       const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
       if (at_p < 0 && at_q < 0) return false;
       const double crossing = at_p / (at_p - at_q);
@@ -10681,13 +10778,14 @@ class CurveMapper {
   /// the second one.
   Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
     Array<CurvePart> stretches;
-    ++n_segments_;
+    Array<int> visited;  // a few, as a rule
     while (!faces.empty()) {
       const int f = faces.back();
       faces.pop_back();
       CurvePart in_from;
-      if (visited_[f] == n_segments_ || !clip(p, q, f, in_from)) continue;
-      visited_[f] = n_segments_;
+      if (!clip(p, q, f, in_from)) continue;
+      if (std::find(visited.begin(), visited.end(), f) != visited.end()) continue;
+      visited.push_back(f);
       pair_.for_each_target(f, [&](int target) {
         CurvePart part = in_from;
         part.face = target;
@@ -10735,9 +10833,6 @@ class CurveMapper {
 
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
-  double extent_ = 0;   // of the plane
-  Array<int> visited_;  // per face, by which segment last
-  int n_segments_ = 0;
   std::vector<Polyline> polylines_;
   bool is_open_ = false;  // the last polyline goes on
 };
@@ -11045,11 +11140,13 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
   const EmbeddedPair over(join({build_surface(data.mesh(other(side)), false), insides.surface}),
                           stacked(x_other, insides.x));
   for (const OverlayPolygon& p : over.overlay.polygons) {
-    const double area = polygon_area(polygon_shape(p, six_points(over.s.mesh, over.x, p)),
-                                     six_points(over.s.mesh, over.x, p));
+    const SixPoints x = six_points(over.s.mesh, over.x, p);
+    const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
     const int opening = insides.opening[p.tb - over.s.faces_a];
-    insides.openings[static_cast<std::size_t>(opening)].over +=
-        area / determinant(triangle_jacobian(over.s, over.x, p.ta)) / over.s.area_a;
+    const double on_surface = area / triangle_map(over.s, over.x, p.ta, 1).determinant;
+    double& covered = insides.openings[static_cast<std::size_t>(opening)].over;
+    covered += (std::min)(on_surface, over.s.area[p.ta]) / over.s.area_a;  // rounded, where thin
+    covered = (std::min)(covered, 1.0);
   }
   return insides.openings;
 }
@@ -11585,6 +11682,78 @@ inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
   return true;
 }
 
+/// What became of edges of a mesh: halved, again and again, and, where a closed surface was cut, with
+/// copies of its vertices as ends.
+class EdgePaths {
+ public:
+  EdgePaths(const Triangles& refined, int n_vertices, const std::vector<AddedVertex>& added) {
+    const int n_given = n_vertices - static_cast<int>(added.size());
+    for (int v = 0; v < n_given; ++v) original_.push_back(v);
+    const int n = original_.size() + static_cast<int>(added.size());
+    Array<char> has_copies(n, 0);
+    for (const AddedVertex& p : added) {
+      const int v = original_.size();
+      const auto is_before = [&](int u) { return u >= 0 && u < v; };
+      original_.push_back(is_copy(p) && is_before(p.corners[0]) ? original_[p.corners[0]] : v);
+      if (original_[v] != v) {
+        copies_.push_back({original_[v], v});
+        has_copies[original_[v]] = has_copies[v] = 1;
+      } else if (is_on_edge(p) && is_before(p.corners[0]) && is_before(p.corners[1])) {
+        const int u = original_[p.corners[0]], w = original_[p.corners[1]];
+        halved_.push_back({(std::min)(u, w), (std::max)(u, w), v});
+      }
+    }
+    std::sort(halved_.begin(), halved_.end());
+    std::sort(copies_.begin(), copies_.end());
+    for (int i = 0; i < refined.size(); ++i) {  // edges at vertices with copies, both ways
+      const int u = refined.data()[i], v = refined.data()[next(i)];
+      if ((std::min)(u, v) < 0 || (std::max)(u, v) >= n) continue;
+      if (has_copies[u] || has_copies[v]) edges_.push_back({u, v}), edges_.push_back({v, u});
+    }
+    std::sort(edges_.begin(), edges_.end());
+  }
+
+  /// The vertices along an edge, from u to v.
+  std::vector<int> path(int u, int v) const {
+    std::vector<int> path = {u, v};
+    for (std::size_t i = 0; i + 1 < path.size();) {
+      const int lo = (std::min)(path[i], path[i + 1]), hi = (std::max)(path[i], path[i + 1]);
+      const std::array<int, 3>* found =
+          std::lower_bound(halved_.begin(), halved_.end(), std::array<int, 3>{lo, hi, -1});
+      if (found != halved_.end() && (*found)[0] == lo && (*found)[1] == hi)
+        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, (*found)[2]);
+      else
+        ++i;
+    }
+    for (std::size_t i = 0; i + 1 < path.size(); ++i) choose_copies(path[i], path[i + 1], i > 0);
+    return path;
+  }
+
+ private:
+  /// Of the ends of an edge, the copies that have one.
+  void choose_copies(int& u, int& v, bool is_u_chosen) const {
+    const Array<int> all_u = is_u_chosen ? Array<int>(1, u) : copies_of(u), all_v = copies_of(v);
+    if (all_u.size() == 1 && all_v.size() == 1) return;
+    for (int a : all_u)
+      for (int b : all_v)
+        if (std::binary_search(edges_.begin(), edges_.end(), std::array<int, 2>{a, b}))
+          return void((u = a, v = b));
+  }
+
+  Array<int> copies_of(int v) const {
+    Array<int> all(1, v);
+    const std::array<int, 2>* c =
+        std::lower_bound(copies_.begin(), copies_.end(), std::array<int, 2>{v, -1});
+    for (; c != copies_.end() && (*c)[0] == v; ++c) all.push_back((*c)[1]);
+    return all;
+  }
+
+  Array<int> original_;               // per vertex, that it is a copy of, or itself
+  Array<std::array<int, 3>> halved_;  // smaller end, larger end, middle
+  Array<std::array<int, 2>> copies_;  // original, copy
+  Array<std::array<int, 2>> edges_;
+};
+
 }  // namespace detail
 
 Attributes Transfer::apply(const Values& values) const {
@@ -11656,7 +11825,8 @@ Transfer refine(const MeshView& mesh, const MeshView& refined,
   detail::Array<detail::Share> shares;
   for (int h = 0; h < r.mesh.tail.size(); ++h) {
     const int row = detail::element_row(fine, element, h / 3, h % 3);
-    if (is_known[row]++) continue;
+    if (is_known[row]) continue;
+    is_known[row] = 1;
     detail::share_place(coarse, element, r.parent[h / 3], r.place[h], row, shares);
   }
   return detail::transfer_of(rows, detail::element_count(coarse, element), std::move(shares));
@@ -11665,29 +11835,10 @@ Transfer refine(const MeshView& mesh, const MeshView& refined,
 std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
                                          const MeshView& refined,
                                          const std::vector<AddedVertex>& added) {
-  detail::Array<std::array<int, 3>> halved;  // smaller end, larger end, middle
-  int middle = static_cast<int>(refined.positions.rows) - static_cast<int>(added.size());
-  for (const AddedVertex& p : added) {
-    const int lo = (std::min)(p.corners[0], p.corners[1]);
-    const int hi = (std::max)(p.corners[0], p.corners[1]);
-    if (middle > hi && detail::is_on_edge(p)) halved.push_back({lo, hi, middle});
-    ++middle;
-  }
-  std::sort(halved.begin(), halved.end());
+  const detail::EdgePaths all(detail::copied<int>(refined.triangles),
+                              static_cast<int>(refined.positions.rows), added);
   std::vector<std::vector<int>> paths;
-  for (const std::array<int, 2>& edge : edges) {
-    std::vector<int> path = {edge[0], edge[1]};
-    for (std::size_t i = 0; i + 1 < path.size();) {
-      const int lo = (std::min)(path[i], path[i + 1]), hi = (std::max)(path[i], path[i + 1]);
-      const std::array<int, 3>* found =
-          std::lower_bound(halved.begin(), halved.end(), std::array<int, 3>{lo, hi, -1});
-      if (found != halved.end() && (*found)[0] == lo && (*found)[1] == hi)
-        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, (*found)[2]);
-      else
-        ++i;
-    }
-    paths.push_back(std::move(path));
-  }
+  for (const std::array<int, 2>& edge : edges) paths.push_back(all.path(edge[0], edge[1]));
   return paths;
 }
 
@@ -11782,6 +11933,7 @@ struct Sites {
   Array<int> samples;                // spread evenly
   Array<double> remoteness;          // per vertex, mean distance from the samples
   Array<Array<double>> to_landmark;  // per landmark and vertex; at the end, from the boundary
+  Array<char> is_bound;              // per vertex, by a landmark that has to stay where it is
 
   double distance(int landmark, int v) const {
     const Array<double>& d = to_landmark[landmark];
@@ -11794,7 +11946,9 @@ struct Sites {
   }
 };
 
-inline Sites find_sites(const Surface& s, const Array<Place>& landmarks) {
+/// `is_bound`: per landmark, whether it has to stay where it is.
+inline Sites find_sites(const Surface& s, const Array<Place>& landmarks,
+                        const Array<char>& is_bound) {
   constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
   const double unit = 1 / std::sqrt(s.total_area);
   const int n = s.mesh.n_vertices;
@@ -11812,6 +11966,9 @@ inline Sites find_sites(const Surface& s, const Array<Place>& landmarks) {
     return sites;
   }
   sites.remoteness.assign(n, 0);
+  sites.is_bound.assign(n, 0);
+  for (int i = 0; i < landmarks.size(); ++i)
+    if (is_bound[i] && vertex_at(landmarks[i]) >= 0) sites.is_bound[vertex_at(landmarks[i])] = 1;
   Array<double> nearest(n, kInfinity);
   int farthest = 0;
   while (sites.samples.size() < n_samples) {
@@ -11839,21 +11996,23 @@ inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the 
 /// than one pair, to be tried.
 class OpeningFinder {
  public:
-  /// `is_bound`: per landmark, whether it has to stay where it is.
+  /// `is_bound`: per landmark, whether it has to stay where it is. No surface is opened there.
   OpeningFinder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                 const Array<char>& is_bound) {
     Array<Place> a, b;
     for (const PlacedLandmark& l : landmarks) a.push_back(l.a), b.push_back(l.b);
-    a_ = find_sites(pair.a, a);
-    b_ = find_sites(pair.b, b);
+    a_ = find_sites(pair.a, a, is_bound);
+    b_ = find_sites(pair.b, b, is_bound);
     for (int i = 0; i < landmarks.size(); ++i)
       if (!is_bound[i] && vertex_at(a[i]) >= 0 && vertex_at(b[i]) >= 0)
         at_landmarks_.push_back({vertex_at(a[i]), vertex_at(b[i])});
   }
 
+  /// None, if all vertices of a surface are bound.
   Array<OpeningPair> find() const {
     constexpr int kTrials = 4, kEnough = 3;
     const Array<int> a = clear_of_landmarks(a_), b = clear_of_landmarks(b_);
+    if (a.empty() || b.empty()) return {};
     if (a_.to_landmark.size() < kEnough) return trials(a, b, kTrials);
     OpeningPair best;
     double least = kInfinity;
@@ -11879,14 +12038,19 @@ class OpeningFinder {
 
  private:
   static bool is_clear(const Sites& sites, int v) {
-    return v < 0 || sites.distance_to_landmarks(v) > 3 * kArm;
+    return v < 0 || (!sites.is_bound[v] && sites.distance_to_landmarks(v) > 3 * kArm);
   }
 
+  /// The samples that are clear of landmarks, or at least not bound; else any such vertices.
   static Array<int> clear_of_landmarks(const Sites& sites) {
-    Array<int> clear;
-    for (int v : sites.samples)
+    Array<int> clear, not_bound;
+    for (int v : sites.samples) {
       if (is_clear(sites, v)) clear.push_back(v);
-    return clear.empty() ? sites.samples : clear;
+      if (v < 0 || !sites.is_bound[v]) not_bound.push_back(v);
+    }
+    for (int v = 0; v < sites.is_bound.size() && not_bound.empty(); ++v)
+      if (!sites.is_bound[v]) not_bound.push_back(v);
+    return clear.empty() ? not_bound : clear;
   }
 
   double strain(int v, int w) const {
@@ -12705,8 +12869,9 @@ class Closer {
 
   /// A step of the embedding of the caps; then begins to optimise them.
   bool embed() {
-    if (joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_)) return true;
-    if (executor_.is_stopped()) return true;
+    if (!has_ended_) has_ended_ = !(joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_));
+    if (!has_ended_ || executor_.is_stopped()) return true;
+    has_ended_ = false;
     if (!joiner_ && !joined_.empty() && embedding_.status == Status::kDone) {
       joiner_ = std::make_unique<LandmarkJoiner>(caps_, joined_, options_, executor_);
       return true;
@@ -12812,6 +12977,7 @@ class Closer {
   OutlinePair outlines_;
   std::unique_ptr<PairEmbedder> embedder_;
   Embedding embedding_;
+  bool has_ended_ = false;  // what makes it, embedder_ or joiner_
   std::unique_ptr<LandmarkJoiner> joiner_;
   JointSurface s_;  // of the caps
   Array<Follower> followers_;
@@ -13484,12 +13650,17 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   return s;
 }
 
-/// Positions of the vertices given as those of the prepared mesh.
-inline void take_rows(const Prepared& prepared, Points2& x) {
-  if (x.rows() != static_cast<Eigen::Index>(prepared.new_vertex.size())) return;
+/// Positions of the vertices given, if there are any, as those of the prepared mesh.
+inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Outcome& outcome) {
+  if (x.size() == 0) return true;
+  const int n = static_cast<int>(prepared.new_vertex.size());
+  if (rows_of(x) != n)
+    return fail(outcome, Status::kInvalidPositions,
+                {name, " has ", rows_of(x), " rows, the mesh has ", n, " vertices"});
   Points2 rows(static_cast<Eigen::Index>(prepared.given_vertex.size()), 2);
   for (int v = 0; v < rows.rows(); ++v) set_row(rows, v, row2(x, prepared.given_vertex.data()[v]));
   x.swap(rows);
+  return true;
 }
 
 /// Checks everything a call was given, and builds the surfaces. Ids in the options become those of
@@ -13502,8 +13673,6 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
       !check_problems(b.problems, Side::kB, outcome))
     return false;
   pair = {surface_of(a, options.keep_scale), surface_of(b, options.keep_scale)};
-  take_rows(a, options.initial_f);
-  take_rows(b, options.initial_g);
   const HalfEdgeMesh &m = pair.a.mesh, &n = pair.b.mesh;
   if (options.close && m.loops() == 0 && n.loops() == 0 &&
       !(options.fixed_a.empty() && options.fixed_b.empty()))
@@ -13511,8 +13680,9 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
         outcome, Status::kInvalidPins,
         {"where maps of closed surfaces are closed, no vertex can be fixed in the plane: set ",
          "close to false, or pin it"});
-  return check_loops(m, a, Side::kA, options, outcome) &&
-         check_loops(n, b, Side::kB, options, outcome) &&
+  return take_rows(a, "initial_f", options.initial_f, outcome) &&
+         take_rows(b, "initial_g", options.initial_g, outcome) &&
+         check_loops(m, a, Side::kA, options, outcome) && check_loops(n, b, Side::kB, options, outcome) &&
          place_landmarks(m, a, n, b, landmarks, placed, outcome) &&
          check_constraints(m, a, n, b, placed, options, outcome);
 }
@@ -13579,8 +13749,7 @@ inline Points2 scaled(double factor, Points2 x) {
 
 /// "5 of A", of a vertex of A ⊔ B; and its id there.
 inline int own_id(const JointSurface& s, int v) {
-  if (v < s.n_a) return s.given_id(v);
-  return v - s.n_a < s.given_b.size() ? s.given_b[v - s.n_a] : v - s.n_a;
+  return v < s.n_a ? s.ids_a[v] : s.ids_b[v - s.n_a];
 }
 inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
@@ -13836,7 +14005,8 @@ class LandmarkPuller {
     Result result;
     result.status = Status::kUnfinished;
     optimizer_.iterate(result);  // with a log of its own: E may rise, and nothing settles
-    if (result.status == Status::kUnfinished && result.log.empty()) return true;  // stopped
+    was_stopped_ = result.status == Status::kUnfinished && result.log.empty();
+    if (was_stopped_) return true;
     executor_.tell(Phase::kOptimization, 0, {"bringing landmarks together: ", apart_.size()},
                    nullptr);
     if (result.log.empty() || ++iteration_ == most_) {
@@ -13845,6 +14015,8 @@ class LandmarkPuller {
     }
     return weight_ <= stiffest_;
   }
+
+  bool was_stopped() const { return was_stopped_; }
 
  private:
   static constexpr double kHardest = 1e8;
@@ -13867,6 +14039,7 @@ class LandmarkPuller {
   Optimizer& optimizer_;
   double weight_ = 1;
   int iteration_ = 0;
+  bool was_stopped_ = false;  // within the last step
 };
 
 // ---- compute_map() in steps ----
@@ -13885,7 +14058,11 @@ class Run {
         executor_(options_) {
     const NoTraps no_traps;
     return_input();
-    if (only_start) executor_.set_embedding_share(1);
+    if (only_start) {
+      executor_.set_embedding_share(1);
+      options_.initial_f.resize(0, 2);
+      options_.initial_g.resize(0, 2);
+    }
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       result_.status = Status::kNoMapYet;
       whole_ = pair_;
@@ -13952,6 +14129,7 @@ class Run {
   /// it is if the caller goes no further.
   bool step() {
     const NoTraps no_traps;
+    if (!is_embedding() && !is_usable(result_.status)) return false;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
       result_.status = closer_ ? optimized_ : Status::kUnfinished;
@@ -14141,6 +14319,7 @@ class Run {
       return;
     }
     const bool is_last = !puller_->step();
+    if (puller_->was_stopped()) return;
     Points2 x = optimizer_->positions();
     const Array<VertexPair> landmarks = vertex_pairs(located(opened_, pair_));
     Array<VertexPair> apart, joined;
@@ -14173,7 +14352,7 @@ class Run {
   // ---- the embedding, and the beginning of the loop ----
 
   bool has_positions() const {
-    return !only_start_ && (options_.initial_f.size() > 0 || options_.initial_g.size() > 0);
+    return options_.initial_f.size() > 0 || options_.initial_g.size() > 0;
   }
 
   void embed() {
@@ -14191,6 +14370,7 @@ class Run {
   /// Begins with the next of the openings that are tried, of closed surfaces.
   void begin_embedding() {
     if (openings_.empty()) find_openings();
+    if (openings_.empty()) return;
     opening_ = openings_[tried_];
     open();
     embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), options_, executor_);
@@ -14201,6 +14381,11 @@ class Run {
     if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
     executor_.tell(Phase::kEmbedding, 0, {"looking where to open closed surfaces"}, nullptr);
     openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
+    if (!openings_.empty()) return;
+    fail(result_, Status::kInvalidLandmarks,
+         {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened at ",
+          "one: refine it, or leave one of them out"});
+    static_cast<Outcome&>(result_.start) = result_;
   }
 
   /// Per landmark, whether it has to stay where it is.
@@ -14283,6 +14468,8 @@ class Run {
     optimizer_.reset();
     coarse_.reset();
     held_ = Held();
+    result_.f.resize(0, 2);
+    result_.g.resize(0, 2);
     result_.log.clear();
     told_ = 0;
     s_ = join(pair_);

@@ -273,6 +273,30 @@ TEST_CASE("paths follow edges that were halved") {
   CHECK(map.forward_path({u, n, v}).size() == 1);  // u and n have no edge any more
 }
 
+TEST_CASE("a curve that leaves a mesh is mapped where it comes back, too") {
+  const Disk b = shapes::grid(5, 2);
+  TriangleMesh a = b.mesh;  // a comb of three teeth
+  ism::Triangles kept(0, 3);
+  for (int f = 0; f < a.triangles.rows(); ++f) {
+    const Eigen::RowVector3d middle =
+        (a.vertices.row(a.triangles(f, 0)) + a.vertices.row(a.triangles(f, 1)) +
+         a.vertices.row(a.triangles(f, 2))) / 3;
+    if (middle.y() > 1 && static_cast<int>(middle.x()) % 2 == 1) continue;
+    kept.conservativeResize(kept.rows() + 1, Eigen::NoChange);
+    kept.bottomRows(1) = a.triangles.row(f);
+  }
+  a.triangles = kept;
+  REQUIRE(ism::validate(a).empty());
+  const SurfaceMap map(a, b.mesh, b.plane, b.plane);
+  REQUIRE(map.status() == Status::kDone);
+  const Disk comb = {a, b.plane, "comb"};
+  const std::vector<Polyline> image =
+      map.forward_curve({locate(comb, {0.3, 1.5}), locate(comb, {4.7, 1.5})});
+  REQUIRE(image.size() == 3);
+  for (std::size_t i = 0; i < 3; ++i)
+    CHECK(length(b, image[i]) == doctest::Approx(i == 1 ? 1 : 0.7));
+}
+
 // ---- remeshing ----
 
 TEST_CASE("a remesh has the connectivity of one mesh and the geometry of the other") {
@@ -426,6 +450,20 @@ TEST_CASE("attributes follow vertices that were added") {
     check_refused(refused, "the refined mesh is not the mesh with these vertices added");
   check_refused(ism::refine(mesh, fine, added, Element::kFace).apply(mesh.vertices),
                 "the attributes have 81 rows, but 128 are needed");
+}
+
+TEST_CASE("attributes follow a vertex of more triangles than a byte counts") {
+  const int n = 600;
+  TriangleMesh fan = {ism::Points3::Zero(n + 1, 3), ism::Triangles(n, 3)};
+  for (int i = 0; i < n; ++i) {
+    fan.vertices.row(i + 1) << std::cos(2 * shapes::kPi * i / n), std::sin(2 * shapes::kPi * i / n),
+        0;
+    fan.triangles.row(i) << 0, i + 1, (i + 1) % n + 1;
+  }
+  const ism::Transfer same = ism::refine(fan, fan, {}, Element::kVertex);
+  REQUIRE(same.status == Status::kDone);
+  const ism::Values x = fan.vertices;
+  CHECK((same.apply(x).values - x).norm() < 1e-14);
 }
 
 TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weights add up to 1") {

@@ -10,6 +10,7 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <set>
 #include <string>
 #include <utility>
@@ -237,6 +238,53 @@ TEST_CASE("curves, remeshing and attributes cross the seam") {
       ism::transfer(map.meta_mesh(), Side::kA, ism::Element::kVertex, ism::Element::kVertex);
   const ism::Attributes on_b = to_b.apply(on_start.values);
   for (std::size_t v = 0; v < on_b.covered.size(); ++v) CHECK(on_b.covered[v]);
+}
+
+TEST_CASE("paths along edges of a closed surface that stays cut follow the copies of vertices") {
+  const auto [a, b, landmarks] = blobs(3, 5);
+  Options options = iterations(3);
+  options.close = false;
+  const Result r = ism::compute_map(a, b, landmarks, options);
+  REQUIRE(ism::is_usable(r.status));
+  std::set<std::array<int, 2>> there;
+  const ism::Triangles& F = r.start.a->triangles;
+  for (int f = 0; f < F.rows(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      there.insert({F(f, k), F(f, (k + 1) % 3)});
+      there.insert({F(f, (k + 1) % 3), F(f, k)});
+    }
+  std::vector<std::array<int, 2>> edges;
+  for (int f = 0; f < a.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k) edges.push_back({a.triangles(f, k), a.triangles(f, (k + 1) % 3)});
+  int with_copies = 0;
+  const auto paths = ism::edge_paths(edges, *r.start.a, r.start.added_a);
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    REQUIRE(paths[i].size() == 2);
+    CHECK(there.count({paths[i][0], paths[i][1]}) == 1);
+    with_copies += paths[i][0] != edges[i][0] || paths[i][1] != edges[i][1];
+  }
+  CHECK(with_copies > 0);
+}
+
+TEST_CASE("no surface is opened at an exact landmark") {
+  const ism::TriangleMesh a = shapes::blob(2, 0.2, 1), b = shapes::blob(2, 0.2, 2);
+  Options options = iterations(1);
+  options.exact_landmarks = true;
+  for (int left_out : {0, 1, 30}) {
+    std::vector<Landmark> landmarks;
+    for (int v = left_out; v < a.vertices.rows(); ++v) landmarks.push_back({v, v});
+    const ism::Embedding start = ism::initial_embedding(a, b, landmarks, options);
+    CAPTURE(start.message);
+    if (left_out == 0) {
+      CHECK(start.status == Status::kInvalidLandmarks);
+      CHECK(start.message.find("cannot be opened") != std::string::npos);
+    } else if (start.status == Status::kDone) {
+      CHECK(start.opening_a < left_out);
+      CHECK(start.opening_b < left_out);
+    } else {
+      CHECK(start.status == Status::kInvalidLandmarks);  // these could not be joined
+    }
+  }
 }
 
 TEST_CASE("a surface on itself has no seam before the map is closed") {

@@ -755,6 +755,19 @@ TEST_CASE("project_spd lifts eigenvalues to epsilon and keeps the others") {
   }
 }
 
+TEST_CASE("project_spd lifts eigenvalues of matrices however small") {
+  Rng rng(15);
+  const double epsilon = 1e-3;
+  for (int exponent = -320; exponent < 140; exponent += 2) {
+    const MatrixXd H = std::pow(10.0, exponent) * random_hessian(6, rng);
+    MatrixXd P = H;
+    project_spd<6>(P, epsilon);
+    CAPTURE(exponent);
+    const double size = std::max(1.0, H.norm());
+    CHECK(EigenSolver(P).eigenvalues().minCoeff() > epsilon - 1e-12 * size);
+  }
+}
+
 TEST_CASE("project_spd keeps what is positive, but for translations") {
   Rng rng(14);
   for (int i = 0; i < 200; ++i) {

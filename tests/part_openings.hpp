@@ -203,6 +203,39 @@ TEST_CASE("without landmarks, rotations are tried on surfaces with openings, too
   check_usable(ism::compute_map(a.mesh, b.mesh, {}, options));
 }
 
+TEST_CASE("exact landmarks on several loops are in order whatever the order of triangles") {
+  const Disk full = shapes::grid(6, 6);
+  ism::TriangleMesh a = full.mesh;
+  std::vector<int> kept;
+  for (int f = 0; f < a.triangles.rows(); ++f) {
+    Eigen::RowVector2d middle = Eigen::RowVector2d::Zero();
+    for (int k = 0; k < 3; ++k) middle += full.plane.row(a.triangles(f, k)) / 3;
+    if ((middle - Eigen::RowVector2d(3, 3)).lpNorm<Eigen::Infinity>() > 1) kept.push_back(f);
+  }
+  ism::Triangles triangles(static_cast<int>(kept.size()), 3);
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    triangles.row(static_cast<Eigen::Index>(i)) = full.mesh.triangles.row(kept[i]);
+  a.triangles = triangles;
+  a = *ism::prepare(a).mesh;
+  const auto at = [&](double x, double y) {
+    for (int v = 0; v < a.vertices.rows(); ++v)
+      if (a.vertices(v, 0) == x && a.vertices(v, 1) == y) return v;
+    return -1;
+  };
+  std::vector<Landmark> landmarks;
+  for (int v : {at(0, 0), at(6, 6), at(2, 2), at(4, 4)}) landmarks.push_back({v, v});
+  Options options = on_one_thread();
+  options.exact_landmarks = true;
+  const int n = static_cast<int>(a.triangles.rows());
+  for (int shift = 0; shift < n; shift += 7) {
+    ism::TriangleMesh b = a;
+    for (int f = 0; f < n; ++f) b.triangles.row(f) = a.triangles.row((f + shift) % n);
+    const ism::Embedding start = ism::initial_embedding(a, b, landmarks, options);
+    CAPTURE(start.message);
+    CHECK(start.status == Status::kDone);
+  }
+}
+
 TEST_CASE("options that openings leave no room for are refused") {
   const Disk a = shapes::frame(8, 2), b = shapes::grid(8, 8);
   Options options = on_one_thread();

@@ -322,6 +322,46 @@ TEST_CASE("a run from the identity ends at once with nothing changed") {
   }
 }
 
+TEST_CASE("a run does not end as long as the preconditioner holds it back") {
+  shapes::Rng rng(3);
+  Disk a = shapes::grid(20, 20), b = shapes::grid(21, 21);
+  for (Disk* disk : {&a, &b}) {
+    const double n = disk == &a ? 20 : 21;
+    disk->mesh.vertices /= n;
+    disk->plane /= n;
+    for (int v = 0; v < disk->plane.rows(); ++v)
+      for (int k = 0; k < 2 && (disk->plane.row(v).array() - 0.5).abs().maxCoeff() < 0.499; ++k)
+        disk->plane(v, k) += rng.uniform(-0.01, 0.01) / n;
+  }
+  Options options = runs::on_one_thread(Options::paper());
+  options.boundary = ism::Boundary::kFixed;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.initial.energy > 4.001);
+  CHECK(result.status == Status::kConverged);
+  CHECK(result.final_state().energy < 4.00001);
+}
+
+TEST_CASE("options of a run hold on coarse levels and after a change") {
+  const Disk disk = shapes::grid(4, 4);
+  Options options = given_planes(disk, disk);
+  options.tuning.omega_least = 1;
+  options.tuning.scaffold = false;
+  const Executor executor(options);
+  const SurfacePair pair = {build_surface(disk.mesh, false), build_surface(disk.mesh, false)};
+  const JointSurface s = join(pair);
+  Optimizer optimizer(s, options, {}, executor);
+  Result result;
+  optimizer.start(stacked(disk.plane, disk.plane), result);
+  optimizer.lower_omega(1e-3);
+  CHECK(optimizer.memory().omega == 1);
+  Optimizer::Memory memory = optimizer.memory();
+  memory.is_scaffolded = true;
+  optimizer.keep(memory);
+  CHECK(!optimizer.memory().is_scaffolded);
+}
+
 // ---- gradient, Hessian, systems ----
 
 TEST_CASE("the gradient of the whole objective agrees with differences") {

@@ -616,6 +616,10 @@ TEST_CASE("given positions belong to the vertices given") {
   CAPTURE(r.message);
   REQUIRE(ism::is_usable(r.status));
   CHECK(r.start.f == a.plane);
+  options.initial_f = a.plane;  // of the prepared mesh, which is not what was given
+  const ism::Result refused = ism::compute_map(given, b.mesh, {}, options);
+  CHECK(refused.status == ism::Status::kInvalidPositions);
+  CHECK(refused.message == "initial_f has 49 rows, the mesh has 50 vertices");
 }
 
 }  // namespace prepare_tests

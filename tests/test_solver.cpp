@@ -400,6 +400,27 @@ TEST_CASE("a change that is interrupted, saved and restored ends in the same bit
   }
 }
 
+TEST_CASE("a change that is stopped before its first iteration pulls first, as one that is not") {
+  Change c = changes().front();
+  c.to.options.exact_landmarks = true;
+  std::atomic<bool> stop{false};
+  const auto run = [&](bool is_stopped) {
+    Change d = c;
+    d.to.options.stop = &stop;
+    Solver solver = changed(d);
+    for (int i = 0; i < 3; ++i) {
+      stop = is_stopped;
+      if (is_stopped) CHECK_FALSE(solver.step());
+      stop = false;
+      solver.step();
+    }
+    while (solver.step()) {
+    }
+    return solver.result();
+  };
+  check_same(run(true), run(false));
+}
+
 TEST_CASE("a change of landmarks that are being changed is the last one's") {
   Change c = changes()[1];
   Solver solver = changed(c);
