@@ -351,11 +351,12 @@ struct Prepared {
 
 /// Makes a surface of what people have: drops degenerate triangles (the ends of a short edge become
 /// one vertex; where a corner lies on the longest edge, the triangle behind that is cut in two),
-/// repeated ones, and vertices that are not used, joins boundary edges that lie on each other (triangles with vertices of their own,
-/// seams of texture coordinates), cuts where more than two triangles share an edge or fans share a
-/// vertex, turns triangles to one orientation, and keeps the component that has most landmarks, of
-/// several the largest. A mesh without problems stays as it is, to the last id. Surfaces with
-/// handles or without orientation stay invalid. Cost O(#F log #F). Thread-safe.
+/// repeated ones, and vertices that are not used, joins boundary edges that lie on each other
+/// (triangles with vertices of their own, seams of texture coordinates), cuts where more than two
+/// triangles share an edge or fans share a vertex, turns triangles to one orientation, and keeps
+/// the component that has most landmarks, of several the largest. A mesh without problems stays as
+/// it is, to the last id. Surfaces with handles or without orientation stay invalid. Cost O(#F log
+/// #F). Thread-safe.
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {});
 
 /// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
@@ -690,10 +691,10 @@ class Solver {
   Solver& operator=(Solver&& other) noexcept;
 
   /// Does one step: of the embedding (some tenths of a second at most for 10,000 vertices, a few
-  /// seconds for 100,000), or one iteration. True while there is more to do. A step that was cancelled returns false; the next call goes on, to
-  /// the same bits as without the pause. An iteration that was stopped is begun anew: one that is
-  /// stopped every time before it ends never does. After Options::max_seconds all steps return
-  /// false, until change() or restore().
+  /// seconds for 100,000), or one iteration. True while there is more to do. A step that was
+  /// cancelled returns false; the next call goes on, to the same bits as without the pause. An
+  /// iteration that was stopped is begun anew: one that is stopped every time before it ends never
+  /// does. After Options::max_seconds all steps return false, until change() or restore().
   bool step();
   /// Steps until some seconds have passed, at least one.
   bool advance(double seconds);
@@ -2036,8 +2037,8 @@ inline double unit_scale(const Points3& vertices) {
 }
 
 /// Scales a surface to area 1, after it was moved to the origin along each axis that it is far away
-/// along. There, scaling alone would round away what its coordinates have left of its shape; to move
-/// it is exact where the coordinate of the least magnitude is half of all others [Sterbenz 1974].
+/// along. There, scaling alone would round away what its coordinates have left of its shape; moving
+/// is exact where the coordinate of the least magnitude is half of all others [Sterbenz 1974].
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
@@ -2654,7 +2655,7 @@ class Preparer {
 
   // ---- degenerate triangles ----
 
-  /// Takes degenerate triangles out so that no gap is left. What this makes may be degenerate again.
+  /// Takes degenerate triangles out so that no gap is left. What this makes may be degenerate, too.
   void mend_flat() {
     constexpr int kRounds = 50;
     for (int round = 0; round < kRounds; ++round) {
@@ -2710,8 +2711,8 @@ class Preparer {
     return place;
   }
 
-  /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if there
-  /// is none.
+  /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if
+  /// there is none.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
@@ -2960,8 +2961,7 @@ class Preparer {
     for (int h = 0; h < corner_.size(); h += 3)
       if (component_[h / 3] != kept) elsewhere.push_back(source_[h / 3]);
     sort_unique(elsewhere);
-    tell(Repair::Kind::kWelded,
-         {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
+    tell(Repair::Kind::kWelded, {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
          Element::kVertex, welded);
     int n_cut = 0;
     Array<int> at_cuts;
@@ -3073,8 +3073,8 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 //             no polygon has fewer than 3 or more than 6 corners.
 // Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
 //             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
-//             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless boxes of edges
-//             meet that do not, and O(#F) for every loop that lies outside of the other mesh.
+//             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless many boxes
+//             of edges meet that do not, and O(#F) for a loop that lies outside of the other mesh.
 
 /// Those of a map between meshes of some five million triangles. Where two vertices of m and n
 /// edges lie over each other, there are m n / 4, so that small meshes can have as many.
@@ -3510,8 +3510,8 @@ class OverlayBuilder {
     for (int k = 0; k < p.count; ++k) {
       const int e = p.piece(k), h = e < 3 ? 3 * p.ta + e : 3 * p.tb + e - 3;
       if (m_.twin[h] >= 0) continue;
-      const std::array<int, 2>* found = std::lower_bound(
-          overlay_.first.begin(), overlay_.first.end(), std::array<int, 2>{h, -1});
+      const std::array<int, 2>* found =
+          std::lower_bound(overlay_.first.begin(), overlay_.first.end(), std::array<int, 2>{h, -1});
       if (found != overlay_.first.end() && (*found)[0] == h) overlay_.is_reached[(*found)[1]] = 1;
     }
   }
@@ -6681,9 +6681,10 @@ inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
 }
 
 /// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
-/// fans that take n² flips to be Delaunay; a long straight side, which has no ears, still does (8,000
-/// edges 0.7 s). What was no ear is tested again once a neighbour of it or the vertex found in its
-/// way is gone. About O(n log n), but for spirals, where one vertex may be in the way of many.
+/// fans that take n² flips to be Delaunay; a long straight side, which has no ears, still does
+/// (8,000 edges 0.7 s). What was no ear is tested again once a neighbour of it or the vertex found
+/// in its way is gone. About O(n log n), but for spirals, where one vertex may be in the way of
+/// many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -10161,8 +10162,8 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
 inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
   bool is_positive = true;
   m.for_each_outgoing(v, [&](int h) {
-    is_positive = is_positive && orient2d(row2(x, v), row2(x, m.tip(h)),
-                                          row2(x, m.tail[prev(h)])) > 0;
+    is_positive =
+        is_positive && orient2d(row2(x, v), row2(x, m.tip(h)), row2(x, m.tail[prev(h)])) > 0;
   });
   return is_positive && (!m.on_boundary(v) || boundaries_are_simple(m, x));
 }
@@ -11682,8 +11683,8 @@ inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
   return true;
 }
 
-/// What became of edges of a mesh: halved, again and again, and, where a closed surface was cut, with
-/// copies of its vertices as ends.
+/// What became of edges of a mesh: halved, again and again, and, where a closed surface was cut,
+/// with copies of its vertices as ends.
 class EdgePaths {
  public:
   EdgePaths(const Triangles& refined, int n_vertices, const std::vector<AddedVertex>& added) {
@@ -12869,7 +12870,8 @@ class Closer {
 
   /// A step of the embedding of the caps; then begins to optimise them.
   bool embed() {
-    if (!has_ended_) has_ended_ = !(joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_));
+    if (!has_ended_)
+      has_ended_ = !(joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_));
     if (!has_ended_ || executor_.is_stopped()) return true;
     has_ended_ = false;
     if (!joiner_ && !joined_.empty() && embedding_.status == Status::kDone) {
@@ -13391,8 +13393,8 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// A point of a triangle of the mesh given, in the prepared one. If the triangle was cut, it lies in
-/// one of its parts, which together have all of its corners. False if a part was dropped.
+/// A point of a triangle of the mesh given, in the prepared one. If the triangle was cut, it lies
+/// in one of its parts, which together have all of its corners. False if a part was dropped.
 inline bool place_in_triangle(const Prepared& prepared, const SurfacePoint& p, Place& place) {
   const Triangles& F = prepared.mesh->triangles;
   const int* const given = prepared.given_corner.data();
@@ -13682,7 +13684,8 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          "close to false, or pin it"});
   return take_rows(a, "initial_f", options.initial_f, outcome) &&
          take_rows(b, "initial_g", options.initial_g, outcome) &&
-         check_loops(m, a, Side::kA, options, outcome) && check_loops(n, b, Side::kB, options, outcome) &&
+         check_loops(m, a, Side::kA, options, outcome) &&
+         check_loops(n, b, Side::kB, options, outcome) &&
          place_landmarks(m, a, n, b, landmarks, placed, outcome) &&
          check_constraints(m, a, n, b, placed, options, outcome);
 }
@@ -14383,8 +14386,8 @@ class Run {
     openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
     if (!openings_.empty()) return;
     fail(result_, Status::kInvalidLandmarks,
-         {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened at ",
-          "one: refine it, or leave one of them out"});
+         {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
+          "at one: refine it, or leave one of them out"});
     static_cast<Outcome&>(result_.start) = result_;
   }
 

@@ -280,7 +280,8 @@ TEST_CASE("a curve that leaves a mesh is mapped where it comes back, too") {
   for (int f = 0; f < a.triangles.rows(); ++f) {
     const Eigen::RowVector3d middle =
         (a.vertices.row(a.triangles(f, 0)) + a.vertices.row(a.triangles(f, 1)) +
-         a.vertices.row(a.triangles(f, 2))) / 3;
+         a.vertices.row(a.triangles(f, 2))) /
+        3;
     if (middle.y() > 1 && static_cast<int>(middle.x()) % 2 == 1) continue;
     kept.conservativeResize(kept.rows() + 1, Eigen::NoChange);
     kept.bottomRows(1) = a.triangles.row(f);
