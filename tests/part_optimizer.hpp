@@ -351,7 +351,8 @@ TEST_CASE("options of a run hold on coarse levels and after a change") {
   const Executor executor(options);
   const SurfacePair pair = {build_surface(disk.mesh, false), build_surface(disk.mesh, false)};
   const JointSurface s = join(pair);
-  Optimizer optimizer(s, options, {}, executor);
+  const Array<Follower> none;
+  Optimizer optimizer(s, options, none, executor);
   Result result;
   optimizer.start(stacked(disk.plane, disk.plane), result);
   optimizer.lower_omega(1e-3);
