@@ -2346,6 +2346,21 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   }
 }
 
+/// Replaces a cycle, as vertices in order, by the one that a half-edge closes with a tree, if that
+/// is shorter.
+inline void shorten_cycle(const HalfEdgeMesh& m, const Array<int>& to_parent,
+                          const Array<int>& depth, int h, std::vector<int>& shortest) {
+  std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
+  while (up.back() != down.back()) {
+    if (!shortest.empty() && up.size() + down.size() > shortest.size()) return;
+    std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
+    const int v = deeper.back(), e = to_parent[v];
+    deeper.push_back(m.tail[e] == v ? m.tip(e) : m.tail[e]);
+  }
+  up.insert(up.end(), down.rbegin() + 1, down.rend());
+  if (shortest.empty() || up.size() < shortest.size()) shortest = up;
+}
+
 /// A short cycle of edges that does not bound, as vertices in order; none on a surface without
 /// handles. A tree of shortest paths spans the vertices, and a tree of faces, in which an opening
 /// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
@@ -2393,25 +2408,9 @@ inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
     else
       for (int k = m.loop[loop]; k < m.loop[loop + 1]; ++k) visit(m.boundary[k], m.boundary[k] / 3);
   }
-  const auto parent = [&](int v) {
-    const int h = to_parent[v];
-    return m.tail[h] == v ? m.tip(h) : m.tail[h];
-  };
   std::vector<int> shortest;
-  for (int h = 0; h < m.tail.size(); ++h) {
-    if (is_taken[h] || h < m.twin[h]) continue;
-    std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
-    const auto is_shorter = [&] {
-      return shortest.empty() || up.size() + down.size() <= shortest.size();
-    };
-    while (up.back() != down.back() && is_shorter()) {
-      std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
-      deeper.push_back(parent(deeper.back()));
-    }
-    if (!is_shorter()) continue;
-    up.insert(up.end(), down.rbegin() + 1, down.rend());
-    shortest = up;
-  }
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (!is_taken[h] && h > m.twin[h]) shorten_cycle(m, to_parent, depth, h, shortest);
   return shortest;
 }
 
@@ -3395,7 +3394,7 @@ struct Overlay {
   Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
   Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
-  Array<std::array<int, 2>> first;  // of loops that cross none: the first half-edge, the loop
+  Array<std::array<int, 2>> uncrossed;  // loops that cross none: the first half-edge, the loop
   BoxTree boundary_a, boundary_b;
 };
 
@@ -3494,11 +3493,11 @@ class OverlayBuilder {
   /// Other components are bounded by whole loops, each inside of the other embedding or outside of
   /// it: one that no polygon has been found at is looked for there.
   void seed_other_loops() {
-    overlay_.first.clear();
+    overlay_.uncrossed.clear();
     for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_reached[i]) overlay_.first.push_back({m_.boundary[m_.loop[i]], i});
-    if (overlay_.first.empty()) return;
-    std::sort(overlay_.first.begin(), overlay_.first.end());
+      if (!overlay_.is_reached[i]) overlay_.uncrossed.push_back({m_.boundary[m_.loop[i]], i});
+    if (overlay_.uncrossed.empty()) return;
+    std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
     for (int i = 0, seen = 0; i < m_.loops(); ++i) {
       for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
       if (!overlay_.is_reached[i]) seed_loop(m_.boundary[m_.loop[i]]);
@@ -3510,9 +3509,10 @@ class OverlayBuilder {
     for (int k = 0; k < p.count; ++k) {
       const int e = p.piece(k), h = e < 3 ? 3 * p.ta + e : 3 * p.tb + e - 3;
       if (m_.twin[h] >= 0) continue;
-      const std::array<int, 2>* found =
-          std::lower_bound(overlay_.first.begin(), overlay_.first.end(), std::array<int, 2>{h, -1});
-      if (found != overlay_.first.end() && (*found)[0] == h) overlay_.is_reached[(*found)[1]] = 1;
+      const std::array<int, 2>* found = std::lower_bound(
+          overlay_.uncrossed.begin(), overlay_.uncrossed.end(), std::array<int, 2>{h, -1});
+      if (found != overlay_.uncrossed.end() && (*found)[0] == h)
+        overlay_.is_reached[(*found)[1]] = 1;
     }
   }
 
@@ -6681,10 +6681,9 @@ inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
 }
 
 /// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
-/// fans that take n² flips to be Delaunay; a long straight side, which has no ears, still does
-/// (8,000 edges 0.7 s). What was no ear is tested again once a neighbour of it or the vertex found
-/// in its way is gone. About O(n log n), but for spirals, where one vertex may be in the way of
-/// many.
+/// fans that take n² flips to be Delaunay; straight sides, which have no ears, still do. What was
+/// no ear is tested again once a neighbour of it or the vertex found in its way is gone. About O(n
+/// log n), but for spirals, where one vertex may be in the way of many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -10157,8 +10156,9 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
   return check_order(pair, located(landmarks, a, b, pair), outcome);
 }
 
-/// True if an embedding that was injective still is, after a vertex was moved: the triangles around
-/// it are positive, and so is its star, whose outline an inner vertex does not change.
+/// True if an embedding that was injective still is after a vertex was moved: the triangles around
+/// it are positive, which is enough for an inner one, as the outline of its star has not changed;
+/// at a boundary, that is simple, too.
 inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
   bool is_positive = true;
   m.for_each_outgoing(v, [&](int h) {
