@@ -20,6 +20,7 @@ namespace openings_tests {
 namespace {
 
 using namespace ism::detail;
+using Eigen::Vector2d;
 using ism::Landmark;
 using ism::MappedPoint;
 using ism::Opening;
@@ -169,6 +170,29 @@ TEST_CASE("what lies over an opening is told in any unit") {
     CHECK(shapes::map_of(frame, scaled).openings().at(0).over ==
           doctest::Approx(expected).epsilon(1e-12));
   }
+}
+
+TEST_CASE("what lies over an opening is a share, whatever rounding makes of slivers there") {
+  const Disk b = shapes::frame(5, 1);
+  Rng rng(1);
+  int n_maps = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vector2d p(rng.uniform(0.2, 0.9), rng.uniform(0.2, 0.9));
+    const Vector2d q(rng.uniform(4.1, 4.8), rng.uniform(4.1, 4.8));
+    const Vector2d r = p + rng.uniform(0.2, 0.8) * (q - p);  // on the edge pq, but for rounding
+    shapes::DiskBuilder builder;
+    for (const Vector2d& x : {p, q, Vector2d(0.2, 4.5), r}) builder.vertex(x.x(), x.y());
+    builder.triangle(0, 1, 3);
+    builder.triangle(1, 2, 3);
+    builder.triangle(2, 0, 3);
+    Disk a = builder.build();
+    a.mesh.vertices << 0, 0, 0, 5, 5, 0, 0, 5, 0, 2, 2.9, 0.3;
+    const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+    if (map.status() != Status::kDone) continue;  // rounded to the other side
+    ++n_maps;
+    for (const Opening& o : map.openings()) CHECK((o.over >= 0 && o.over <= 1));
+  }
+  CHECK(n_maps > 100);
 }
 
 TEST_CASE("plates with different openings are mapped, with all constraints that exist there") {

@@ -461,6 +461,43 @@ TEST_CASE("a change that is refused changes nothing; before there is a map it be
   CHECK(Solver().change({}, {}).status == Status::kInvalidMesh);
 }
 
+TEST_CASE("a change that fails leaves no positions; the next one begins anew") {
+  shapes::Rng rng(5);
+  ism::Options exact;
+  exact.exact_landmarks = true;
+  exact.max_iterations = 1;
+  exact.tuning.coarsest = 0;
+  int n_failed = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Disk a = shapes::perturbed_grid(8, 8, 0.2, rng),
+               b = shapes::perturbed_grid(8, 8, 0.2, rng);
+    ism::Options options = shapes::from_planes(a, b);
+    options.max_iterations = 1;
+    Solver solver(a.mesh, b.mesh, {}, options);
+    while (solver.step()) {
+    }
+    exact.pins_a = {rng.between(0, 9), rng.between(10, 19)};
+    exact.pins_b = {rng.between(0, 9), rng.between(10, 19)};
+    const std::vector<ism::Landmark> landmarks = {{rng.between(20, 49), rng.between(20, 49)},
+                                                  {rng.between(50, 80), rng.between(50, 80)}};
+    if (solver.change(landmarks, exact).status != Status::kDone) continue;
+    while (solver.step()) {
+    }
+    const Result& r = solver.result();
+    if (ism::is_usable(r.status)) continue;
+    ++n_failed;
+    CHECK(!r.message.empty());
+    CHECK(r.f.size() == 0);
+    CHECK(r.g.size() == 0);
+    CHECK_FALSE(Solver(a.mesh, b.mesh, landmarks, exact).restore(solver.state()));
+    REQUIRE(solver.change({}, ism::Options()).status == Status::kDone);
+    while (solver.step()) {
+    }
+    CHECK(ism::is_usable(solver.result().status));
+  }
+  CHECK(n_failed > 0);
+}
+
 TEST_CASE("a solver without valid meshes says so") {
   Solver solver;
   CHECK(solver.result().status == Status::kInvalidMesh);
