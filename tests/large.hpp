@@ -55,6 +55,12 @@ inline ism::TriangleMesh bent_comb(int teeth, int length, double height) {
   return disk.mesh;
 }
 
+/// A plate with nx × ny openings.
+inline Disk grate(int nx, int ny) {
+  return shapes::cells(2 * nx + 1, 2 * ny + 1,
+                       [](int i, int j) { return i % 2 == 0 || j % 2 == 0; });
+}
+
 /// The part of a sphere, a pole of which has n edges.
 inline ism::TriangleMesh cap(int n, double angle) {
   return shapes::spherical_cap(6, n, angle).mesh;

@@ -1,4 +1,4 @@
-// Vertices of thousands of edges and boundaries of a hundred thousand: what is near-linear in them
+// Vertices of thousands of edges, boundaries of a hundred thousand and as many queries: what is near-linear in them
 // ends in seconds here, and would not in minutes if it were quadratic. tests/bench/sizes.cpp prints
 // seconds and memory.
 
@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 namespace sizes_tests {
 namespace {
@@ -99,6 +100,51 @@ TEST_CASE("a closed surface with two hubs of 1,000 triangles is mapped") {
   check_run(ism::compute_map(large::bipyramid(1000, 2, 1.2), shapes::sphere(1),
                              {{1000, 2}, {1001, 5}}, few_iterations()),
             0);
+}
+
+TEST_CASE("the overlay of a plate with 40,000 openings and a square is the plate") {
+  const Disk plate = large::grate(200, 200);
+  Disk square = shapes::grid(300, 300);
+  square.plane = (square.plane * 1.6).rowwise() - Eigen::RowVector2d(30, 20);
+  const JointSurface s =
+      join({build_surface(plate.mesh, false), build_surface(square.mesh, false)});
+  const Points2 x = stacked(plate.plane, square.plane);
+  Overlay overlay;
+  compute_overlay(s, x, overlay);
+  double area = 0;
+  for (const OverlayPolygon& p : overlay.polygons) {
+    const SixPoints corners = six_points(s.mesh, x, p);
+    area += polygon_area(polygon_shape(p, corners), corners);
+  }
+  CHECK(area == doctest::Approx(401 * 401 - 200 * 200));
+}
+
+TEST_CASE("every edge of a mesh of 80,000 triangles is drawn on another one") {
+  const Disk a = shapes::grid(200, 200);
+  const Disk b = turned(shapes::grid(200, 200), 0.1);
+  const ism::SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
+  const HalfEdgeMesh m = shapes::half_edges(a.mesh);
+  int drawn = 0, edges = 0;
+  for (int h = 0; h < m.tail.size(); ++h) {
+    if (m.twin[h] > h) continue;
+    ++edges;
+    drawn += !map.forward_path({m.tail[h], m.tip(h)}).empty();
+  }
+  CHECK(drawn > edges / 2);
+}
+
+TEST_CASE("10,000 exact landmarks are joined") {
+  const Disk a = shapes::grid(110, 110);
+  Disk b = a;
+  shapes::bend(b, 0.1);
+  std::vector<ism::Landmark> landmarks;
+  for (int v = 0; v < 10000; ++v) landmarks.push_back({v, v});
+  ism::Options options = on_one_thread();
+  options.exact_landmarks = true;
+  options.max_iterations = 0;
+  const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks, options);
+  check_run(result, 0);
+  CHECK(result.start.landmark_distance < 1e-14);
 }
 
 TEST_CASE("decimation of 100,000 boundary edges, and of hubs, is undone vertex by vertex") {
