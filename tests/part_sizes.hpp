@@ -1,6 +1,6 @@
-// Vertices of thousands of edges, boundaries of a hundred thousand and as many queries: what is near-linear in them
-// ends in seconds here, and would not in minutes if it were quadratic. tests/bench/sizes.cpp prints
-// seconds and memory.
+// Vertices of thousands of edges, boundaries of a hundred thousand, as many openings and queries:
+// what is near-linear in them ends in seconds here, and would not in minutes if it were quadratic.
+// tests/bench/sizes.cpp prints seconds and memory.
 
 #ifndef ISM_TESTS_PART_SIZES_HPP
 #define ISM_TESTS_PART_SIZES_HPP
