@@ -542,9 +542,9 @@ void Canvas::text(const Vec2& at, double size, const std::string& words, const C
 std::string png_text(const Image& image) {
   std::vector<unsigned char> bytes;
   for (const Color& pixel : image.pixels)
-    for (const float value : pixel)
+    for (int i = 0; i < pixel.size(); ++i)
       bytes.push_back(
-          static_cast<unsigned char>(std::lround(255 * std::min(std::max(value, 0.f), 1.f))));
+          static_cast<unsigned char>(std::lround(255 * std::min(std::max(pixel[i], 0.f), 1.f))));
   std::string png;
   const auto append = [](void* text, void* data, int size) {
     static_cast<std::string*>(text)->append(static_cast<const char*>(data),
@@ -585,7 +585,7 @@ inline bool is_size(int width, int height) {
 inline ImageResult image_of(int width, int height, const unsigned char* levels) {
   Image image(width, height, {0, 0, 0});
   for (Color& pixel : image.pixels)
-    for (float& value : pixel) value = static_cast<float>(*levels++) / 255;
+    for (int i = 0; i < pixel.size(); ++i) pixel[i] = static_cast<float>(*levels++) / 255;
   return {"", image};
 }
 
