@@ -6287,11 +6287,11 @@ inline std::string name_of(const Landmark& l) {
 
 // ---- followers ----
 
-/// Barycentric coordinates of p in a planar triangle of positive area.
+/// Barycentric coordinates of p in a planar triangle of positive area, be it a sliver.
 inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
-  const double area = cross(b - a, c - a);
-  const double u = cross(b - p, c - p) / area, v = cross(c - p, a - p) / area;
-  return {u, v, 1 - u - v};
+  const double area = accurate_area(a, b, c);
+  return {accurate_area(b, c, p) / area, accurate_area(c, a, p) / area,
+          accurate_area(a, b, p) / area};
 }
 
 /// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k. Masters do not
@@ -10437,17 +10437,13 @@ struct Barycentric {
   double slack = 0;
 };
 
-/// Of a positive triangle, be it a sliver.
 inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   constexpr double kLeastSlack = 1e-12, kRounding = 8 * DBL_EPSILON;
   const Vec2 a = row2(x, m.corner(f, 0)), b = row2(x, m.corner(f, 1)), c = row2(x, m.corner(f, 2));
-  const double area = accurate_area(a, b, c);
   const double edge =
       std::sqrt((std::max)({squared_norm(b - a), squared_norm(c - b), squared_norm(a - c)}));
-  const double height = area / edge, rounding = kRounding * (norm(p) + edge);
-  return {
-      {accurate_area(b, c, p) / area, accurate_area(c, a, p) / area, accurate_area(a, b, p) / area},
-      (std::max)(kLeastSlack, rounding / height)};
+  const double height = accurate_area(a, b, c) / edge, rounding = kRounding * (norm(p) + edge);
+  return {barycentric(p, a, b, c), (std::max)(kLeastSlack, rounding / height)};
 }
 
 /// The same for a point that may lie outside by rounding; a point of the triangle. What a corner
@@ -11005,12 +11001,12 @@ class MetaMeshBuilder {
   }
 
   Corner vertex(const OverlayPolygon& p, int e) const {
-    const SixPoints x = six_points(m_, data_.pair.x, p);
     const bool of_a = e < 3;
-    const int k = of_a ? e : e - 3;
-    const Vec3 on_a = of_a ? unit3(k) : barycentric(x[e], x[0], x[1], x[2]);
-    const Vec3 on_b = of_a ? barycentric(x[e], x[3], x[4], x[5]) : unit3(k);
-    return {{}, surface_point(p.ta, on_a), surface_point(p.tb, on_b)};
+    const int own = of_a ? p.ta : p.tb, other = of_a ? p.tb : p.ta, k = e % 3;
+    const SurfacePoint here = surface_point(own, unit3(k));
+    const SurfacePoint there =
+        closest_in_face(m_, data_.pair.x, other, row2(data_.pair.x, m_.corner(own, k)));
+    return {{}, of_a ? here : there, of_a ? there : here};
   }
 
   /// Where two edges cross, from the same half-edges in all polygons around it: edges that are

@@ -5,6 +5,7 @@
 
 #include "ism.hpp"
 #include "mesh_io.hpp"
+#include "runs.hpp"
 #include "shapes.hpp"
 
 #include <doctest/doctest.h>
@@ -602,6 +603,22 @@ TEST_CASE("distortions of slivers are numbers, and areas at least 0") {
     }
   }
   CHECK(maps > 100);
+}
+
+TEST_CASE("corners that lie in slivers are places on them") {
+  Disk disk = shapes::single_triangle();
+  Points2 sliver(3, 2), small(3, 2);
+  for (double t : {1e-3, 1e-12, 1e-16, 8e-40}) {  // the last areas are 0 where they are rounded
+    CAPTURE(t);
+    sliver << -64, -64, t, 0, 0, t;
+    small << -t, -t, 0, -t, -t, 0;
+    const MetaMesh mesh = SurfaceMap(disk.mesh, disk.mesh, sliver, small).meta_mesh();
+    REQUIRE(mesh.on_a.rows() > 3);
+    for (int v = 0; v < mesh.on_a.rows(); ++v) {
+      CHECK(outside(disk.mesh, 0, mesh.on_a.row(v)) < 1e-9);
+      CHECK(outside(disk.mesh, 0, mesh.on_b.row(v)) < 1e-9);
+    }
+  }
 }
 
 }  // namespace map_tests

@@ -28,6 +28,12 @@ void require_repairs(const TriangleMesh& mesh, const std::vector<ism::Repair>& r
   }
 }
 
+/// True if two vertices are the same, or as near to each other as the ends of a short edge.
+bool is_near(const TriangleMesh& mesh, int u, int v) {
+  const double size = mesh.vertices.rowwise().stableNorm().maxCoeff();
+  return (mesh.vertices.row(u) / size - mesh.vertices.row(v) / size).norm() <= 1e-10;
+}
+
 /// Ids of what there is now, and of what was given, are those of the same places.
 void require_maps(const TriangleMesh& given, const Prepared& p) {
   const TriangleMesh& mesh = *p.mesh;
@@ -44,9 +50,8 @@ void require_maps(const TriangleMesh& given, const Prepared& p) {
   for (int i = 0; i < mesh.triangles.size(); ++i) {
     const int corner = p.given_corner[static_cast<std::size_t>(i)];
     require_range(corner, given.triangles.size(), "a given corner");
-    require(mesh.vertices.row(mesh.triangles.data()[i]) ==
-                given.vertices.row(given.triangles.data()[corner]),
-            "corners stay where they are");
+    const int old = p.given_vertex[static_cast<std::size_t>(mesh.triangles.data()[i])];
+    require(is_near(given, old, given.triangles.data()[corner]), "corners stay where they are");
   }
   for (const int v : p.new_vertex) require(v >= -1 && v < mesh.vertices.rows(), "a new vertex");
   for (const int f : p.new_triangle)
