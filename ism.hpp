@@ -2597,10 +2597,8 @@ class Preparer {
 
   /// All triangles but repeated and degenerate ones.
   void take_triangles() {
-    const Array<const char*> defects = triangle_defects(given_.vertices, F_);
     Array<int> degenerate, repeated;
-    for (int f = 0; f < defects.size(); ++f) {
-      if (defects[f] != nullptr) degenerate.push_back(f);
+    for (int f = 0; f < F_.rows(); ++f) {
       source_.push_back(f);
       for (int k = 0; k < 3; ++k) corner_.push_back(3 * f + k);
     }
@@ -2609,6 +2607,11 @@ class Preparer {
     mend_flat();
     drop_repeated(repeated);
     sort_unique(repeated);
+    Array<char> is_told(static_cast<int>(F_.rows()), 0);
+    for (int f : source_) is_told[f] = 1;
+    for (int f : repeated) is_told[f] = 1;
+    for (int f = 0; f < is_told.size(); ++f)
+      if (!is_told[f]) degenerate.push_back(f);
     tell(Repair::Kind::kDroppedDegenerate,
          {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
          degenerate);

@@ -179,6 +179,18 @@ TEST_CASE("a seam is welded, a slit of a valid mesh is not") {
   CHECK(checked(slit).repairs.empty());
 }
 
+TEST_CASE("what only seems small beside a degenerate triangle stays") {
+  TriangleMesh mesh = shapes::single_triangle().mesh;
+  mesh.vertices.conservativeResize(6, 3);
+  mesh.vertices.bottomRows(3) << 5, 0, 0, 5, 1, 0, -1e149, 0, 1;
+  add_triangle(mesh, 3, 4, 5);
+  const Prepared p = checked(mesh);
+  REQUIRE(!p.repairs.empty());
+  CHECK(p.repairs[0].message == "dropped 1 degenerate triangle");
+  CHECK(p.repairs[0].ids == Ids{1});
+  CHECK(p.mesh->triangles == shapes::single_triangle().mesh.triangles);
+}
+
 TEST_CASE("repeated, degenerate and turned triangles, and vertices without") {
   const TriangleMesh clean = shapes::grid(6, 5).mesh;
   TriangleMesh mesh = clean;

@@ -29,8 +29,7 @@ void require_repairs(const TriangleMesh& mesh, const std::vector<ism::Repair>& r
 }
 
 /// True if two vertices are the same, or as near to each other as the ends of a short edge.
-bool is_near(const TriangleMesh& mesh, int u, int v) {
-  const double size = mesh.vertices.rowwise().stableNorm().maxCoeff();
+bool is_near(const TriangleMesh& mesh, int u, int v, double size) {
   return (mesh.vertices.row(u) / size - mesh.vertices.row(v) / size).norm() <= 1e-10;
 }
 
@@ -47,15 +46,23 @@ void require_maps(const TriangleMesh& given, const Prepared& p) {
     require_range(old, given.vertices.rows(), "a given vertex");
     require(mesh.vertices.row(v) == given.vertices.row(old), "vertices stay where they are");
   }
+  double size = 0;
+  for (int i = 0; i < given.triangles.size(); ++i)
+    size = std::max(size, given.vertices.row(given.triangles.data()[i]).cwiseAbs().maxCoeff());
   for (int i = 0; i < mesh.triangles.size(); ++i) {
     const int corner = p.given_corner[static_cast<std::size_t>(i)];
     require_range(corner, given.triangles.size(), "a given corner");
     const int old = p.given_vertex[static_cast<std::size_t>(mesh.triangles.data()[i])];
-    require(is_near(given, old, given.triangles.data()[corner]), "corners stay where they are");
+    require(is_near(given, old, given.triangles.data()[corner], size),
+            "corners stay where they are");
   }
   for (const int v : p.new_vertex) require(v >= -1 && v < mesh.vertices.rows(), "a new vertex");
   for (const int f : p.new_triangle)
     require(f >= -1 && f < mesh.triangles.rows(), "a new triangle");
+  for (const ism::Repair& r : p.repairs)
+    if (r.kind == ism::Repair::Kind::kDroppedDegenerate)
+      for (const int f : r.ids)
+        require(p.new_triangle[static_cast<std::size_t>(f)] == -1, "what was dropped is gone");
 }
 
 bool same(const TriangleMesh& a, const TriangleMesh& b) {
