@@ -12151,21 +12151,33 @@ struct Sheet {
   Array<Vec2> x;
   std::vector<AddedVertex> added;
 
+  static constexpr double kLeast = 1e-6;  // of the weights of a new vertex
+
   bool is_positive(int u, int v, Vec2 p) const { return orient2d(x[u], x[v], p) > 0; }
 
-  /// May the edge of h be cut in two at a place p of the plane, which is on it or next to it?
-  bool may_split(int h, Vec2 p) const {
+  /// May the corner opposite to the edge from u to v go from p to q? By part of its height at most:
+  /// the map from the triangle to the plane changes by I + (q - p) ∇λᵀ with |∇λ| = 1 / height, and
+  /// nothing mends what the body gets of that.
+  bool may_bend(int u, int v, Vec2 p, Vec2 q) const {
+    constexpr double kMost = 0.25;
+    return is_positive(u, v, q) &&
+           norm(q - p) * norm(x[v] - x[u]) <= kMost * accurate_area(x[u], x[v], p);
+  }
+
+  /// May the edge of h be cut in two, at t of the way along h and at p in the plane, which is on it
+  /// or next to it? Not within `least` of its length of either end.
+  bool may_split(int h, double t, Vec2 p, double least = kLeast) const {
+    if (!(t > least && t < 1 - least)) return false;
+    const Vec2 on_edge = (1 - t) * x[mesh.tail[h]] + t * x[mesh.tip(h)];
     for (int e : {h, mesh.twin[h]})
-      if (e < 0 || !is_positive(mesh.tip(e), mesh.tail[prev(e)], p) ||
-          !is_positive(mesh.tail[prev(e)], mesh.tail[e], p))
+      if (e < 0 || !may_bend(mesh.tip(e), mesh.tail[prev(e)], on_edge, p) ||
+          !may_bend(mesh.tail[prev(e)], mesh.tail[e], on_edge, p))
         return false;
     return true;
   }
 
   /// Adds a vertex to an edge, at t of the way along h.
   int split(int h, double t, Vec2 p) {
-    constexpr double kLeast = 1e-6;
-    t = (std::min)((std::max)(t, kLeast), 1 - kLeast);
     AddedVertex on_edge(mesh.tail[h], mesh.tip(h));
     on_edge.weights[0] = 1 - t;
     on_edge.weights[1] = t;
@@ -12184,7 +12196,9 @@ struct Sheet {
     const int v = detail::vertex_at(here);
     if (v >= 0) return v;
     const int h = find_place(mesh, here);
-    if (h < 0 || !(is_on_edge(here) ? may_split(h, p) : is_inside(h / 3, p))) return -1;
+    if (h < 0) return -1;
+    const double t = here.weights[mesh.tail[h] == here.corners[0] ? 1 : 0];
+    if (!(is_on_edge(here) ? may_split(h, t, p, 0) : is_inside(h / 3, p))) return -1;
     return add(h, here, p);
   }
 
@@ -12196,7 +12210,6 @@ struct Sheet {
     AddedVertex inside;
     inside.corners = Eigen::Vector3i(u, v, w);
     inside.weights = Eigen::Vector3d(at.x, at.y, at.z);
-    constexpr double kLeast = 1e-6;
     return (std::min)({at.x, at.y, at.z}) > kLeast ? add(3 * f, inside, p) : -1;
   }
 
@@ -12211,7 +12224,7 @@ struct Sheet {
   bool may_move(int v, Vec2 p) const {
     bool may = !mesh.on_boundary(v);
     mesh.for_each_outgoing(
-        v, [&](int h) { may = may && is_positive(mesh.tip(h), mesh.tail[prev(h)], p); });
+        v, [&](int h) { may = may && may_bend(mesh.tip(h), mesh.tail[prev(h)], x[v], p); });
     return may;
   }
 
@@ -12297,8 +12310,8 @@ class SeamTracer {
     }
     for (int k = 0; k < 3; ++k) {  // the edge opposite to a corner
       const int h = next(3 * f + k);
-      if (!(at[k] < kNear) || !b_.may_split(h, p)) continue;
       const double s = at[(k + 1) % 3], t = at[(k + 2) % 3];
+      if (!(at[k] < kNear) || !b_.may_split(h, t / (s + t), p)) continue;
       const int v = b_.split(h, t / (s + t), p);
       take(v);
       return v;
@@ -12336,8 +12349,9 @@ class SeamTracer {
     if (t < kNear && pass_vertex(h, r, u, w)) return true;
     if (t > 1 - kNear && pass_vertex(h, l, u, w)) return true;
     const Vec2 at = flush_tiny((1 - t) * b_.x[r] + t * b_.x[l]);
-    if (a_.may_split(h, at) && m.twin[e] >= 0 && b_.may_split(e, at)) {
-      u = a_.split(h, part_of(h, at), at);
+    const double s = part_of(h, at);
+    if (a_.may_split(h, s, at) && b_.may_split(e, t, at)) {
+      u = a_.split(h, s, at);
       w = b_.split(e, t, at);
       return take(w);
     }
@@ -12346,8 +12360,9 @@ class SeamTracer {
 
   bool pass_vertex(int h, int vertex, int& u, int& w) {
     const Vec2 at = b_.x[vertex];
-    if (!is_free(vertex) || !a_.may_split(h, at)) return false;
-    u = a_.split(h, part_of(h, at), at);
+    const double s = part_of(h, at);
+    if (!is_free(vertex) || !a_.may_split(h, s, at)) return false;
+    u = a_.split(h, s, at);
     w = vertex;
     return take(vertex);
   }
@@ -12364,7 +12379,7 @@ class SeamTracer {
     const int e = b_.edge_between(seam.b.back(), seam.b[0]);
     if (h < 0 || e < 0) return false;
     const Vec2 at = flush_tiny(0.5 * (a_.x[seam.a.back()] + a_.x[seam.a[0]]));
-    if (!a_.may_split(h, at) || !b_.may_split(e, at)) return false;
+    if (!a_.may_split(h, 0.5, at) || !b_.may_split(e, 0.5, at)) return false;
     seam.a.push_back(a_.split(h, 0.5, at));
     seam.b.push_back(b_.split(e, 0.5, at));
     return true;

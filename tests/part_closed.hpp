@@ -94,6 +94,54 @@ void check_closed(const TriangleMesh& a, const TriangleMesh& b, const Result& r)
   CHECK(static_cast<int>(map.distortion().size()) == meta.n_polygons());
 }
 
+Sheet sheet_of(const shapes::Disk& disk) {
+  Sheet sheet;
+  sheet.mesh = shapes::half_edges(disk.mesh);
+  for (int v = 0; v < disk.plane.rows(); ++v)
+    sheet.x.push_back(shapes::to_vec2(disk.plane.row(v).transpose()));
+  return sheet;
+}
+
+/// The largest factor by which the triangles of a sheet have become longer or shorter in any
+/// direction since it was that disk: what was added lies where its weights say in the surface, and
+/// not quite there in the plane.
+double bend_of(const Sheet& sheet, const shapes::Disk& disk) {
+  std::vector<Eigen::Vector2d> straight;
+  for (int v = 0; v < disk.plane.rows(); ++v) straight.push_back(disk.plane.row(v).transpose());
+  for (const ism::AddedVertex& p : sheet.added) {
+    Eigen::Vector2d x(0, 0);
+    for (int k = 0; k < 3; ++k)
+      if (p.corners[k] >= 0) x += p.weights[k] * straight[static_cast<std::size_t>(p.corners[k])];
+    straight.push_back(x);
+  }
+  double most = 1;
+  for (int f = 0; f < sheet.mesh.n_faces; ++f) {
+    Eigen::Vector2d p[3], q[3];
+    for (int k = 0; k < 3; ++k) {
+      const int v = sheet.mesh.corner(f, k);
+      p[k] = straight[static_cast<std::size_t>(v)];
+      q[k] = shapes::eigen(sheet.x[v]);
+    }
+    Eigen::Matrix2d before, after;
+    before << p[1] - p[0], p[2] - p[0];
+    after << q[1] - q[0], q[2] - q[0];
+    const Eigen::Vector2d sigma = (after * before.inverse()).jacobiSvd().singularValues();
+    most = (std::max)({most, sigma[0], 1 / sigma[1]});
+  }
+  return most;
+}
+
+/// Random triangles of a sheet that are a disk, away from its boundary.
+Array<char> random_body(const HalfEdgeMesh& m, shapes::Rng& rng) {
+  Array<char> is_body(m.n_faces, 1);
+  for (int f = 0; f < m.n_faces; ++f)
+    for (int k = 0; k < 3; ++k)
+      if (m.on_boundary(m.corner(f, k)) || rng.below(12) == 0) is_body[f] = 0;
+  while (make_disk(m, is_body)) {
+  }
+  return is_body;
+}
+
 }  // namespace
 
 TEST_CASE("the smallest closed surfaces are mapped") {
@@ -200,6 +248,37 @@ TEST_CASE("a Solver closes the map in steps, can be stopped, saved and restored,
   CHECK(open.status == Status::kCancelled);
   CHECK(is_injective(shapes::half_edges(*open.start.a), open.f));
   CHECK(SurfaceMap(open).status() == Status::kDone);
+}
+
+// Vertices of a seam were moved to near ones, and edges bent, as long as triangles stayed positive,
+// however thin: closed hands that ended at 2.1 ended at 450 to 20,000 in one of five runs.
+TEST_CASE("a seam bends both surfaces by little, whatever their triangles are like") {
+  int traced = 0, seams = 0;
+  for (const double thin : {1.0, 0.2, 0.02})
+    for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+      CAPTURE(thin);
+      CAPTURE(seed);
+      shapes::Rng rng(seed);
+      shapes::Disk a = shapes::random_disk(6, 6, rng), b = shapes::random_disk(7, 7, rng);
+      const auto place = [&rng](shapes::Disk& disk, const Eigen::Vector2d& size) {
+        const Eigen::Matrix2d M = shapes::rotation(rng.uniform(0, 6)) * size.asDiagonal();
+        const Eigen::Vector2d middle = disk.plane.colwise().mean().transpose();
+        disk.plane = shapes::moved(disk.plane, M, -M * middle);
+      };
+      place(a, {thin, thin});
+      place(b, {10, 10 * thin});
+      Sheet on_a = sheet_of(a), on_b = sheet_of(b);
+      const Array<int> loop = loop_around(on_a.mesh, random_body(on_a.mesh, rng));
+      if (loop.empty()) continue;
+      ++seams;
+      Seam seam;
+      if (!SeamTracer(on_a, on_b).trace(loop, Array<int>(loop.size(), 0), seam)) continue;
+      ++traced;
+      CHECK(bend_of(on_a, a) < 2);
+      CHECK(bend_of(on_b, b) < 2);
+    }
+  CHECK(seams >= 250);
+  CHECK(traced >= 0.97 * seams);
 }
 
 TEST_CASE("curves, remeshing and attributes cross the seam") {
