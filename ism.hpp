@@ -9800,7 +9800,6 @@ class PairEmbedder {
   }
 
   bool finish() {
-    if (!is_held_) make_overlap();
     result_->f = a_->positions();
     result_->g = b_->positions();
     return false;
@@ -10073,13 +10072,6 @@ class PairEmbedder {
     if (++t.tried < kOptimized) return true;
     a_->move(t.motions[t.best]);
     return false;
-  }
-
-  /// Where the two planes lie apart in spite of all, the deepest points of both come together.
-  void make_overlap() {
-    const Points2 &f = a_->positions(), &g = b_->positions();
-    if (badness(join(pair_), stacked(f, g)) < kInfinity) return;
-    a_->move(rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, g)));
   }
 
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
@@ -10398,10 +10390,20 @@ class Embedder {
     if (result_.status != Status::kDone) return Stage::kEnd;
     result_.f = rows_between(result_.f, 0, pair_.a.mesh.n_vertices);
     result_.g = rows_between(result_.g, 0, pair_.b.mesh.n_vertices);
+    if (!is_held()) make_overlap();
     if (!options_.exact_landmarks) return Stage::kEnd;
     joiner_ =
         std::make_unique<LandmarkJoiner>(pair_, vertex_pairs(landmarks()), options_, executor_);
     return Stage::kJoining;
+  }
+
+  /// Where the surfaces lie apart in spite of all, as in an opening of the other one, the deepest
+  /// points of both come together.
+  void make_overlap() {
+    Points2& f = result_.f;
+    if (badness(join(pair_), stacked(f, result_.g)) < kInfinity) return;
+    f = transformed(
+        f, rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, result_.g)));
   }
 
   SurfacePair& pair_;
