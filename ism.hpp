@@ -12694,13 +12694,14 @@ class Closer {
   /// Tries seams nearer and nearer to what is not covered, then ever smaller ones; takes the next
   /// that there is room for.
   void cut_anew() {
-    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};  // in roots of the area
-    constexpr double kParts[] = {0.1, 0.01, 0.001};       // of a triangle of A
+    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};       // in roots of the area
+    constexpr double kParts[] = {0.4, 0.2, 0.1, 0.01, 0.001};  // of a triangle of A
+    constexpr int kBodies = 4, kAll = kBodies + 5;
     const double unit = std::sqrt(open_.a.total_area);
-    for (; tried_ < 4; ++tried_)
+    for (; tried_ < kBodies; ++tried_)
       if (cut_around_body(kMargins[tried_] * unit)) return void(++tried_);
-    for (; tried_ < 7; ++tried_)
-      if (cut_in_polygon(kParts[tried_ - 4])) return void(++tried_);
+    for (; tried_ < kAll; ++tried_)
+      if (cut_in_polygon(kParts[tried_ - kBodies])) return void(++tried_);
     status_ = Status::kStalled;
   }
 
