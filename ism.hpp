@@ -7346,7 +7346,7 @@ class Optimizer {
     bool found = is_quick;
     if (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate()) return false;  // lines 3 to 9
-      found = choose_step(log_);                                  // lines 9 to 23
+      found = choose_step(result.log.empty(), log_);              // lines 9 to 23
     }
     if (executor_.is_stopped()) return false;
     is_remembered_ = false;
@@ -7556,8 +7556,9 @@ class Optimizer {
   }
 
   /// Finds the next iterate; false if no step was found, none is left to find, or the caller stops.
-  bool choose_step(IterationLog& log) {
+  bool choose_step(bool is_first, IterationLog& log) {
     constexpr double kRounding = 1e-14;
+    bool is_lowered = is_first && omega_ < options_.tuning.omega_start;
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 9 to 16
       if (executor_.is_stopped()) return false;
@@ -7566,7 +7567,7 @@ class Optimizer {
       search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision();
-      if (!trials_.found && recover(is_new, log)) continue;
+      if (!trials_.found && recover(is_new, is_lowered, log)) continue;
       return trials_.found || leave_kink(log);
     }
   }
@@ -7728,11 +7729,16 @@ class Optimizer {
 
   /// Changes one thing where no step is found: the scaffold comes in, the memory is emptied, or ω_L
   /// is lowered at once: at a kink of E, as when both planes are the same, a direction that is
-  /// smoothed too much may climb. False if nothing is left to change.
-  bool recover(bool needs_scaffold, IterationLog& log) {
+  /// smoothed too much may climb. Where ω_L was lowered for a start that is near the end, and this
+  /// one is not, it first comes back. False if nothing is left to change.
+  bool recover(bool needs_scaffold, bool& is_lowered, IterationLog& log) {
     constexpr double kDrop = 16;
     if (needs_scaffold) return set_scaffold(true, x_.x), true;
     if (history_.size() > 1) return reset_history(log), true;
+    if (is_lowered) {
+      omega_ = options_.tuning.omega_start;
+      return is_lowered = false, true;
+    }
     if (!holds_back()) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
