@@ -6988,7 +6988,7 @@ struct Trial {
 /// What a trial must satisfy besides injectivity.
 struct StepRules {
   double max_area_loss_a, max_area_loss_b;  // of the covered area, in one step
-  double least_area_a, least_area_b;        // that stays covered
+  double least_area_a, least_area_b;        // that stays covered; less must not shrink
 };
 
 /// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
@@ -7001,11 +7001,15 @@ inline double largest_energy(const Iterate& from, const Direction& d, const Tria
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
                           const Trial& t) {
   const Iterate& to = t.x;
+  const auto is_enough = [](double area, double least, double before) {
+    return area > least || area >= before;
+  };
   return std::isfinite(to.energy) && to.energy <= largest_energy(from, d, t) &&
          t.value() < from.energy &&  // a step of nothing is none
          from.area_a - to.area_a <= rules.max_area_loss_a &&
-         from.area_b - to.area_b <= rules.max_area_loss_b && to.area_a > rules.least_area_a &&
-         to.area_b > rules.least_area_b;
+         from.area_b - to.area_b <= rules.max_area_loss_b &&
+         is_enough(to.area_a, rules.least_area_a, from.area_a) &&
+         is_enough(to.area_b, rules.least_area_b, from.area_b);
 }
 
 inline constexpr double kShrink = 0.8;  // line 22
@@ -7329,6 +7333,14 @@ class Optimizer {
     return true;
   }
 
+  /// What one step may do; `least_area_a` and `_b` are a share of what the start covers.
+  const StepRules& rules() const { return rules_; }
+  /// What has to stay covered, where a start covers less than one before it did.
+  void keep_covered(const StepRules& before) {
+    rules_.least_area_a = before.least_area_a;
+    rules_.least_area_b = before.least_area_b;
+  }
+
   /// Begins with a smaller ω_L.
   void lower_omega(double omega) {
     omega_ = (std::min)(omega_, (std::max)(omega, options_.tuning.omega_least));
@@ -7346,7 +7358,7 @@ class Optimizer {
     bool found = is_quick;
     if (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate()) return false;  // lines 3 to 9
-      found = choose_step(result.log.empty(), log_);              // lines 9 to 23
+      found = choose_step(log_);                                  // lines 9 to 23
     }
     if (executor_.is_stopped()) return false;
     is_remembered_ = false;
@@ -7556,9 +7568,8 @@ class Optimizer {
   }
 
   /// Finds the next iterate; false if no step was found, none is left to find, or the caller stops.
-  bool choose_step(bool is_first, IterationLog& log) {
+  bool choose_step(IterationLog& log) {
     constexpr double kRounding = 1e-14;
-    bool is_lowered = is_first && omega_ < options_.tuning.omega_start;
     while (true) {
       const Array<Direction> directions = find_directions(log);  // lines 9 to 16
       if (executor_.is_stopped()) return false;
@@ -7567,7 +7578,7 @@ class Optimizer {
       search(directions, log);  // lines 17 to 23
       if (executor_.is_stopped()) return false;
       const bool is_new = notice_collision();
-      if (!trials_.found && recover(is_new, is_lowered, log)) continue;
+      if (!trials_.found && recover(is_new, log)) continue;
       return trials_.found || leave_kink(log);
     }
   }
@@ -7729,16 +7740,11 @@ class Optimizer {
 
   /// Changes one thing where no step is found: the scaffold comes in, the memory is emptied, or ω_L
   /// is lowered at once: at a kink of E, as when both planes are the same, a direction that is
-  /// smoothed too much may climb. Where ω_L was lowered for a start that is near the end, and this
-  /// one is not, it first comes back. False if nothing is left to change.
-  bool recover(bool needs_scaffold, bool& is_lowered, IterationLog& log) {
+  /// smoothed too much may climb. False if nothing is left to change.
+  bool recover(bool needs_scaffold, IterationLog& log) {
     constexpr double kDrop = 16;
     if (needs_scaffold) return set_scaffold(true, x_.x), true;
     if (history_.size() > 1) return reset_history(log), true;
-    if (is_lowered) {
-      omega_ = options_.tuning.omega_start;
-      return is_lowered = false, true;
-    }
     if (!holds_back()) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
@@ -11424,7 +11430,12 @@ class CoarseToFine {
     optimizer_ = std::make_unique<Optimizer>(here_.s, here_.options, here_.followers, executor_);
     log_ = Result();
     optimizer_->start(here_.x, log_);
-    if (!is_first) optimizer_->lower_omega(kNextOmega);
+    if (is_first) {
+      rules_ = optimizer_->rules();
+    } else {
+      optimizer_->keep_covered(rules_);
+      optimizer_->lower_omega(kNextOmega);
+    }
     levels_.push_back({here_.a.vertex.size(), here_.b.vertex.size(), 0, 0, 0});
     return log_.status == Status::kUnfinished;
   }
@@ -11529,6 +11540,7 @@ class CoarseToFine {
   LevelPair here_, next_;
   std::unique_ptr<Optimizer> optimizer_;  // on a level,
   std::unique_ptr<FlatNewton> newton_;    // and on the way to the next one
+  StepRules rules_;                       // of the coarsest level
   Result log_;
   std::vector<CoarseLevel> levels_;
   double gain_ = 0;

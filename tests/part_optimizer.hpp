@@ -820,6 +820,30 @@ TEST_CASE("the covered area never falls below the share the options say") {
   }
 }
 
+// A start on a coarse level's map may cover less: no step was then taken that did not make up for
+// all of it at once.
+TEST_CASE("where less is covered than the share, it may grow, but not shrink") {
+  Iterate from;
+  from.energy = 1;
+  from.area_a = from.area_b = 0.4;
+  const auto may_go = [&from](double least, double area_a, double area_b) {
+    Trial t;
+    t.x.energy = 0.9;
+    t.x.area_a = area_a;
+    t.x.area_b = area_b;
+    Direction d;
+    d.slope = -1;
+    return is_acceptable({1, 1, least, least}, from, d, t);
+  };
+  CHECK(may_go(0.5, 0.41, 0.4));
+  CHECK(may_go(0.5, 0.6, 0.6));
+  CHECK(!may_go(0.5, 0.39, 0.41));
+  CHECK(!may_go(0.5, 0.41, 0.39));
+  CHECK(may_go(0.3, 0.39, 0.31));
+  CHECK(!may_go(0.3, 0.39, 0.29));
+  CHECK(!may_go(0, 0, 0.5));
+}
+
 TEST_CASE("a map between isometric surfaces is found") {
   Rng rng(25);
   Disk a = shapes::random_disk(5, 4, rng);

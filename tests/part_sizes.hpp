@@ -53,6 +53,9 @@ void check_run(const ism::Result& result, int least_iterations) {
   CHECK(ism::is_usable(result.status));
   CHECK(static_cast<int>(result.log.size()) >= least_iterations);
   CHECK(std::isfinite(result.final_state().energy));
+  const double least = ism::Tuning().least_coverage;
+  CHECK(result.final_state().coverage_a >= least * result.initial.coverage_a);
+  CHECK(result.final_state().coverage_b >= least * result.initial.coverage_b);
 }
 
 }  // namespace
