@@ -225,6 +225,10 @@ enum class Side { kA, kB };
 /// Texture coordinates with seams belong to corners.
 enum class Element { kVertex, kFace, kCorner };
 
+/// Which mesh ids speak of: the one that the caller gave, or that as it was embedded: prepared, cut
+/// open if it was closed, with vertices added (Embedding::a, Embedding::b).
+enum class Ids { kGiven, kEmbedded };
+
 /// A vertex or a triangle of one of the two meshes given.
 struct ElementId {
   Side side;
@@ -242,7 +246,8 @@ enum class Status {
   kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
   kTimeLimit,         // the same of Options::max_seconds
   kCancelled,         // the caller said stop; the result is the last injective iterate
-  kStalled,           // no step along any direction lowers the energy; the result is still valid
+  kStalled,           // no step is found that lowers the energy, or what was to follow the
+                      // optimisation failed, and the message tells; the result is still valid
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
   kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
   kMemoryLimit,       // it would take more memory than Options::max_memory, and nothing was begun;
@@ -253,11 +258,10 @@ enum class Status {
   kInvalidPositions,  // given planar positions are not an injective embedding
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
-  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements, or a
-                       // mesh is not the other one with vertices added, see refine()
+  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
   kNoOverlap,          // f(A) and g(B) do not overlap at the start
-  kNumericalFailure    // an embedding failed, please report the mesh; or E, its derivatives or a
-                       // factorisation are not finite
+  kNumericalFailure    // an embedding failed, please report the mesh; or E is not finite at its
+                       // start, or the arithmetic is not IEEE's
 };
 
 /// True for the statuses under which there is what was asked for, of compute_map() a valid
@@ -267,11 +271,18 @@ inline bool is_usable(Status s) { return s <= Status::kUnfinished; }
 /// The name of a status in words ("converged", "iteration limit", ...).
 const char* to_string(Status s);
 
+/// A finding that did not stop a call, but may mean that the result is not what was wanted.
+struct Warning {
+  std::string message;         // a sentence for the user
+  std::vector<ElementId> ids;  // what it speaks of
+};
+
 /// What every result carries.
 struct Outcome {
   Status status = Status::kDone;
   std::string message;         // a sentence for the user
   std::vector<ElementId> ids;  // what it speaks of
+  std::vector<Warning> warnings;
 };
 
 /// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
@@ -325,7 +336,7 @@ struct Repair {
     kWelded,             // vertices that lie on each other, or at the ends of a short edge
     kCutEdges,           // edges of more than two triangles
     kCutVertices,        // vertices of more than one fan
-    kTurnedTriangles,    // so that all have the orientation of most of the surface
+    kTurnedTriangles,    // so that all have one orientation, see prepare()
     kDroppedComponents,  // without landmarks, or smaller
     kDroppedVertices     // that no triangle uses
   };
@@ -337,7 +348,8 @@ struct Repair {
 
 /// A mesh made clean, and where its elements come from.
 struct Prepared {
-  SharedMesh mesh = std::make_shared<TriangleMesh>();  // as it was given, if nothing was wrong
+  SharedMesh given = std::make_shared<TriangleMesh>();
+  SharedMesh mesh = given;                             // the same one, if nothing was wrong
   std::vector<Repair> repairs;                         // what was done
   std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
@@ -345,19 +357,23 @@ struct Prepared {
   std::vector<int> given_vertex, given_corner;
   /// Per triangle of `mesh`, the one given that it is, or is a part of.
   std::vector<int> given_triangle;
-  /// Per vertex and per triangle given, where it is in `mesh`, or its first part; -1: dropped.
+  /// Per vertex and per triangle given, where it is in `mesh`, or its first part; -1: dropped. A
+  /// vertex that was dropped with copies of triangles is where the one at the same place is.
   std::vector<int> new_vertex, new_triangle;
 };
 
-/// Makes a surface of what people have: drops degenerate triangles (the ends of a short edge become
+/// Repairs a mesh into a clean surface: drops degenerate triangles (the ends of a short edge become
 /// one vertex; where a corner lies on the longest edge, the triangle behind that is cut in two),
-/// repeated ones, and vertices that are not used, joins boundary edges that lie on each other
-/// (triangles with vertices of their own, seams of texture coordinates), cuts where more than two
-/// triangles share an edge or fans share a vertex, turns triangles to one orientation, and keeps
-/// the component that has most landmarks, of several the largest. A mesh without problems stays as
-/// it is, to the last id. Surfaces with handles or without orientation stay invalid. Cost O(#F log
-/// #F). Thread-safe.
-Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {});
+/// repeated ones, and vertices that are not used; welds parts with vertices of their own where
+/// their boundary edges lie on each other (triangle soup, seams of texture coordinates), cuts where
+/// more than two triangles share an edge or fans share a vertex, turns triangles to one
+/// orientation, that of positive volume if the surface is closed, else that of most of its area,
+/// and keeps the component that has most landmarks, of several the largest. What is valid stays as
+/// it is, to the last id; a boundary loop that lies on itself only, as closed lips do, stays apart.
+/// Surfaces with handles or without orientation stay invalid. Cost O(#F log #F). Thread-safe.
+/// `weld`: false keeps all vertices apart that the mesh has apart.
+Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {},
+                 bool weld = true);
 
 /// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
 /// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B.
@@ -474,8 +490,8 @@ struct Tuning {
   /// and E_Φ meets a wall where the overlap would have to grow into them. More, where what is not
   /// covered shall keep its shape in the plane.
   double barrier_weight = 3e-4;
-  /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if kNumericalFailure is
-  /// reported: the directions are then closer to steepest descent.
+  /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if a run stalls soon: the
+  /// directions are then closer to steepest descent.
   double spd_epsilon = 1e-3;
   /// The memory of §5.3: how many Hessians, and the factor by which the next older one weighs less.
   /// The paper's is 6 and 0.5. Less, where memory is short. 1, with omega_start = 0, is PN,
@@ -537,7 +553,10 @@ struct Options {
   /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
   /// without a fall, a quasi-Newton step as a fifth of one.
   double tolerance = 3e-4;  // ≥ 0
-  /// true: the meshes are in one unit and not scaled to area 1; areas of 1e-50 to 1e50 work.
+  /// false: both meshes are scaled to area 1; or, where one has a boundary that is free and
+  /// landmarks, three or more, agree that sizes differ, so that landmarks are equally far apart on
+  /// both: a part then fits its place on the whole. true: the meshes are in one unit and not scaled;
+  /// areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
   int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
                     // the most that are used; results do not depend on it
@@ -576,6 +595,7 @@ struct Options {
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
   bool prepare = true;  // meshes with problems are prepared; false: they are refused
+  bool weld = true;     // preparing may weld; false: see prepare()
   bool close = true;    // maps of two closed surfaces are closed; false: the surfaces stay cut open
   Tuning tuning;
 
@@ -600,8 +620,7 @@ struct AddedVertex {
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding : Outcome {
-  /// What prepare() made of the meshes given. Ids in what is returned are those of the prepared
-  /// meshes; statuses, and sentences, speak of the meshes given.
+  /// What prepare() made of the meshes given.
   std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
                                   prepared_b = prepared_a;
   /// The meshes that were embedded: the prepared ones, and where a constraint needs it, meshes with
@@ -611,8 +630,10 @@ struct Embedding : Outcome {
   /// The added vertices in order. Those of exact landmarks that were points come first, in their
   /// order, if they were given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
-  /// Where closed surfaces were cut open, vertices; -1: the surface has a boundary.
+  /// Where closed surfaces were cut open, vertices given; -1: the surface has a boundary.
   int opening_a = -1, opening_b = -1;
+  /// By what the meshes were multiplied, see Options::keep_scale.
+  double scale_a = 1, scale_b = 1;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
   /// Largest distance in the plane between the two images of a landmark, in domain radii.
@@ -625,7 +646,8 @@ struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // what the optimisation started from
-  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  IterationLog at_start;  // the energies of the start (iteration 0, no step),
+  IterationLog initial;   // and those at which the log begins: the same, or of the coarse map
   std::vector<CoarseLevel> coarse;  // the levels before the log, coarsest first
   /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
   /// is an entry, too; E is from there on that of the whole, and may begin higher.
@@ -649,6 +671,10 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 
 /// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
+///
+/// Look at Outcome::warnings: sizes that were taken from landmarks, landmarks that were left out or
+/// fit the mirror image only, and maps that end with a mean distortion above 6, or above 1.5 times
+/// that of the start.
 ///
 /// Two closed surfaces are cut open, mapped, and then cut in two along a curve on either, the seam:
 /// what is inside is mapped as it was, and what is outside, a small part, anew, with the seam held.
@@ -700,7 +726,8 @@ class Solver {
   bool advance(double seconds);
 
   /// What compute_map() would return if it ended here: a status, and once there is a map, the last
-  /// injective iterate. Valid until the next call of another function.
+  /// injective iterate; on coarse levels, the map with which a level began, until the run is
+  /// stopped. Valid until the next call of another function.
   const Result& result() const;
   Phase phase() const;
   double fraction() const;  // of all there is to do, an estimate that never falls in between
@@ -737,8 +764,11 @@ using Polyline = std::vector<SurfacePoint>;
 /// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
 /// two geometries. Vertices are identified by what they are, so neighbouring polygons share them.
 struct MetaMesh {
-  /// What it refines.
+  /// What it refines, the meshes given or as they were embedded; so do ids.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
+  /// Per vertex of `a` and of `b`, the first one that is the same vertex of the surface: those that
+  /// were welded have one. -1: it was dropped. Empty: each has itself.
+  std::vector<int> same_a, same_b;
   Points3 on_a, on_b;               // #M×3, the vertices on either surface
   Points2 plane;                    // #M×2, the vertices in the common plane
   std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
@@ -767,8 +797,8 @@ struct DistortionSummary {
   double area_a = 0, area_b = 0;        // covered
 };
 
-/// A mesh with the geometry of the other surface. Ids of vertices are kept; those without an image
-/// are in no triangle and lie on the first image.
+/// A mesh with the geometry of the other surface. It has the vertices of the mesh given; those
+/// without an image are in no triangle and lie on the first image.
 struct Remesh {
   TriangleMesh mesh;
   std::vector<char> covered;  // per vertex
@@ -792,6 +822,10 @@ struct MapData;
 ///   ism::MappedPoint image = map.forward_vertex(7);
 ///   if (image.covered) use(map.position_on_b(image.point));
 ///
+/// Vertices and triangles have the ids of the meshes that the caller gave, also where these were
+/// prepared, cut open, or have vertices added. What prepare() dropped is not covered; copies of a
+/// vertex that were welded have one image.
+///
 /// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
 class SurfaceMap {
  public:
@@ -799,16 +833,16 @@ class SurfaceMap {
   /// Overlays two embeddings of surfaces with boundaries. The coordinates of the meshes are used as
   /// given, not scaled. Cost: linear in the number of meta mesh polygons.
   SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g);
-  /// The map that compute_map() found, with the meshes it was found on, which may have more
-  /// vertices than those given. Where it found none, the status is that of the result.
+  /// The map that compute_map() found. Where it found none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
+  explicit SurfaceMap(const Embedding& start);  // the same of an initial embedding
 
   /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions, kNumericalFailure,
   /// kNoOverlap or, for more than 16 million polygons, kMemoryLimit; all points are then uncovered.
   Status status() const;
   const std::string& message() const;
-  const TriangleMesh& mesh(Side side) const;
-  Points2 planar_positions(Side side) const;  // f or g, as given; no rows if refused
+  const TriangleMesh& mesh(Side side, Ids ids = Ids::kGiven) const;
+  Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
   /// True for a map of two closed surfaces that is closed: every point has an image, both ways.
   bool is_closed() const;
 
@@ -817,12 +851,12 @@ class SurfaceMap {
   MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
   MappedPoint forward_vertex(int a) const;
   MappedPoint backward_vertex(int b) const;
-  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of a valid mesh A
-  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of a valid mesh B
+  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of A
+  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of B
   /// The image on B of a path along edges of A, given by its vertices: a polyline for every stretch
   /// of it that is covered, in order, with a point on every edge of B it crosses. Where two
   /// vertices have no edge, the path is interrupted. Of a polygon mesh that was cut into triangles
-  /// (§6.3), ask for the edges of its polygons; see edge_paths().
+  /// (§6.3), ask for the edges of its polygons.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
   /// The same of a curve, given by points of A. Points without a common triangle are joined by a
@@ -830,13 +864,13 @@ class SurfaceMap {
   /// face is out of range interrupts the curve.
   std::vector<Polyline> forward_curve(const Polyline& points) const;
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
-  /// Where a point lies in space, in the units of the mesh given; NaN if there is no such face, as
-  /// for the point of an image that is not covered.
+  /// Where a point lies in space, in the unit of its mesh; NaN if there is no such face, as for the
+  /// point of an image that is not covered.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
-  MetaMesh meta_mesh() const;
-  /// Of every polygon of meta_mesh(). Both surfaces are scaled to area 1 first, as they are for
-  /// compute_map(), unless keep_scale.
+  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
+  /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1 if
+  /// the map is not its own; not scaled if keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
   /// The openings of both surfaces, those of A first. Costs an overlay for each that has some.
   std::vector<Opening> openings() const;
@@ -854,13 +888,6 @@ class SurfaceMap {
 /// is another one; or kNumericalFailure, a bug of the library, with the vertex or the triangles
 /// where it shows. Cost O(n log n), some microseconds per triangle and polygon. Thread-safe.
 Outcome verify(const SurfaceMap& map);
-
-/// The vertices along edges of a mesh to which vertices were added (Embedding::added_a): the
-/// ends of every edge and what lies between them, for SurfaceMap::forward_path(); where a closed
-/// surface was cut, of the copies of a vertex that which has the edge. Cost O(n log n).
-std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                         const MeshView& refined,
-                                         const std::vector<AddedVertex>& added);
 
 /// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
 Remesh remesh(const SurfaceMap& map, Side side);
@@ -915,19 +942,15 @@ struct Transfer : Outcome {
 Transfer to_meta(const MetaMesh& meta, Side side, Element element);
 
 /// From corners of the meta mesh to vertices or corners of the mesh on one side (the mean, where
-/// corners at a vertex differ), or to its faces, as the mean over the covered part. What to_meta()
-/// made of the same side comes back as it was. Cost O(n log n), as of all below.
+/// corners at a vertex differ), or to its faces, as the mean over the covered part. Copies of a
+/// vertex that were welded get the same row. What to_meta() made of the same side comes back as it
+/// was. Cost O(n log n), as of all below.
 Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 
 /// From elements of the mesh on side `from` to those of the other mesh: both of the above. It
 /// samples: on a coarser mesh, detail is lost; corners of a face across a seam of texture
 /// coordinates lie on either side of it, so keep to_meta()'s for these.
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
-
-/// From elements of a mesh to those of the same mesh with vertices added (Embedding::a and added_a,
-/// or b and added_b). kInvalidAttributes, if `refined` is not `mesh` with these.
-Transfer refine(const MeshView& mesh, const MeshView& refined,
-                const std::vector<AddedVertex>& added, Element element);
 
 /// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
 Points3 linear_morph(const MetaMesh& meta, double t);
@@ -1239,6 +1262,14 @@ inline std::string join(const std::vector<int>& ids) {
   std::string result;
   for (int id : ids) result += (result.empty() ? "" : ", ") + std::to_string(id);
   return result;
+}
+
+/// A number of magnitude 0.01 or more, with two decimals.
+inline std::string decimal(double x) {
+  const long long hundredths = std::llround(100 * std::clamp(x, -1e15, 1e15));
+  const std::string digits = std::to_string(100 + std::abs(hundredths % 100));
+  return (hundredths < 0 ? "-" : "") + std::to_string(std::abs(hundredths / 100)) + "." +
+         digits.substr(1);
 }
 
 inline ElementId vertex_id(Side side, int v) { return {side, Element::kVertex, v}; }
@@ -2511,16 +2542,55 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
 // ---- preparation ----
 //
 // Purpose:    makes a clean surface of a mesh with problems.
-// Method:     triangles are glued along edges: first where two of them lie at one place; of more,
-//             two of a component, or else those that bend least. Corners that are glued around a
-//             place are one vertex; so what is not glued is cut.
-// Invariants: triangles keep their order; a component has one orientation, unless it has one side.
+// Method:     Vertices become one place where parts of the mesh are sewn together: along boundary
+//             edges of different parts at equal coordinates. Triangles are glued along edges: first
+//             where two of them lie at one place; of more, two of a component, or else those that
+//             bend least. Corners that are glued around a place are one vertex; so what is not
+//             glued is cut.
+// Invariants: triangles keep their order; a component has one orientation, unless it has one side;
+//             a boundary that meets itself alone, as closed lips do, stays apart.
 // Fails:      with the problems that are left.
 
 /// "1 vertex", "2 vertices".
 inline std::string counted(int n, const char* one, const char* many = nullptr) {
   return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
                          : sentence({n, " ", n == 1 ? one : many});
+}
+
+/// Disjoint sets of the numbers below n; the least number of a set stands for it.
+class DisjointSets {
+ public:
+  explicit DisjointSets(int n = 0) {
+    for (int i = 0; i < n; ++i) parent_.push_back(i);
+  }
+  int find(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void unite(int i, int j) {
+    i = find(i), j = find(j);
+    parent_[(std::max)(i, j)] = (std::min)(i, j);
+  }
+
+ private:
+  Array<int> parent_;
+};
+
+/// True if a closed surface has its inside outside: by the sum of signed volumes of the tetrahedra
+/// that its triangles span with a point. What hardly has a volume has no outside.
+inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
+  constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
+  if (!m.boundary.empty()) return false;
+  const double unit = unit_scale(mesh.vertices);
+  const Vec3 origin = row3(mesh.vertices, m.tail[0]);
+  const auto point = [&](int h) { return unit * (row3(mesh.vertices, m.tail[h]) - origin); };
+  double volume = 0, area = 0;
+  for (int h = 0; h < m.tail.size(); h += 3) {
+    const Vec3 normal = cross(point(h + 1) - point(h), point(h + 2) - point(h));
+    volume += dot(point(h), normal) / 6;
+    area += norm(normal) / 2;
+  }
+  return volume < -kLeast * area * std::sqrt(area);
 }
 
 class Preparer {
@@ -2530,6 +2600,7 @@ class Preparer {
       : given_(given), F_(given.triangles), welds_(welds), result_(result) {
     const int n = static_cast<int>(given.vertices.rows());
     is_used_.assign(n, 0);
+    places_ = DisjointSets(n);
     double largest = 0;
     for (int i = 0; i < F_.size(); ++i) {
       const Vec3 p = row3(given.vertices, F_.data()[i]);
@@ -2540,7 +2611,8 @@ class Preparer {
   }
 
   void run(const std::vector<LandmarkPoint>& landmarks) {
-    find_places();
+    find_spots();
+    find_parts(landmarks);
     take_triangles();
     glue_all();
     join_corners();
@@ -2553,6 +2625,11 @@ class Preparer {
     build(kept);
     HalfEdgeMesh m;
     result_.problems = find_problems(*result_.mesh, m, &result_);
+    const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
+    for (int f : members_[kept]) turned_[f] ^= is_turned;
+    if (is_turned) build(kept);
+    tell_rest(kept);
+    place_copies();
   }
 
  private:
@@ -2570,17 +2647,19 @@ class Preparer {
 
   int vertex(int h) const { return F_.data()[corner_[h]]; }
   int place(int h) const { return place_[vertex(h)]; }
+  int spot(int h) const { return spot_[vertex(h)]; }
+  int part(int h) const { return part_[vertex(h)]; }
   Vec3 point(int h) const { return unit_ * row3(given_.vertices, place(h)); }
   double length(int h) const { return norm(point(next(h)) - point(h)); }
   int n_triangles() const { return source_.size(); }
 
-  /// Vertices at equal places are found as the first one of them.
-  void find_places() {
+  /// Vertices at equal coordinates have the first one of them as their spot.
+  void find_spots() {
     const int n = is_used_.size();
     Array<int> order;
-    place_.resize(n);
+    spot_.resize(n);
     for (int v = 0; v < n; ++v) {
-      place_[v] = v;
+      spot_[v] = v;
       if (welds_ && is_used_[v]) order.push_back(v);
     }
     const auto before = [&](int u, int v) {
@@ -2591,8 +2670,32 @@ class Preparer {
               [&](int u, int v) { return before(u, v) || (!before(v, u) && u < v); });
     for (int i = 0, first = 0; i < order.size(); ++i) {
       if (i > 0 && before(order[i - 1], order[i])) first = i;
-      place_[order[i]] = order[first];
+      spot_[order[i]] = order[first];
     }
+    place_ = spot_;
+    for (int v = 0; v < n; ++v) place_[v] = v;
+  }
+
+  /// The parts of the mesh as it was given, connected by common vertices, in the order in which
+  /// they are kept where they lie on each other: most landmarks first, then most triangles.
+  void find_parts(const std::vector<LandmarkPoint>& landmarks) {
+    const int n = is_used_.size();
+    DisjointSets sets(n);
+    for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
+    Array<std::array<int, 3>> order;  // by fewer landmarks, fewer triangles, vertex
+    for (int v = 0; v < n; ++v) order.push_back({0, 0, v});
+    for (int f = 0; f < F_.rows(); ++f) --order[sets.find(F_(f, 0))][1];
+    for (const LandmarkPoint& l : landmarks) {
+      const bool at_vertex = l.vertex >= 0;
+      const int at = at_vertex ? l.vertex : l.point.face;
+      if (at < 0 || at >= (at_vertex ? n : F_.rows())) continue;
+      --order[sets.find(at_vertex ? at : F_(at, 0))][0];
+    }
+    std::sort(order.begin(), order.end());
+    Array<int> rank(n);
+    for (int i = 0; i < n; ++i) rank[order[i][2]] = i;
+    part_.resize(n);
+    for (int v = 0; v < n; ++v) part_[v] = rank[sets.find(v)];
   }
 
   /// All triangles but repeated and degenerate ones.
@@ -2602,10 +2705,11 @@ class Preparer {
       source_.push_back(f);
       for (int k = 0; k < 3; ++k) corner_.push_back(3 * f + k);
     }
+    drop_repeated(spot_, repeated);
+    sew();
     drop_collapsed();
-    drop_repeated(repeated);
     mend_flat();
-    drop_repeated(repeated);
+    drop_repeated(place_, repeated);
     sort_unique(repeated);
     Array<char> is_told(static_cast<int>(F_.rows()), 0);
     for (int f : source_) is_told[f] = 1;
@@ -2621,10 +2725,10 @@ class Preparer {
 
   void drop(const Array<char>& is_dropped) {
     Array<int> corners, sources;
-    for (int f = 0; f < n_triangles(); ++f) {
-      if (is_dropped[f]) continue;
-      sources.push_back(source_[f]);
-      corners.append(&corner_[3 * f], 3);
+    for (int h = 0; h < corner_.size(); ++h) {
+      if (is_dropped[h / 3]) continue;
+      if (h % 3 == 0) sources.push_back(source_[h / 3]);
+      corners.push_back(corner_[h]);
     }
     corner_.swap(corners);
     source_.swap(sources);
@@ -2638,21 +2742,83 @@ class Preparer {
     drop(is_dropped);
   }
 
-  /// Of triangles at one place, keeps the first.
-  void drop_repeated(Array<int>& repeated) {
-    Array<std::array<int, 4>> sorted;
-    Array<char> is_dropped(n_triangles(), 0);
+  /// Of triangles whose corners are at the same three of `at`, keeps that of the first part. Those
+  /// of one part that lie on each other without a common vertex, as closed lips may, all stay.
+  void drop_repeated(const Array<int>& at, Array<int>& repeated) {
+    struct Copy {
+      std::array<int, 3> at, place;
+      int part, triangle;
+      bool operator<(const Copy& o) const {
+        return at != o.at ? at < o.at : part != o.part ? part < o.part : triangle < o.triangle;
+      }
+    };
+    Array<Copy> copies;
     for (int f = 0; f < n_triangles(); ++f) {
-      sorted.push_back({place(3 * f), place(3 * f + 1), place(3 * f + 2), f});
-      std::sort(sorted.back().begin(), sorted.back().begin() + 3);
+      Copy copy = {{}, {}, part(3 * f), f};
+      for (int k = 0; k < 3; ++k) {
+        copy.at[static_cast<std::size_t>(k)] = at[vertex(3 * f + k)];
+        copy.place[static_cast<std::size_t>(k)] = place(3 * f + k);
+      }
+      std::sort(copy.at.begin(), copy.at.end());
+      std::sort(copy.place.begin(), copy.place.end());
+      copies.push_back(copy);
     }
-    std::sort(sorted.begin(), sorted.end());
-    for (int i = 1; i < sorted.size(); ++i) {
-      if (!std::equal(sorted[i].begin(), sorted[i].begin() + 3, sorted[i - 1].begin())) continue;
-      is_dropped[sorted[i][3]] = 1;
-      repeated.push_back(source_[sorted[i][3]]);
+    std::sort(copies.begin(), copies.end());
+    Array<char> is_dropped(n_triangles(), 0);
+    for (int i = 1, first = 0; i < copies.size(); ++i) {
+      if (copies[i].at != copies[first].at) first = i;
+      if (i == first) continue;
+      const Copy &copy = copies[i], &before = copies[i - 1];
+      if (copy.part == copies[first].part && copy.place != before.place) continue;
+      is_dropped[copy.triangle] = 1;
+      repeated.push_back(source_[copy.triangle]);
     }
     drop(is_dropped);
+  }
+
+  /// Where edges of different parts are at one spot, their vertices become one place; and so do, of
+  /// a boundary loop with such an edge, a seam, those that are at the spot of another one in a seam.
+  /// A loop that meets no other part stays apart.
+  void sew() {
+    DisjointSets loops(is_used_.size());
+    Array<char> is_border(corner_.size(), 0), is_seam(is_used_.size(), 0);
+    Array<EdgeUse> edges;
+    const Array<EdgeUse> uses = edge_uses(place_);
+    for_each_edge(uses, [&](int begin, int end) {
+      const int h = uses[begin].half_edge;
+      is_border[h] = end - begin == 1;
+      if (is_border[h]) loops.unite(vertex(h), vertex(next(h)));
+      edges.push_back(edge_use(h, spot_));
+    });
+    std::sort(edges.begin(), edges.end());
+    const auto is_shared = [&](int begin, int end) {
+      bool differs = false;
+      for (int i = begin; i < end; ++i)
+        differs |= part(edges[i].half_edge) != part(edges[begin].half_edge);
+      return differs;
+    };
+    for_each_edge(edges, [&](int begin, int end) {
+      if (!is_shared(begin, end)) return;
+      for (int i = begin; i < end; ++i)
+        if (is_border[edges[i].half_edge]) is_seam[loops.find(vertex(edges[i].half_edge))] = 1;
+    });
+    for_each_edge(edges, [&](int begin, int end) {
+      const bool is_common = is_shared(begin, end);
+      int first = -1;
+      for (int i = begin; i < end; ++i) {
+        const int h = edges[i].half_edge;
+        if (is_border[h] ? !is_seam[loops.find(vertex(h))] : !is_common) continue;
+        if (first < 0) first = h;
+        const bool runs_along = spot(h) == spot(first);
+        places_.unite(vertex(h), vertex(runs_along ? first : next(first)));
+        places_.unite(vertex(next(h)), vertex(runs_along ? next(first) : first));
+      }
+    });
+    update_places();
+  }
+
+  void update_places() {
+    for (int v = 0; v < place_.size(); ++v) place_[v] = places_.find(v);
   }
 
   // ---- degenerate triangles ----
@@ -2666,12 +2832,12 @@ class Preparer {
       for (int f : flat)
         if (unite_short_edge(f)) has_changed = true;
       if (has_changed) {
-        for (int v = 0; v < place_.size(); ++v) place_[v] = place_[place_[v]];  // <= v
+        update_places();
         drop_collapsed();
         continue;
       }
       if (flat.empty()) return;
-      const Array<EdgeUse> uses = edge_uses();
+      const Array<EdgeUse> uses = edge_uses(place_);
       for (int f : flat)
         if (give_to_neighbour(f, uses)) has_changed = true;
       if (!has_changed) break;
@@ -2703,14 +2869,8 @@ class Preparer {
     }
     const bool has_height = double_area(f) > kShort * longest * longest;
     if (length(shortest) > kShort * longest && !has_height) return false;
-    const int p = root(place(shortest)), q = root(place(next(shortest)));
-    place_[(std::max)(p, q)] = (std::min)(p, q);
+    places_.unite(vertex(shortest), vertex(next(shortest)));
     return true;
-  }
-
-  int root(int place) const {
-    while (place_[place] != place) place = place_[place];
-    return place;
   }
 
   /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if
@@ -2719,11 +2879,11 @@ class Preparer {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
       if (length(h) > length(longest)) longest = h;
-    const EdgeUse edge = edge_use(longest);
+    const EdgeUse edge = edge_use(longest, place_);
     const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
     for (; use != uses.end() && use->same_edge(edge); ++use) {
       const int h = use->half_edge, to = next(h), left = prev(h), middle = corner_[prev(longest)];
-      if (h / 3 == cap || !edge_use(h).same_edge(edge)) continue;  // it has been cut since
+      if (h / 3 == cap || !edge_use(h, place_).same_edge(edge)) continue;  // it has been cut since
       corner_[3 * cap] = middle;
       corner_[3 * cap + 1] = corner_[to];
       corner_[3 * cap + 2] = corner_[left];
@@ -2734,14 +2894,14 @@ class Preparer {
     return false;
   }
 
-  EdgeUse edge_use(int h) const {
-    const int p = place(h), q = place(next(h));
+  EdgeUse edge_use(int h, const Array<int>& at) const {
+    const int p = at[vertex(h)], q = at[vertex(next(h))];
     return {(std::min)(p, q), (std::max)(p, q), h};
   }
 
-  Array<EdgeUse> edge_uses() const {
+  Array<EdgeUse> edge_uses(const Array<int>& at) const {
     Array<EdgeUse> uses;
-    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h));
+    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h, at));
     std::sort(uses.begin(), uses.end());
     return uses;
   }
@@ -2759,7 +2919,7 @@ class Preparer {
     members_.resize(n);
     is_one_sided_.assign(n, 0);
     for (int f = 0; f < n; ++f) component_[f] = f, members_[f].push_back(f);
-    const Array<EdgeUse> uses = edge_uses();
+    const Array<EdgeUse> uses = edge_uses(place_);
     for_each_edge(uses, [&](int begin, int end) {
       Uses here;
       for (int i = begin; i < end; ++i) here.push_back(uses[i].half_edge);
@@ -2835,24 +2995,14 @@ class Preparer {
 
   /// Corners that are glued at an edge are one vertex.
   void join_corners() {
-    first_.resize(corner_.size());
-    for (int h = 0; h < first_.size(); ++h) first_[h] = h;
+    corners_ = DisjointSets(corner_.size());
     for (int h = 0; h < twin_.size(); ++h) {
       const int t = twin_[h];
       if (t < h) continue;
       const bool runs_along = place(h) == place(t);
-      join(h, runs_along ? t : next(t));
-      join(next(h), runs_along ? next(t) : t);
+      corners_.unite(h, runs_along ? t : next(t));
+      corners_.unite(next(h), runs_along ? next(t) : t);
     }
-  }
-
-  int first_of(int corner) {
-    while (first_[corner] != corner) corner = first_[corner] = first_[first_[corner]];
-    return corner;
-  }
-  void join(int a, int b) {
-    a = first_of(a), b = first_of(b);
-    first_[(std::max)(a, b)] = (std::min)(a, b);
   }
 
   // ---- what is kept ----
@@ -2911,8 +3061,8 @@ class Preparer {
     Array<int> source(corner_.size(), -1), roots;
     for (int f : members_[kept])
       for (int h = 3 * f; h < 3 * f + 3; ++h) {
-        int& v = source[first_of(h)];
-        if (v < 0) roots.push_back(first_of(h));
+        int& v = source[corners_.find(h)];
+        if (v < 0) roots.push_back(corners_.find(h));
         v = v < 0 ? vertex(h) : (std::min)(v, vertex(h));
       }
     std::sort(roots.begin(), roots.end(),
@@ -2927,18 +3077,20 @@ class Preparer {
     result_.given_triangle.clear();
     std::fill(result_.new_vertex.begin(), result_.new_vertex.end(), -1);
     std::fill(result_.new_triangle.begin(), result_.new_triangle.end(), -1);
-    Array<int> corners, turned, cut;
+    Array<int> corners;
+    over_.clear();
+    cut_.clear();
     for (int f : members_[kept]) {
       int& new_triangle = result_.new_triangle.data()[source_[f]];
       if (new_triangle < 0) new_triangle = corners.size() / 3;
       result_.given_triangle.push_back(source_[f]);
-      if (turned_[f]) turned.push_back(source_[f]);
+      if (turned_[f]) over_.push_back(source_[f]);
       for (int k : {0, 1, 2}) {
-        const int h = 3 * f + (turned_[f] ? (3 - k) % 3 : k), v = id[first_of(h)];
+        const int h = 3 * f + (turned_[f] ? (3 - k) % 3 : k), v = id[corners_.find(h)];
         corners.push_back(v);
         result_.given_corner.push_back(corner_[h]);
         int& new_vertex = result_.new_vertex.data()[vertex(h)];
-        if (new_vertex >= 0 && new_vertex != v) cut.push_back(vertex(h));
+        if (new_vertex >= 0 && new_vertex != v) cut_.push_back(vertex(h));
         if (new_vertex < 0 || v < new_vertex) new_vertex = v;
       }
     }
@@ -2946,12 +3098,20 @@ class Preparer {
     for (int i = 0; i < roots.size(); ++i)
       set_row(mesh.vertices, i, row3(given_.vertices, source[roots[i]]));
     result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
-    sort_unique(turned);
-    sort_unique(cut);
-    tell_rest(kept, turned, cut);
+    sort_unique(over_);
+    sort_unique(cut_);
   }
 
-  void tell_rest(int kept, const Array<int>& turned, const Array<int>& cut) {
+  /// Copies of vertices that were dropped are where a vertex at the same spot is.
+  void place_copies() {
+    Array<int> kept(spot_.size(), -1);
+    for (int v = 0; v < spot_.size(); ++v)
+      kept[spot_[v]] = (std::max)(kept[spot_[v]], result_.new_vertex.data()[v]);
+    for (int v = 0; v < spot_.size(); ++v)
+      if (result_.new_vertex.data()[v] < 0) result_.new_vertex.data()[v] = kept[spot_[v]];
+  }
+
+  void tell_rest(int kept) {
     Array<int> welded, unused, elsewhere;
     int n_welded = 0;
     for (int v = 0; v < is_used_.size(); ++v) {
@@ -2976,10 +3136,13 @@ class Preparer {
     tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
          Element::kFace, at_cuts);
     tell(Repair::Kind::kCutVertices,
-         {"cut the surface apart at ", counted(cut.size(), "vertex", "vertices")}, Element::kVertex,
-         cut);
-    tell(Repair::Kind::kTurnedTriangles, {"turned ", counted(turned.size(), "triangle"), " over"},
-         Element::kFace, turned);
+         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")}, Element::kVertex,
+         cut_);
+    const bool is_all = over_.size() > 1 && over_.size() == members_[kept].size();
+    tell(Repair::Kind::kTurnedTriangles,
+         {"turned ", counted(over_.size(), "triangle"), " over",
+          is_all ? ", all there are: the surface was inside out" : ""},
+         Element::kFace, over_);
     int others = -1;
     for (const Array<int>& members : members_) others += !members.empty();
     tell(Repair::Kind::kDroppedComponents,
@@ -3007,7 +3170,10 @@ class Preparer {
   Prepared& result_;
   double unit_;                // of lengths
   Array<char> is_used_;        // per vertex given, by a triangle
-  Array<int> place_;           // per vertex given, the first one at its place
+  Array<int> spot_;            // per vertex given, the first one at its coordinates
+  Array<int> part_;            // per vertex given, its part of the mesh; the first is kept first
+  DisjointSets places_;        // of vertices given that are at one place,
+  Array<int> place_;           // and per vertex the first one of its
   Array<int> source_;          // per triangle that is left, the one given that it is a part of
   Array<int> corner_;          // per corner of those, the one given
   Array<int> twin_;            // per half-edge of those, the one it is glued to, or -1
@@ -3015,23 +3181,23 @@ class Preparer {
   Array<char> turned_;         // per triangle, in its component
   Array<Array<int>> members_;  // per component, its triangles
   Array<char> is_one_sided_;   // per component
-  Array<int> first_;           // per corner, towards the first one of its vertex
+  DisjointSets corners_;       // those of one vertex
+  Array<int> over_, cut_;      // triangles given that were turned, vertices that were cut
   Array<Uses> crowded_;        // places of more than two half-edges
 };
 
-/// A mesh, and what is wrong with it.
-inline Prepared as_given(const SharedMesh& mesh) {
+/// A mesh, and what is wrong with it; if nothing, m is its connectivity.
+inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   const auto identity = [](Eigen::Index n) {
     std::vector<int> ids;
     for (int i = 0; i < n; ++i) ids.push_back(i);
     return ids;
   };
   Prepared result;
-  result.mesh = mesh;
+  result.given = result.mesh = mesh;
   result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
   result.given_corner = identity(mesh->triangles.size());
   result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
-  HalfEdgeMesh m;
   result.problems = find_problems(*mesh, m);
   return result;
 }
@@ -3048,20 +3214,23 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
 }
 
 /// If a surface that was cut along its handles has other defects, to weld what lies at one place
-/// would undo the cuts; then that is not done.
-inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks) {
+/// could undo the cuts; then that is not done.
+inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
+                         bool welds) {
   const NoTraps no_traps;
-  const Prepared before = as_given(given);
-  bool is_clean = true;
-  for (const Problem& p : before.problems) is_clean = is_clean && p.kind == Problem::Kind::kHandles;
-  if (is_clean || !is_readable(*given, before.problems)) return before;
+  HalfEdgeMesh m;
+  const Prepared before = as_given(given, m);
+  const std::vector<Problem>& problems = before.problems;
+  const bool is_clean = problems.empty() ? !is_inside_out(*given, m)
+                                         : problems[0].kind == Problem::Kind::kHandles;
+  if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
-  Preparer(*given, true, welded).run(landmarks);
-  if (welded.problems.empty()) return welded;
+  if (welds) Preparer(*given, true, welded).run(landmarks);
+  if (welds && welded.problems.empty()) return welded;
   Prepared not_welded = before;
   Preparer(*given, false, not_welded).run(landmarks);
   const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
-  return not_welded.problems.empty() && is_whole ? not_welded : welded;
+  return !welds || (not_welded.problems.empty() && is_whole) ? not_welded : welded;
 }
 
 using SharedPrepared = std::shared_ptr<const Prepared>;
@@ -6514,16 +6683,29 @@ inline Vec2 centroid(const Points2& x) {
   return 1 / static_cast<double>(x.rows()) * sum;
 }
 
-/// The motion that brings the rows of `from` closest to those of `to`.
-inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
+/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle between
+/// the two sets.
+inline Vec2 correlation(const Points2& from, const Points2& to) {
   const Vec2 c0 = centroid(from), c1 = centroid(to);
-  double along = 0, across = 0;
+  Vec2 sum;
   for (int i = 0; i < from.rows(); ++i) {
     const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
-    along += dot(p, q);
-    across += cross(p, q);
+    sum += {dot(p, q), cross(p, q)};
   }
-  return rigid_motion(std::atan2(across, along), c0, c1);
+  return sum;
+}
+
+/// The motion that brings the rows of `from` closest to those of `to`.
+inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
+  const Vec2 c0 = centroid(from), c1 = centroid(to), turn = correlation(from, to);
+  return rigid_motion(std::atan2(turn.y, turn.x), c0, c1);
+}
+
+/// What the best similarity from one set of points to another leaves of their second moment: from 0,
+/// where it fits, to 1.
+inline double misfit(const Points2& from, const Points2& to) {
+  return 1 - squared_norm(correlation(from, to)) /
+                 (norm(correlation(from, from)) * norm(correlation(to, to)));
 }
 
 /// Numbers of edges from the boundary, breadth first.
@@ -7321,7 +7503,7 @@ class Optimizer {
   }
 
   /// Begins at another injective x, if E is not higher there by more than `most`; false if it is.
-  bool begin_at(const Points2& x, double most) {
+  bool begin_at(const Points2& x, double most, Result& result) {
     Iterate other;
     other.x = x;
     if (!is_held_) move_to_anchors(s_.mesh, anchors_, other.x);
@@ -7330,6 +7512,7 @@ class Optimizer {
     evaluate(s_, weights_, other);
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
+    describe(s_, followers_, x_, result.initial);
     return true;
   }
 
@@ -7985,7 +8168,6 @@ class Optimizer {
   /// not fall, so where it hardly fell before either, the run has arrived.
   Status status_without_step(const Result& result) const {
     if (is_stationary_) return Status::kConverged;
-    if (!factor_.ok) return Status::kNumericalFailure;
     const int before = (std::max)(1, window(result) - 1);
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
@@ -9988,6 +10170,18 @@ class PairEmbedder {
     return present;
   }
 
+  void warn_if_mirrored(const Points2& from, const Points2& to) const {
+    constexpr double kGood = 0.25, kWorse = 2.5;
+    Points2 mirrored = from;
+    for (int i = 0; i < rows_of(mirrored); ++i) mirrored(i, 1) = -mirrored(i, 1);
+    const double rest = misfit(mirrored, to);
+    if (rows_of(from) < 4 || rest > kGood || misfit(from, to) < kWorse * rest) return;
+    result_->warnings.push_back(
+        {"the landmarks fit A's mirror image better than A: is left right on one of the meshes, or "
+         "is one inside out?",
+         {}});
+  }
+
   bool align_by_landmarks() const {
     const Level level_a = a_->current(), level_b = b_->current();
     const Points2 x = stacked(a_->positions(level_a), b_->positions(level_b));
@@ -9998,6 +10192,7 @@ class PairEmbedder {
       set_row(from, i, mean(landmarks[i].a, x));
       set_row(to, i, mean(landmarks[i].b, x));
     }
+    warn_if_mirrored(from, to);
     a_->move(rigid_fit(from, to));
     return false;
   }
@@ -10573,13 +10768,6 @@ struct EmbeddedPair {
     return part_.empty() || part_[face] == part_[other];
   }
 
-  /// At the seam, the vertex of the body.
-  int original(int v) const {
-    const int place = place_on_seam[v];
-    if (place < 0) return v;
-    return v < s.n_a ? seam_[place].a : s.n_a + seam_[place].b;
-  }
-
   /// The vertex of a face that has a place on the seam, as one of its corners; or -1.
   int corner_on_seam(int face, int place) const {
     for (int k = 0; k < 3; ++k)
@@ -10663,6 +10851,227 @@ struct EmbeddedPair {
   Array<int> part_;  // per face, body or cap of its surface; empty without a seam
 };
 
+// ---- the meshes given, and as they were embedded ----
+
+/// A refined mesh: for every triangle the one it lies in, and where its corners are there.
+struct Refinement {
+  HalfEdgeMesh mesh;
+  Array<int> parent;  // per triangle
+  Array<Vec3> place;  // per corner, barycentric coordinates
+  Array<int> vertex;  // per vertex of the refined mesh that was given; copies are one vertex here
+};
+
+/// Adds the same vertices once more; false if the edge or triangle of one is not there.
+inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
+  for (int v = 0; v < r.mesh.n_vertices; ++v) r.vertex.push_back(v);
+  for (int f = 0; f < r.mesh.n_faces; ++f) {
+    r.parent.push_back(f);
+    for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
+  }
+  for (AddedVertex p : added) {
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      if (p.corners[k] >= r.vertex.size()) return false;
+      p.corners[k] = r.vertex[p.corners[k]];
+    }
+    r.vertex.push_back(is_copy(p) ? p.corners[0] : r.mesh.n_vertices);
+    if (is_copy(p)) continue;
+    const int h = find_place(r.mesh, p);
+    if (h < 0) return false;
+    const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
+    const auto middle_in = [&](int side) {
+      Vec3 sum;
+      for (int corner : {side, next(side), prev(side)})
+        for (int k = 0; k < 3; ++k)
+          if (r.mesh.tail[corner] == p.corners[k]) sum += p.weights[k] * r.place[corner];
+      return sum;
+    };
+    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
+    add_vertex(r.mesh, h, p);
+    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
+      const int side = i == 0 ? h : twin;
+      if (side < 0) continue;
+      const Vec3 tail = r.place[side], tip = r.place[next(side)], left = r.place[prev(side)];
+      r.parent.push_back(r.parent[side / 3]);
+      for (const Vec3& corner : {middle[i], tip, left}) r.place.push_back(corner);
+      r.place[next(side)] = middle[i];
+      if (is_on_edge(p)) continue;
+      r.parent.push_back(r.parent[side / 3]);
+      for (const Vec3& corner : {tail, tip, middle[i]}) r.place.push_back(corner);
+    }
+  }
+  return true;
+}
+
+/// Barycentric coordinates of the point of a triangle that is closest to p.
+inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
+  const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
+  const Vec3 normal = cross(b - a, c - a);
+  const double square = squared_norm(normal);
+  Vec3 weights = {dot(normal, cross(b - p, c - p)) / square, dot(normal, cross(c - p, a - p)) / square,
+                  dot(normal, cross(a - p, b - p)) / square};
+  if ((std::min)({weights.x, weights.y, weights.z}) >= 0) return weights;
+  double least = kInfinity;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 u = corner[static_cast<std::size_t>(k)];
+    const Vec3 edge = corner[static_cast<std::size_t>((k + 1) % 3)] - u;
+    const double t = clamp01(dot(p - u, edge) / squared_norm(edge));
+    const double distance = squared_norm(p - u - t * edge);
+    if (!(distance < least)) continue;
+    least = distance;
+    weights = (1 - t) * unit3(k) + t * unit3((k + 1) % 3);
+  }
+  return weights;
+}
+
+/// The corners of a triangle, in a unit in which squares neither over- nor underflow.
+inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double unit) {
+  const auto corner = [&](int k) { return unit * row3(mesh.vertices, mesh.triangles(f, k)); };
+  return {corner(0), corner(1), corner(2)};
+}
+
+/// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
+struct Origin {
+  SharedMesh given = std::make_shared<TriangleMesh>();
+  Triangles triangles;    // those of the prepared mesh, by vertices given
+  Array<int> face;        // per triangle, the one given that it is a part of,
+  Array<Vec3> place;      // and per corner its barycentric coordinates there
+  Array<int> first, part; // the parts of given triangle f are part[first[f]] to part[first[f + 1] - 1]
+  Array<int> vertex;      // per vertex given, where it is, or -1
+  std::vector<int> same;  // see MetaMesh::same_a
+  Array<EdgeUse> edges;   // of the triangles given
+
+  SurfacePoint to_given(const SurfacePoint& p) const {
+    Vec3 weights;
+    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * place[3 * p.face + k];
+    return surface_point(face[p.face], weights);
+  }
+
+  /// Its face is -1 if there is no such triangle, or it was dropped.
+  SurfacePoint from_given(const SurfacePoint& p) const {
+    constexpr double kRounding = 1e-12;
+    if (p.face < 0 || p.face + 1 >= first.size()) return {};
+    const Vec3 at = weights_of(p);
+    const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
+    const bool is_whole = first[p.face] + 1 == first[p.face + 1];
+    SurfacePoint best;
+    double least = -kInfinity;
+    for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
+      const Vec3* const corner = &place[3 * part[i]];
+      Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
+      if (is_whole) return surface_point(part[i], weights);
+      weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
+      const double depth = (std::min)({weights.x, weights.y, weights.z});
+      if (!(depth > least)) continue;
+      least = depth;
+      for (int k = 0; k < 3; ++k) weights[k] = weights[k] < kRounding ? 0 : weights[k];
+      best = surface_point(part[i], 1 / (weights.x + weights.y + weights.z) * weights);
+    }
+    return best;
+  }
+
+  /// The half-edges along the edge from u to v of a triangle given, in order; ~h if one runs the
+  /// other way. None if there is no such edge.
+  Array<int> along(int u, int v) const {
+    const EdgeUse edge = {(std::min)(u, v), (std::max)(u, v), -1};
+    const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
+    while (use != edges.end() && use->same_edge(edge) && is_dropped(use->half_edge / 3)) ++use;
+    if (use == edges.end() || !use->same_edge(edge)) return {};
+    const int f = use->half_edge / 3, k = use->half_edge % 3, opposite = (k + 2) % 3;
+    const int to = given->triangles(f, k) == u ? (k + 1) % 3 : k;
+    Array<int> along;
+    Array<double> start;
+    for (int i = first[f]; i < first[f + 1]; ++i)
+      for (int h = 3 * part[i]; h < 3 * part[i] + 3; ++h) {
+        const Vec3 &tail = place[h], &tip = place[next(h)];
+        if (tail[opposite] != 0 || tip[opposite] != 0) continue;
+        along.push_back(tail[to] < tip[to] ? h : ~h);
+        start.push_back((std::min)(tail[to], tip[to]));
+      }
+    Array<int> ordered;
+    for (int i : sorted_by(start)) ordered.push_back(along[i]);
+    return ordered;
+  }
+
+  bool is_dropped(int given_face) const { return first[given_face] == first[given_face + 1]; }
+};
+
+/// Groups parts and lists edges, once all else is known.
+inline void index_parts(Origin& o) {
+  const int n = static_cast<int>(o.given->triangles.rows());
+  o.first.assign(n + 1, 0);
+  for (int f : o.face) ++o.first[f + 1];
+  for (int f = 0; f < n; ++f) o.first[f + 1] += o.first[f];
+  o.part.resize(o.face.size());
+  Array<int> fill = o.first;
+  for (int i = 0; i < o.face.size(); ++i) o.part[fill[o.face[i]]++] = i;
+  o.edges = sorted_edges(o.given->triangles);
+}
+
+/// Of a mesh that is as it was given.
+inline Origin same_origin(const SharedMesh& mesh) {
+  Origin o;
+  o.given = mesh;
+  o.triangles = mesh->triangles;
+  for (int f = 0; f < mesh->triangles.rows(); ++f) {
+    o.face.push_back(f);
+    for (int k = 0; k < 3; ++k) o.place.push_back(unit3(k));
+  }
+  for (int v = 0; v < mesh->vertices.rows(); ++v) o.vertex.push_back(v);
+  index_parts(o);
+  return o;
+}
+
+/// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
+/// side that was cut in two for a degenerate neighbour.
+inline Vec3 place_in_given(const Prepared& p, int corner) {
+  const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
+  if (given / 3 == f) return unit3(given % 3);
+  const double unit = unit_scale(p.given->vertices);
+  const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
+  return closest_weights(at, corners_of(*p.given, f, unit));
+}
+
+/// Of a prepared mesh; m is its connectivity.
+inline Origin origin_of(const Prepared& p) {
+  Origin o;
+  o.given = p.given;
+  o.triangles.resize(p.mesh->triangles.rows(), 3);
+  for (int i = 0; i < o.triangles.size(); ++i) {
+    o.triangles.data()[i] = p.given->triangles.data()[p.given_corner.data()[i]];
+    o.place.push_back(place_in_given(p, i));
+  }
+  for (int f : p.given_triangle) o.face.push_back(f);
+  for (int v : p.new_vertex) {
+    o.vertex.push_back(v);
+    o.same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
+  }
+  index_parts(o);
+  return o;
+}
+
+/// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
+inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
+                        const SharedMesh& embedded) {
+  Refinement r;
+  const auto is_same_corner = [&](int v, int w) {
+    return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
+  };
+  if (!find_problems(*p.mesh, r.mesh).empty() || !add_again(added, r) ||
+      r.vertex.size() != embedded->vertices.rows() || r.mesh.n_faces != embedded->triangles.rows() ||
+      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), embedded->triangles.data(),
+                  is_same_corner))
+    return same_origin(embedded);
+  Origin o = origin_of(p);
+  Array<Vec3> place(r.mesh.tail.size());
+  for (int h = 0; h < place.size(); ++h)
+    for (int k = 0; k < 3; ++k) place[h] += r.place[h][k] * o.place[3 * r.parent[h / 3] + k];
+  for (int& f : r.parent) f = o.face[f];
+  o.place.swap(place);
+  o.face.swap(r.parent);
+  index_parts(o);
+  return o;
+}
+
 // ---- curves ----
 
 /// A point as a point of every face it lies in: one, or those around its edge or vertex, also
@@ -10705,26 +11114,19 @@ class CurveMapper {
  public:
   explicit CurveMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
-  /// A path along edges.
-  std::vector<Polyline> map_path(const std::vector<int>& vertices) {
+  /// A path along edges of a mesh given.
+  std::vector<Polyline> map_path(const Origin& origin, int first_face,
+                                 const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
-      int h = -1;
-      bool is_forward = true;
-      for (int u : pair_.copies_of(vertices[i]))
-        for (int v : pair_.copies_of(vertices[i + 1]))
-          if (h < 0) {
-            h = find_edge(m_, u, v);
-            is_forward = h >= 0 && m_.tail[h] == u;
-          }
-      Array<int> faces;
-      if (h >= 0) faces.push_back(h / 3);
-      if (h >= 0 && m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
-      if (h < 0) {
-        interrupt();
-        continue;
+      const Array<int> edge = origin.along(vertices[i], vertices[i + 1]);
+      if (edge.empty()) interrupt();
+      for (int directed : edge) {
+        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed), t = m_.twin[h];
+        const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
+        Array<int> faces(1, h / 3);
+        if (t >= 0) faces.push_back(t / 3);
+        add_segment(directed >= 0 ? tail : tip, directed >= 0 ? tip : tail, faces);
       }
-      const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
-      add_segment(is_forward ? tail : tip, is_forward ? tip : tail, faces);
     }
     return std::move(polylines_);
   }
@@ -10854,7 +11256,8 @@ class CurveMapper {
 // ---- what a SurfaceMap holds ----
 
 struct MapData : Outcome {  // kDone if the pair is there
-  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
+  Origin origin_a, origin_b;
   EmbeddedPair pair;
 
   bool ok() const { return status == Status::kDone; }
@@ -10862,15 +11265,20 @@ struct MapData : Outcome {  // kDone if the pair is there
   int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
 
-  /// A point in the ids of A ⊔ B; its face is -1 if there is no such face.
+  const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
+
+  /// A point of a mesh given in the ids of A ⊔ B; its face is -1 if there is none.
   SurfacePoint joint(const SurfacePoint& p, Side side) const {
-    const bool exists = ok() && p.face >= 0 && p.face < mesh(side).triangles.rows();
-    return {exists ? first_face(side) + p.face : -1, p.barycentric};
+    SurfacePoint joint = ok() ? origin(side).from_given(p) : SurfacePoint();
+    if (joint.face >= 0) joint.face += first_face(side);
+    return joint;
   }
 
-  /// And back in those of its mesh.
-  SurfacePoint own(const SurfacePoint& p) const {
-    return {p.face < pair.s.faces_a ? p.face : p.face - pair.s.faces_a, p.barycentric};
+  /// And back.
+  SurfacePoint own(SurfacePoint p) const {
+    const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
+    p.face -= first_face(side);
+    return origin(side).to_given(p);
   }
   MappedPoint own(MappedPoint image) const {
     if (image.covered) image.point = own(image.point);
@@ -10882,32 +11290,27 @@ struct MapData : Outcome {  // kDone if the pair is there
     return polylines;
   }
 
-  /// The vertex of a mesh that another one is a copy of at the seam, or itself.
-  int original(int v, Side side) const {
-    return pair.original(first_vertex(side) + v) - first_vertex(side);
-  }
-
   MappedPoint map(const SurfacePoint& point, Side from) const {
     const SurfacePoint p = joint(point, from);
     return p.face < 0 ? MappedPoint() : own(pair.map(p));
   }
 
-  MappedPoint map_vertex(int v, Side from) const {
-    if (!ok() || v < 0 || v >= mesh(from).vertices.rows()) return {};
-    return own(pair.map_vertex(first_vertex(from) + v));
+  MappedPoint map_vertex(int given, Side from) const {
+    const Array<int>& vertex = origin(from).vertex;
+    const int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
+    return v < 0 ? MappedPoint() : own(pair.map_vertex(first_vertex(from) + v));
   }
 
   std::vector<MappedPoint> map_vertices(Side from) const {
     std::vector<MappedPoint> images;
-    for (int v = 0; v < mesh(from).vertices.rows(); ++v) images.push_back(map_vertex(v, from));
+    for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
+      images.push_back(map_vertex(v, from));
     return images;
   }
 
-  std::vector<Polyline> map_path(std::vector<int> vertices, Side from) const {
+  std::vector<Polyline> map_path(const std::vector<int>& vertices, Side from) const {
     if (!ok()) return {};
-    for (int& v : vertices)
-      v = v >= 0 && v < mesh(from).vertices.rows() ? first_vertex(from) + v : -1;
-    return own(CurveMapper(pair).map_path(vertices));
+    return own(CurveMapper(pair).map_path(origin(from), first_face(from), vertices));
   }
 
   std::vector<Polyline> map_curve(Polyline points, Side from) const {
@@ -10924,10 +11327,13 @@ struct MapData : Outcome {  // kDone if the pair is there
     return sum;
   }
 
-  Eigen::Vector3d position_if_any(const SurfacePoint& p, Side side) const {
-    if (!ok() || p.face < 0 || p.face >= mesh(side).triangles.rows())
+  Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
+    const TriangleMesh& m = *origin(side).given;
+    if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
       return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-    return to_eigen(position(p, side));
+    Vec3 sum;
+    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
+    return to_eigen(sum);
   }
 };
 
@@ -11011,7 +11417,7 @@ class MetaMeshBuilder {
         if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
       }
       c.key = key;
-      c.on_b = data_.own(c.on_b);
+      c.on_b.face -= pair.s.faces_a;
       corners_.push_back(c);
     }
     ends_.push_back(corners_.size());
@@ -11047,6 +11453,21 @@ class MetaMeshBuilder {
   Array<int> ends_;  // per polygon, of its corners
   Array<int> id_;    // of every corner, that of its vertex
 };
+
+/// Triangles and corners of one side of a meta mesh, as those of the mesh given.
+inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
+                           std::vector<int>& face, const std::vector<int>& offsets,
+                           Points3& corner) {
+  mesh = origin.given;
+  same = origin.same;
+  for (std::size_t p = 0; p < face.size(); ++p) {
+    for (int i = offsets[p]; i < offsets[p + 1]; ++i) {
+      const SurfacePoint embedded = surface_point(face[p], row3(corner, i));
+      set_row(corner, i, weights_of(origin.to_given(embedded)));
+    }
+    face[p] = origin.face[face[p]];
+  }
+}
 
 // ---- distortion ----
 
@@ -11169,7 +11590,9 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
 
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
-const TriangleMesh& SurfaceMap::mesh(Side side) const { return data_->mesh(side); }
+const TriangleMesh& SurfaceMap::mesh(Side side, Ids ids) const {
+  return ids == Ids::kGiven ? *data_->origin(side).given : data_->mesh(side);
+}
 Points2 SurfaceMap::planar_positions(Side side) const {
   const int n_a = data_->pair.s.n_a, n = detail::rows_of(data_->pair.x);
   return side == Side::kA ? detail::rows_between(data_->pair.x, 0, n_a)
@@ -11203,12 +11626,18 @@ std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
   return data_->map_curve(points, Side::kB);
 }
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
-  return data_->position_if_any(p, Side::kA);
+  return data_->position_of_given(p, Side::kA);
 }
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
-  return data_->position_if_any(p, Side::kB);
+  return data_->position_of_given(p, Side::kB);
 }
-MetaMesh SurfaceMap::meta_mesh() const { return detail::MetaMeshBuilder(*data_).build(); }
+MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
+  MetaMesh m = detail::MetaMeshBuilder(*data_).build();
+  if (ids == Ids::kEmbedded) return m;
+  detail::speak_of_given(data_->origin_a, m.a, m.same_a, m.face_a, m.offsets, m.corner_a);
+  detail::speak_of_given(data_->origin_b, m.b, m.same_b, m.face_b, m.offsets, m.corner_b);
+  return m;
+}
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
 }
@@ -11326,6 +11755,7 @@ class CoarseToFine {
   }
 
   const std::vector<CoarseLevel>& levels() const { return levels_; }
+  int level() const { return level_; }
 
   /// By how much E fell on the coarsest level, from the embedding on. What returns makes E rise,
   /// but locally, which is soon mended; where it rises by more than this, the embedding was better.
@@ -11560,13 +11990,14 @@ namespace detail {
 /// What a meta mesh says of one of its two meshes.
 struct MetaSide {
   const TriangleMesh& mesh;
+  const std::vector<int>& same;  // per vertex
   const std::vector<int>& face;  // per polygon
   const Points3& corner;         // per corner of the polygons
 };
 
 inline MetaSide meta_side(const MetaMesh& meta, Side side) {
-  if (side == Side::kA) return {*meta.a, meta.face_a, meta.corner_a};
-  return {*meta.b, meta.face_b, meta.corner_b};
+  if (side == Side::kA) return {*meta.a, meta.same_a, meta.face_a, meta.corner_a};
+  return {*meta.b, meta.same_b, meta.face_b, meta.corner_b};
 }
 
 inline int element_count(const TriangleMesh& mesh, Element element) {
@@ -11605,6 +12036,19 @@ inline Transfer transfer_of(int rows, int n_sources, Array<Share> shares) {
   return result;
 }
 
+/// First one, then the other.
+inline Transfer composed(const Transfer& second, const Transfer& first) {
+  Array<Share> shares;
+  for (int row = 0; row < second.rows(); ++row)
+    for (int i = second.offsets.data()[row]; i < second.offsets.data()[row + 1]; ++i) {
+      const int* begin = first.offsets.data() + second.sources.data()[i];
+      for (int k = begin[0]; k < begin[1]; ++k)
+        shares.push_back(
+            {row, first.sources.data()[k], second.weights.data()[i] * first.weights.data()[k]});
+    }
+  return transfer_of(second.rows(), first.n_sources, std::move(shares));
+}
+
 /// What a place in a face, in barycentric coordinates, has of the attributes of elements.
 inline void share_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place,
                         int row, Array<Share>& shares) {
@@ -11625,7 +12069,19 @@ inline void share_corners(const MetaSide& side, Element element, int f, int firs
                           Array<Share>& shares) {
   for (int c = first; c < last; ++c)
     for (int k = 0; k < 3; ++k)
-      if (side.corner(c, k) == 1) shares.push_back({element_row(side.mesh, element, f, k), c, 1});
+      if (side.corner(c, k) == 1) {
+        const int row = element_row(side.mesh, element, f, k);
+        const bool has_copies = element == Element::kVertex && !side.same.empty();
+        shares.push_back({has_copies ? side.same.data()[row] : row, c, 1});
+      }
+}
+
+/// Gives every vertex the row of the one that it is the same as.
+inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
+  Array<Share> shares;
+  for (int v = 0; v < rows.rows(); ++v)
+    if (same.data()[v] >= 0) shares.push_back({v, same.data()[v], 1});
+  return composed(transfer_of(rows.rows(), rows.rows(), std::move(shares)), rows);
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
@@ -11637,142 +12093,6 @@ inline void share_integral(const MetaSide& side, int f, int first, int last, Arr
     for (int corner : {first, c, c + 1}) shares.push_back({f, corner, area / 3});
   }
 }
-
-/// First one, then the other.
-inline Transfer composed(const Transfer& second, const Transfer& first) {
-  Array<Share> shares;
-  for (int row = 0; row < second.rows(); ++row)
-    for (int i = second.offsets.data()[row]; i < second.offsets.data()[row + 1]; ++i) {
-      const int* begin = first.offsets.data() + second.sources.data()[i];
-      for (int k = begin[0]; k < begin[1]; ++k)
-        shares.push_back(
-            {row, first.sources.data()[k], second.weights.data()[i] * first.weights.data()[k]});
-    }
-  return transfer_of(second.rows(), first.n_sources, std::move(shares));
-}
-
-// ---- meshes with vertices added ----
-
-/// A refined mesh: for every triangle the one it lies in, and where its corners are there.
-struct Refinement {
-  HalfEdgeMesh mesh;
-  Array<int> parent;  // per triangle
-  Array<Vec3> place;  // per corner, barycentric coordinates
-  Array<int> vertex;  // per vertex of the refined mesh that was given; copies are one vertex here
-};
-
-/// Adds the same vertices once more; false if the edge or triangle of one is not there.
-inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
-  for (int v = 0; v < r.mesh.n_vertices; ++v) r.vertex.push_back(v);
-  for (int f = 0; f < r.mesh.n_faces; ++f) {
-    r.parent.push_back(f);
-    for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
-  }
-  for (AddedVertex p : added) {
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      if (p.corners[k] >= r.vertex.size()) return false;
-      p.corners[k] = r.vertex[p.corners[k]];
-    }
-    r.vertex.push_back(is_copy(p) ? p.corners[0] : r.mesh.n_vertices);
-    if (is_copy(p)) continue;
-    const int h = find_place(r.mesh, p);
-    if (h < 0) return false;
-    const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
-    const auto middle_in = [&](int side) {
-      Vec3 sum;
-      for (int corner : {side, next(side), prev(side)})
-        for (int k = 0; k < 3; ++k)
-          if (r.mesh.tail[corner] == p.corners[k]) sum += p.weights[k] * r.place[corner];
-      return sum;
-    };
-    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
-    add_vertex(r.mesh, h, p);
-    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
-      const int side = i == 0 ? h : twin;
-      if (side < 0) continue;
-      const Vec3 tail = r.place[side], tip = r.place[next(side)], left = r.place[prev(side)];
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {middle[i], tip, left}) r.place.push_back(corner);
-      r.place[next(side)] = middle[i];
-      if (is_on_edge(p)) continue;
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {tail, tip, middle[i]}) r.place.push_back(corner);
-    }
-  }
-  return true;
-}
-
-/// What became of edges of a mesh: halved, again and again, and, where a closed surface was cut,
-/// with copies of its vertices as ends.
-class EdgePaths {
- public:
-  EdgePaths(const Triangles& refined, int n_vertices, const std::vector<AddedVertex>& added) {
-    const int n_given = n_vertices - static_cast<int>(added.size());
-    for (int v = 0; v < n_given; ++v) original_.push_back(v);
-    const int n = original_.size() + static_cast<int>(added.size());
-    Array<char> has_copies(n, 0);
-    for (const AddedVertex& p : added) {
-      const int v = original_.size();
-      const auto is_before = [&](int u) { return u >= 0 && u < v; };
-      original_.push_back(is_copy(p) && is_before(p.corners[0]) ? original_[p.corners[0]] : v);
-      if (original_[v] != v) {
-        copies_.push_back({original_[v], v});
-        has_copies[original_[v]] = has_copies[v] = 1;
-      } else if (is_on_edge(p) && is_before(p.corners[0]) && is_before(p.corners[1])) {
-        const int u = original_[p.corners[0]], w = original_[p.corners[1]];
-        halved_.push_back({(std::min)(u, w), (std::max)(u, w), v});
-      }
-    }
-    std::sort(halved_.begin(), halved_.end());
-    std::sort(copies_.begin(), copies_.end());
-    for (int i = 0; i < refined.size(); ++i) {  // edges at vertices with copies, both ways
-      const int u = refined.data()[i], v = refined.data()[next(i)];
-      if ((std::min)(u, v) < 0 || (std::max)(u, v) >= n) continue;
-      if (has_copies[u] || has_copies[v]) edges_.push_back({u, v}), edges_.push_back({v, u});
-    }
-    std::sort(edges_.begin(), edges_.end());
-  }
-
-  /// The vertices along an edge, from u to v.
-  std::vector<int> path(int u, int v) const {
-    std::vector<int> path = {u, v};
-    for (std::size_t i = 0; i + 1 < path.size();) {
-      const int lo = (std::min)(path[i], path[i + 1]), hi = (std::max)(path[i], path[i + 1]);
-      const std::array<int, 3>* found =
-          std::lower_bound(halved_.begin(), halved_.end(), std::array<int, 3>{lo, hi, -1});
-      if (found != halved_.end() && (*found)[0] == lo && (*found)[1] == hi)
-        path.insert(path.begin() + static_cast<std::ptrdiff_t>(i) + 1, (*found)[2]);
-      else
-        ++i;
-    }
-    for (std::size_t i = 0; i + 1 < path.size(); ++i) choose_copies(path[i], path[i + 1], i > 0);
-    return path;
-  }
-
- private:
-  /// Of the ends of an edge, the copies that have one.
-  void choose_copies(int& u, int& v, bool is_u_chosen) const {
-    const Array<int> all_u = is_u_chosen ? Array<int>(1, u) : copies_of(u), all_v = copies_of(v);
-    if (all_u.size() == 1 && all_v.size() == 1) return;
-    for (int a : all_u)
-      for (int b : all_v)
-        if (std::binary_search(edges_.begin(), edges_.end(), std::array<int, 2>{a, b}))
-          return void((u = a, v = b));
-  }
-
-  Array<int> copies_of(int v) const {
-    Array<int> all(1, v);
-    const std::array<int, 2>* c =
-        std::lower_bound(copies_.begin(), copies_.end(), std::array<int, 2>{v, -1});
-    for (; c != copies_.end() && (*c)[0] == v; ++c) all.push_back((*c)[1]);
-    return all;
-  }
-
-  Array<int> original_;               // per vertex, that it is a copy of, or itself
-  Array<std::array<int, 3>> halved_;  // smaller end, larger end, middle
-  Array<std::array<int, 2>> copies_;  // original, copy
-  Array<std::array<int, 2>> edges_;
-};
 
 }  // namespace detail
 
@@ -11817,7 +12137,10 @@ Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
       detail::share_corners(s, element, f, first, last, shares);
   }
   detail::average(rows, shares);
-  return detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
+  Transfer result =
+      detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
+  const bool has_copies = element == Element::kVertex && !s.same.empty();
+  return has_copies ? detail::for_copies(result, s.same) : result;
 }
 
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target) {
@@ -11825,66 +12148,27 @@ Transfer transfer(const MetaMesh& meta, Side from, Element element, Element targ
                           to_meta(meta, from, element));
 }
 
-Transfer refine(const MeshView& mesh, const MeshView& refined,
-                const std::vector<AddedVertex>& added, Element element) {
-  const TriangleMesh coarse = detail::copied(mesh), fine = detail::copied(refined);
-  detail::Refinement r;
-  Transfer result;
-  const auto is_same_corner = [&](int v, int w) {
-    return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
-  };
-  if (!detail::find_problems(coarse, r.mesh).empty() || !detail::add_again(added, r) ||
-      r.vertex.size() != fine.vertices.rows() || r.mesh.n_faces != fine.triangles.rows() ||
-      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), fine.triangles.data(), is_same_corner)) {
-    detail::fail(result, Status::kInvalidAttributes,
-                 {"the refined mesh is not the mesh with these vertices added"});
-    return result;
-  }
-  const int rows = detail::element_count(fine, element);
-  detail::Array<char> is_known(rows, 0);
-  detail::Array<detail::Share> shares;
-  for (int h = 0; h < r.mesh.tail.size(); ++h) {
-    const int row = detail::element_row(fine, element, h / 3, h % 3);
-    if (is_known[row]) continue;
-    is_known[row] = 1;
-    detail::share_place(coarse, element, r.parent[h / 3], r.place[h], row, shares);
-  }
-  return detail::transfer_of(rows, detail::element_count(coarse, element), std::move(shares));
-}
-
-std::vector<std::vector<int>> edge_paths(const std::vector<std::array<int, 2>>& edges,
-                                         const MeshView& refined,
-                                         const std::vector<AddedVertex>& added) {
-  const detail::EdgePaths all(detail::copied<int>(refined.triangles),
-                              static_cast<int>(refined.positions.rows), added);
-  std::vector<std::vector<int>> paths;
-  for (const std::array<int, 2>& edge : edges) paths.push_back(all.path(edge[0], edge[1]));
-  return paths;
-}
-
 Remesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const TriangleMesh& mesh = data.mesh(side);
+  const detail::Origin& origin = data.origin(side);
   Remesh result;
-  result.mesh.vertices = Points3::Zero(mesh.vertices.rows(), 3);
+  result.mesh.vertices = Points3::Zero(origin.given->vertices.rows(), 3);
   const std::vector<MappedPoint> images = data.map_vertices(side);
-  detail::Vec3 first;  // image
+  Eigen::Vector3d first = {0, 0, 0};  // image
   for (std::size_t v = images.size(); v-- > 0;)
-    if (images[v].covered) first = data.position(images[v].point, detail::other(side));
-  for (int v = 0; v < mesh.vertices.rows(); ++v) {
-    const MappedPoint& image = images[static_cast<std::size_t>(v)];
+    if (images[v].covered) first = data.position_of_given(images[v].point, detail::other(side));
+  for (const MappedPoint& image : images) {
+    const auto v = static_cast<Eigen::Index>(result.covered.size());
     result.covered.push_back(image.covered);
-    detail::set_row(result.mesh.vertices, v,
-                    image.covered ? data.position(image.point, detail::other(side)) : first);
+    result.mesh.vertices.row(v) =
+        image.covered ? data.position_of_given(image.point, detail::other(side)) : first;
   }
-  detail::Array<int> corners;  // copies of vertices are in no triangle
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+  detail::Array<int> corners;
+  for (int f = 0; f < origin.triangles.rows(); ++f) {
     bool is_covered = true;
     for (int k = 0; k < 3; ++k)
-      is_covered =
-          is_covered && result.covered[static_cast<std::size_t>(mesh.triangles(f, k))] != 0;
-    for (int k = 0; k < 3 && is_covered; ++k)
-      corners.push_back(data.original(mesh.triangles(f, k), side));
+      is_covered = is_covered && result.covered.data()[origin.triangles(f, k)] != 0;
+    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(origin.triangles(f, k));
   }
   result.mesh.triangles = detail::triangles_from(corners);
   return result;
@@ -13402,9 +13686,10 @@ Outcome verify(const SurfaceMap& map) {
     return detail::fail(outcome, map.status(), {map.message()}), outcome;
   const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
   detail::Array<detail::DirectedSide> boundary_a, boundary_b;
-  if (detail::verify_embedding(map.mesh(Side::kA), f, Side::kA, boundary_a, outcome) &&
-      detail::verify_embedding(map.mesh(Side::kB), g, Side::kB, boundary_b, outcome))
-    detail::MetaMeshVerifier(map.meta_mesh(), f, g, map.is_closed(), outcome)
+  const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded), &b = map.mesh(Side::kB, Ids::kEmbedded);
+  if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
+      detail::verify_embedding(b, g, Side::kB, boundary_b, outcome))
+    detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.is_closed(), outcome)
         .run(boundary_a, boundary_b);
   return outcome;
 }
@@ -13428,98 +13713,189 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// A point of a triangle of the mesh given, in the prepared one. If the triangle was cut, it lies
-/// in one of its parts, which together have all of its corners. False if a part was dropped.
-inline bool place_in_triangle(const Prepared& prepared, const SurfacePoint& p, Place& place) {
-  const Triangles& F = prepared.mesh->triangles;
-  const int* const given = prepared.given_corner.data();
-  const double unit = unit_scale(prepared.mesh->vertices);
-  const auto corner = [&](int f, int k) { return unit * row3(prepared.mesh->vertices, F(f, k)); };
-  Vec3 at = {0, 0, 0};
-  bool is_found[3] = {false, false, false};
-  for (int f = 0; f < F.rows(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const int c = given[3 * f + k] % 3;
-      if (given[3 * f + k] / 3 != p.face || is_found[c]) continue;
-      is_found[c] = true;
-      at = at + p.barycentric[c] * corner(f, k);
-    }
-  double best = -kInfinity;
-  for (int f = 0; f < F.rows(); ++f) {
-    if (prepared.given_triangle.data()[f] != p.face) continue;
-    const Vec3 normal = cross(corner(f, 1) - corner(f, 0), corner(f, 2) - corner(f, 0));
-    Eigen::Vector3d weights;
-    for (int k = 0; k < 3; ++k)
-      weights[k] = dot(normal, cross(corner(f, (k + 1) % 3) - at, corner(f, (k + 2) % 3) - at)) /
-                   squared_norm(normal);
-    if (weights.minCoeff() <= best) continue;
-    best = weights.minCoeff();
-    place.corners = F.row(f);
-    place.weights = weights.cwiseMax(0) / weights.cwiseMax(0).sum();
-  }
-  return is_found[0] && is_found[1] && is_found[2];
-}
+/// Places the ends of landmarks on one mesh, one after the other; two of them must not share one.
+class LandmarkPlacer {
+ public:
+  LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
+      : n_vertices_(m.n_vertices), prepared_(prepared), side_(side), origin_(origin_of(prepared)) {}
 
-/// Landmarks are placed on a mesh one after the other; two of them must not share a place.
-struct LandmarkPlacer {
-  const HalfEdgeMesh& m;
-  const Prepared& prepared;  // landmarks have ids of the mesh given
-  Side side;
-  std::vector<AddedVertex> added = {};  // if all of them were to become vertices
-  Array<char> used = Array<char>(m.n_vertices, 0);
-
-  bool place(const Landmark& l, const LandmarkPoint& p, Place& place, Outcome& outcome) {
+  /// False, with the reason in `why`, if there is no such vertex or triangle.
+  bool exists(const LandmarkPoint& p, std::string& why) const {
     constexpr double kRounding = 1e-6;
-    const char* const mesh = letter(side);
-    const std::vector<int>& ids = is_point(p) ? prepared.new_triangle : prepared.new_vertex;
-    const int given = id_of(p), n = static_cast<int>(ids.size());
-    const auto refuse = [&](Words why) {
-      const std::string reason = sentence(why);
-      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), reason}, {element_id(side, p)});
-    };
-    const char* const what = is_point(p) ? "triangle " : "vertex ";
-    if (given < 0 || given >= n)
-      return refuse({"mesh ", mesh, " has no ", what, given, ", it has ", n,
-                     is_point(p) ? " triangles" : " vertices", ", counted from 0"});
-    const int id = ids.data()[given];
-    if (id < 0)
-      return refuse({what, given, " of ", mesh, " was dropped when the mesh was prepared"});
-    place.corners = Eigen::Vector3i(id, -1, -1);
-    place.weights = Eigen::Vector3d(1, 0, 0);
-    if (is_point(p)) {
-      const Eigen::Vector3d& weights = p.point.barycentric;
-      if (!(std::abs(weights.sum() - 1) <= kRounding) || weights.minCoeff() < -kRounding)
-        return refuse({"barycentric coordinates on ", mesh, " must be at least 0 with sum 1"});
-      bool is_whole = true;
-      for (int k = 0; k < 3; ++k) {
-        const int given_corner = prepared.given_corner.data()[3 * id + k];
-        is_whole = is_whole && given_corner / 3 == given;
-        place.corners[k] = m.corner(id, k);
-        place.weights[k] = weights[given_corner % 3];
-      }
-      if (!is_whole && !place_in_triangle(prepared, p.point, place))
-        return refuse({what, given, " of ", mesh, " lost a part when the mesh was prepared"});
-    }
-    tidy(place);
-    const int v = add_place(place, m.n_vertices, added);
-    if (v >= used.size()) used.push_back(0);
-    return !used[v]++ || refuse({is_point(p) ? "the point in triangle " : "vertex ", given, " of ",
-                                 mesh, " is in another landmark"});
+    const std::vector<int>& ids = is_point(p) ? prepared_.new_triangle : prepared_.new_vertex;
+    const int id = id_of(p), n = static_cast<int>(ids.size());
+    const Eigen::Vector3d& weights = p.point.barycentric;
+    if (id < 0 || id >= n)
+      why = sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ", id,
+                      ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
+    else if (is_point(p) &&
+             (!(std::abs(weights.sum() - 1) <= kRounding) || weights.minCoeff() < -kRounding))
+      why = sentence(
+          {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
+    return why.empty();
   }
+
+  /// Finds where one is. What was dropped goes to the nearest point of the surface that is kept;
+  /// false if that is not near.
+  bool find(const LandmarkPoint& p, Place& place) const {
+    const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
+    SurfacePoint point;
+    if (is_point(p)) point = origin_.from_given(p.point);
+    place.corners = Eigen::Vector3i(vertex, -1, -1);
+    place.weights = Eigen::Vector3d(1, 0, 0);
+    if (vertex < 0 && point.face < 0 && !find_nearest(p, point)) return false;
+    if (point.face >= 0) {
+      place.corners = prepared_.mesh->triangles.row(point.face);
+      place.weights = point.barycentric;
+    }
+    return tidy(place);
+  }
+
+  /// False if another landmark has the place.
+  bool claim(const Place& place) {
+    const int v = add_place(place, n_vertices_, added_);
+    while (v >= used_.size()) used_.push_back(0);
+    return !used_[v]++;
+  }
+
+ private:
+  bool find_nearest(const LandmarkPoint& p, SurfacePoint& nearest) const {
+    constexpr double kNear = 0.01;  // of the diagonal of the box around the mesh
+    const TriangleMesh &given = *prepared_.given, &mesh = *prepared_.mesh;
+    const double unit = unit_scale(mesh.vertices);
+    const auto corner = [&](int k) { return unit * row3(given.vertices, given.triangles(p.point.face, k)); };
+    Vec3 at = is_point(p) ? Vec3() : unit * row3(given.vertices, p.vertex);
+    for (int k = 0; k < 3 && is_point(p); ++k) at += p.point.barycentric[k] * corner(k);
+    const double diagonal =
+        unit * (mesh.vertices.colwise().maxCoeff() - mesh.vertices.colwise().minCoeff()).norm();
+    double least = kNear * diagonal;
+    for (int f = 0; f < mesh.triangles.rows(); ++f) {
+      const std::array<Vec3, 3> corners = corners_of(mesh, f, unit);
+      const Vec3 w = closest_weights(at, corners);
+      const double distance =
+          norm(w.x * corners[0] + w.y * corners[1] + w.z * corners[2] - at);
+      if (distance > least) continue;
+      least = distance;
+      nearest = surface_point(f, w);
+    }
+    return nearest.face >= 0;
+  }
+
+  const int n_vertices_;
+  const Prepared& prepared_;
+  const Side side_;
+  const Origin origin_;
+  std::vector<AddedVertex> added_;  // if all landmarks were to become vertices
+  Array<char> used_;
 };
 
+/// "vertex 5 of A", "the point in triangle 7 of B".
+inline std::string end_of(const Landmark& l, bool of_a) {
+  const LandmarkPoint& p = of_a ? l.a : l.b;
+  return sentence({is_point(p) ? "the point in triangle " : "vertex ", id_of(p), " of ",
+                   letter(of_a ? Side::kA : Side::kB)});
+}
+
+/// Landmarks that only guide are left out, with a warning, where one end was dropped with a part of
+/// its mesh.
 inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
                             const HalfEdgeMesh& b, const Prepared& prepared_b,
-                            const std::vector<Landmark>& landmarks, Array<PlacedLandmark>& placed,
-                            Outcome& outcome) {
-  LandmarkPlacer on_a = {a, prepared_a, Side::kA}, on_b = {b, prepared_b, Side::kB};
+                            const std::vector<Landmark>& landmarks, bool are_exact,
+                            Array<PlacedLandmark>& placed, Outcome& outcome) {
+  if (landmarks.empty()) return true;
+  LandmarkPlacer on_a(a, prepared_a, Side::kA), on_b(b, prepared_b, Side::kB);
   for (const Landmark& l : landmarks) {
-    placed.push_back({{}, {}, l});
-    if (!on_a.place(l, l.a, placed.back().a, outcome) ||
-        !on_b.place(l, l.b, placed.back().b, outcome))
-      return false;
+    PlacedLandmark here = {{}, {}, l};
+    const auto refuse = [&](Words why, bool of_a) {
+      const std::string reason = sentence(why);
+      const ElementId id = of_a ? element_id(Side::kA, l.a) : element_id(Side::kB, l.b);
+      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), reason}, {id});
+    };
+    std::string why;
+    if (!on_a.exists(l.a, why)) return refuse({why}, true);
+    if (!on_b.exists(l.b, why)) return refuse({why}, false);
+    const bool is_on_a = on_a.find(l.a, here.a), is_on_b = on_b.find(l.b, here.b);
+    if (!is_on_a || !is_on_b) {
+      refuse({end_of(l, !is_on_a), " was dropped when the mesh was prepared"}, !is_on_a);
+      if (are_exact) return false;
+      outcome.warnings.push_back({outcome.message + ": it is left out", outcome.ids});
+      fail(outcome, Status::kDone, {});
+      continue;
+    }
+    const bool is_free_on_a = on_a.claim(here.a);
+    if (!is_free_on_a || !on_b.claim(here.b))
+      return refuse({end_of(l, !is_free_on_a), " is in another landmark"}, !is_free_on_a);
+    placed.push_back(here);
   }
   return true;
+}
+
+/// How many times as far apart landmarks are on A as on B, the median over all pairs of them.
+struct RelativeSize {
+  double median = 1;
+  bool is_clear = false;  // it differs from 1 by far more than the pairs do from each other
+};
+
+inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks) {
+  constexpr int kMost = 100;
+  constexpr double kLeast = 1.25;
+  const int n = (std::min)(landmarks.size(), int{kMost});
+  const auto at = [](const Place& p, const Surface& s) {
+    Vec3 sum;
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
+      sum += p.weights[k] * row3(s.vertices, p.corners[k]);
+    return sum;
+  };
+  Array<double> ratio;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) {
+      const double on_a = norm(at(landmarks[i].a, pair.a) - at(landmarks[j].a, pair.a));
+      const double on_b = norm(at(landmarks[i].b, pair.b) - at(landmarks[j].b, pair.b));
+      if (on_a > 0 && on_b > 0) ratio.push_back(on_a / on_b);
+    }
+  if (ratio.size() < 3) return {};
+  std::sort(ratio.begin(), ratio.end());
+  const double median = ratio[ratio.size() / 2];
+  const double spread = ratio[3 * ratio.size() / 4] / ratio[ratio.size() / 4];
+  const double size = (std::max)(median, 1 / median);
+  return {median, size > kLeast && size > spread * spread * spread * spread};
+}
+
+/// "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.
+inline std::string units_sentence(double ratio) {
+  const bool is_more = ratio >= 1;
+  return sentence({"1 unit of ", is_more ? "A" : "B", " is ",
+                   decimal(is_more ? ratio : 1 / ratio), " units of ", is_more ? "B" : "A"});
+}
+
+/// Multiplies a surface.
+inline void rescale(double factor, Surface& s) {
+  for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
+  s.scale *= factor;
+  compute_rest_frames(s);
+}
+
+/// Gives the surfaces the sizes that landmarks tell, if that is of use; see Options::keep_scale.
+inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& options,
+                      SurfacePair& pair, Outcome& outcome) {
+  constexpr double kFar = 100;
+  const RelativeSize size = relative_size(pair, landmarks);
+  const bool are_closed = pair.a.mesh.loops() == 0 && pair.b.mesh.loops() == 0;
+  const double areas = pair.a.total_area / pair.b.total_area;
+  const std::string units = units_sentence(pair.a.scale / pair.b.scale / size.median);
+  if (!options.keep_scale && size.is_clear && !are_closed && options.boundary == Boundary::kFree) {
+    rescale(1 / std::sqrt(size.median), pair.a);
+    rescale(std::sqrt(size.median), pair.b);
+    outcome.warnings.push_back(
+        {"the meshes were not scaled to one area but by their landmarks: " + units, {}});
+  } else if (options.keep_scale && size.is_clear) {
+    outcome.warnings.push_back({"the meshes were not scaled, but by their landmarks " + units, {}});
+  } else if (options.keep_scale && (areas > kFar || areas < 1 / kFar)) {
+    outcome.warnings.push_back(
+        {sentence({"the meshes were not scaled, and the area of ", areas > 1 ? "A" : "B", " is ",
+                   decimal((std::max)(areas, 1 / areas)), " times that of the other one"}),
+         {}});
+  }
 }
 
 /// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
@@ -13674,10 +14050,11 @@ inline bool check_memory(const TriangleMesh& a, const TriangleMesh& b, const Opt
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
   const SharedMesh given = shared(mesh);
-  if (!options.prepare) return std::make_shared<const Prepared>(as_given(given));
+  HalfEdgeMesh m;
+  if (!options.prepare) return std::make_shared<const Prepared>(as_given(given, m));
   std::vector<LandmarkPoint> ends;
   for (const Landmark& l : landmarks) ends.push_back(side == Side::kA ? l.a : l.b);
-  return std::make_shared<const Prepared>(prepared(given, ends));
+  return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
 }
 
 /// A prepared mesh as a surface that knows the ids given.
@@ -13721,8 +14098,9 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          take_rows(b, "initial_g", options.initial_g, outcome) &&
          check_loops(m, a, Side::kA, options, outcome) &&
          check_loops(n, b, Side::kB, options, outcome) &&
-         place_landmarks(m, a, n, b, landmarks, placed, outcome) &&
-         check_constraints(m, a, n, b, placed, options, outcome);
+         place_landmarks(m, a, n, b, landmarks, options.exact_landmarks, placed, outcome) &&
+         check_constraints(m, a, n, b, placed, options, outcome) &&
+         (fit_sizes(placed, options, pair, outcome), true);
 }
 
 inline double largest_landmark_distance(const Embedding& e,
@@ -14083,6 +14461,9 @@ class LandmarkPuller {
 // ---- compute_map() in steps ----
 
 class Run {
+  static constexpr double kMostDistortion = 6;  // as if all were stretched 2.4 times
+  static constexpr double kMostRise = 1.5;      // of what the start has
+
  public:
   /// `only_start`: the initial embedding is all that is wanted.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
@@ -14102,6 +14483,8 @@ class Run {
       options_.initial_g.resize(0, 2);
     }
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
+      landmarks_.clear();
+      for (const PlacedLandmark& l : placed_) landmarks_.push_back(l.given);
       result_.status = Status::kNoMapYet;
       whole_ = pair_;
       opened_ = placed_;
@@ -14110,8 +14493,13 @@ class Run {
     }
   }
 
+  /// To bring a coarse map up takes about as long as some iterations, so that is done once for each
+  /// level, and where the caller has stopped.
   Result& result() {
-    if (is_behind_) hand_over_positions();
+    if (is_behind_ && (executor_.is_stopped() || level_shown_ != coarse_->level())) {
+      hand_over_positions();
+      level_shown_ = coarse_->level();
+    }
     return latest();
   }
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
@@ -14200,7 +14588,10 @@ class Run {
     }
     executor_.pause();
     const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
-    if (!has_more && !is_stopped) executor_.finish();
+    if (!has_more && !is_stopped) {
+      executor_.finish();
+      warn_of_distortion(latest());
+    }
     return has_more && !is_stopped;
   }
 
@@ -14368,23 +14759,37 @@ class Run {
     joining_.f = rows_between(x, 0, s_.n_a);
     joining_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
     if (apart.empty()) return end_change();
+    pair_before_ = pair_;
     joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks, options_, executor_);
   }
 
   /// Landmarks are where they belong.
   void end_change() {
-    if (joining_.status != Status::kDone)
-      return void(fail(result_, joining_.status, {joining_.message}, joining_.ids));
-    Optimizer::Memory memory = optimizer_->memory();
     puller_.reset();
     joiner_.reset();
+    if (joining_.status != Status::kDone) {
+      pair_ = std::move(pair_before_);
+      return stall(joining_);
+    }
+    Optimizer::Memory memory = optimizer_->memory();
     Embedding& start = result_.start;
     start.f = scaled(1 / scale_, joining_.f);
     start.g = scaled(1 / scale_, joining_.g);
     accept_start();
-    if (!optimizer_) return;
+    if (!is_usable(result_.status)) {
+      optimizer_.reset();
+      result_.f = start.f;
+      result_.g = start.g;
+      return stall(Outcome(result_));
+    }
     if (memory.x.rows() != s_.mesh.n_vertices) memory.visited.clear();  // vertices were added
     optimizer_->keep(memory);
+  }
+
+  /// There is a map, but what was asked for cannot be met from here on.
+  void stall(const Outcome& why) {
+    fail(result_, Status::kStalled, {why.message}, why.ids);
+    has_reason_ = true;
   }
 
   // ---- the embedding, and the beginning of the loop ----
@@ -14401,6 +14806,8 @@ class Run {
       take_positions(pair_, options_, start);
     else if (!take_best())
       return;
+    result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
+    start.warnings = result_.warnings;
     accept_start();
     if (optimizer_ && result_.status == Status::kUnfinished) begin_coarse();
   }
@@ -14505,6 +14912,7 @@ class Run {
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
     coarse_.reset();
+    level_shown_ = -1;
     held_ = Held();
     result_.f.resize(0, 2);
     result_.g.resize(0, 2);
@@ -14518,6 +14926,7 @@ class Run {
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
     optimizer_->start(x, result_);
+    result_.at_start = result_.initial;
   }
 
   void begin_coarse() {
@@ -14530,7 +14939,7 @@ class Run {
   void optimize_coarse() {
     if (coarse_->step()) return;
     result_.coarse = coarse_->levels();
-    if (optimizer_->begin_at(coarse_->positions(), coarse_->gain()))
+    if (optimizer_->begin_at(coarse_->positions(), coarse_->gain(), result_))
       optimizer_->lower_omega(CoarseToFine::kNextOmega);
     coarse_.reset();
   }
@@ -14546,8 +14955,7 @@ class Run {
   /// Status, sentence and positions, if the caller goes no further.
   void hand_over() {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
-    if (result_.status != Status::kInvalidLandmarks)
-      result_.message = words_of(result_.status).sentence;
+    if (!has_reason_) result_.message = words_of(result_.status).sentence;
     is_behind_ = coarse_ && is_usable(result_.status);
     if (is_behind_) return;  // to bring a coarse map up takes longer than a step
     if (is_usable(result_.status)) {
@@ -14562,7 +14970,6 @@ class Run {
     const Points2 x = own_positions();
     result_.f = rows_between(x, 0, s_.n_a);
     result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
-    is_behind_ = false;
   }
 
   // ---- closed surfaces ----
@@ -14614,6 +15021,8 @@ class Run {
     r.f = rows_between(x, 0, pair.a.mesh.n_vertices);
     r.g = rows_between(x, pair.a.mesh.n_vertices, rows_of(x));
     if (!is_first) return;
+    r.warnings = result_.warnings;
+    r.at_start = result_.at_start;
     r.initial = result_.initial;
     r.coarse = result_.coarse;
     r.start = result_.start;
@@ -14622,19 +15031,50 @@ class Run {
     return_meshes(a_->mesh, b_->mesh, pair, r.start);
   }
 
+  /// A map that is bent too much to be of use is no success, whatever its status.
+  void warn_of_distortion(Result& r) {
+    const double mean = r.final_state().mean_distortion, before = r.at_start.mean_distortion;
+    const bool is_poor = mean > kMostDistortion || mean > kMostRise * before;
+    if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
+    is_judged_ = true;
+    if (!is_poor) return;
+    const SurfaceMap map(r);
+    const std::vector<PolygonDistortion> polygons = map.distortion();
+    const MetaMesh meta = map.meta_mesh();
+    Array<double> energy(static_cast<int>(meta.a->triangles.rows()), 0), area = energy;
+    for (int p = 0; p < meta.n_polygons(); ++p) {
+      const PolygonDistortion& d = polygons.data()[p];
+      energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
+      area[meta.face_a.data()[p]] += d.area_a + d.area_b;
+    }
+    if (energy.empty() || map.status() != Status::kDone) return;
+    const int worst = static_cast<int>(std::max_element(energy.begin(), energy.end()) - energy.begin());
+    const int v = meta.a->triangles(worst, 0);
+    r.warnings.push_back(
+        {sentence({"the map is hardly of use: its mean distortion is ", decimal(mean), ", 95% of it below ",
+                   decimal(summarize(polygons).p95), ", where 2 is an isometry; at the start it was ",
+                   decimal(before), "; most of it is at triangle ", worst, " of A, at vertex ", v, ", with ",
+                   decimal(energy[worst] / area[worst]),
+                   ": do the surfaces, their scales and landmarks correspond, and have both enough "
+                   "triangles there?"}),
+         {vertex_id(Side::kA, v), {Side::kA, Element::kFace, worst}}});
+  }
+
   /// What the result says of the meshes given.
   void return_input() {
     Embedding& start = result_.start;
     start.prepared_a = a_;
     start.prepared_b = b_;
-    start.opening_a = opening_.a;
-    start.opening_b = opening_.b;
+    start.opening_a = opening_.a < 0 ? -1 : whole_.a.given_id(opening_.a);
+    start.opening_b = opening_.b < 0 ? -1 : whole_.b.given_id(opening_.b);
+    start.scale_a = whole_.a.scale;
+    start.scale_b = whole_.b.scale;
     start.a = a_->mesh;
     start.b = b_->mesh;
   }
 
   const SharedPrepared a_, b_;
-  const std::vector<Landmark> landmarks_;
+  std::vector<Landmark> landmarks_;  // those that were not left out
   const Options given_options_;
   Options options_;  // with ids of the prepared meshes
   const bool only_start_;
@@ -14664,19 +15104,27 @@ class Run {
   std::unique_ptr<Optimizer> optimizer_;
   std::unique_ptr<CoarseToFine> coarse_;  // before the optimizer begins
   bool is_behind_ = false;                // the result, of the map of the coarse levels
+  int level_shown_ = -1;                  // that of the map in the result
   std::size_t told_ = 0;                  // of the log
   SavedRun before_change_;
   std::unique_ptr<LandmarkPuller> puller_;  // while landmarks are brought together
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding joining_;
+  SurfacePair pair_before_;
+  bool has_reason_ = false;  // the message of the result says more than its status
+  bool is_judged_ = false;   // the map at the end
 };
 
 // ---- what a SurfaceMap is made of ----
 
-inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const Points2& f,
-                                               const Points2& g, const Array<SeamVertex>& seam) {
+inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origin origin_a,
+                                               Origin origin_b, const Points2& f, const Points2& g,
+                                               double scale_a, double scale_b,
+                                               const Array<SeamVertex>& seam) {
   const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
+  data->origin_a = std::move(origin_a);
+  data->origin_b = std::move(origin_b);
   HalfEdgeMesh m, n;
   const auto check = [&](const TriangleMesh& mesh, Side side, HalfEdgeMesh& half_edges) {
     std::vector<Problem> problems = find_problems(mesh, half_edges);
@@ -14690,8 +15138,10 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, const
   if (!check(*b, Side::kB, n)) return data;
   data->b = std::move(b);
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
-  const SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
-                            build_surface(std::move(n), data->b->vertices, false)};
+  SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
+                      build_surface(std::move(n), data->b->vertices, false)};
+  if (scale_a > 0) rescale(scale_a / pair.a.scale, pair.a);
+  if (scale_b > 0) rescale(scale_b / pair.b.scale, pair.b);
   const bool are_cut_in_two =
       count_components(pair.a.mesh) == 2 && count_components(pair.b.mesh) == 2;
   data->pair = EmbeddedPair(join(pair), stacked(f, g), are_cut_in_two ? seam : Array<SeamVertex>());
@@ -14728,6 +15178,18 @@ inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Poi
   return seam;
 }
 
+inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
+                                               const Points2& g) {
+  return map_data(e.a, e.b, origin_of(*e.prepared_a, e.added_a, e.a),
+                  origin_of(*e.prepared_b, e.added_b, e.b), f, g, e.scale_a, e.scale_b,
+                  seam_of(e, f, g));
+}
+
+inline std::shared_ptr<const MapData> map_data(const SharedMesh& a, const SharedMesh& b,
+                                               const Points2& f, const Points2& g) {
+  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0, {});
+}
+
 inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
   auto data = std::make_shared<MapData>();
   fail(*data, outcome.status, {outcome.message}, outcome.ids);
@@ -14741,8 +15203,8 @@ std::vector<Problem> validate(const MeshView& mesh) {
   return detail::find_problems(detail::copied(mesh), m);
 }
 
-Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks) {
-  return detail::prepared(detail::shared(mesh), landmarks);
+Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks, bool weld) {
+  return detail::prepared(detail::shared(mesh), landmarks, weld);
 }
 
 const char* to_string(Status s) { return detail::words_of(s).name; }
@@ -14835,12 +15297,15 @@ SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
 
 SurfaceMap::SurfaceMap(const Result& result)
     : data_(is_usable(result.status)
-                ? detail::map_data(result.start.a, result.start.b, result.f, result.g,
-                                   detail::seam_of(result.start, result.f, result.g))
+                ? detail::map_data(result.start, result.f, result.g)
                 : detail::no_map(result)) {}
 
+SurfaceMap::SurfaceMap(const Embedding& start)
+    : data_(is_usable(start.status) ? detail::map_data(start, start.f, start.g)
+                                    : detail::no_map(start)) {}
+
 SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g)
-    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g, {})) {}
+    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g)) {}
 
 }  // namespace ISM_ABI
 }  // namespace ism

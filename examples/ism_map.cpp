@@ -522,11 +522,11 @@ class ProgressLine {
 
 // ==== [4] IDS ====================================================================================
 
-/// The meshes of a result have ids of the prepared mesh; these are those that are written: of the
-/// input, with what is new behind. Copies of vertices, where closed surfaces were cut, are one.
+/// Ids of an embedded mesh as they are written: of the input, with what is new behind. Copies of
+/// vertices, where closed surfaces were cut, are one.
 struct WrittenIds {
   int size = 0;         // of all vertices
-  std::vector<int> id;  // per vertex of the mesh of the result
+  std::vector<int> id;  // per vertex of the embedded mesh
 };
 
 WrittenIds written_ids(const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added) {
@@ -550,7 +550,7 @@ bool has_copies(const std::vector<ism::AddedVertex>& added) {
   return false;
 }
 
-/// Rows of the vertices of a result as rows by written ids; those without one keep theirs.
+/// Rows of the vertices of an embedded mesh as rows by written ids; those without one keep theirs.
 template <class Rows>
 Rows by_written_ids(const WrittenIds& ids, const Rows& rows, Rows result) {
   for (std::size_t v = 0; v < ids.id.size(); ++v)
@@ -564,41 +564,6 @@ ism::Triangles by_written_ids(const WrittenIds& ids, ism::Triangles triangles) {
   return triangles;
 }
 
-/// The vertex of the prepared mesh; -1 if it was dropped.
-int prepared_id(const ism::Prepared& prepared, int given) {
-  return prepared.new_vertex[static_cast<std::size_t>(given)];
-}
-
-/// The landmarks in ids of the prepared meshes.
-std::vector<ism::Landmark> prepared_landmarks(const Input& input, const ism::Embedding& start) {
-  std::vector<ism::Landmark> landmarks;
-  for (const ism::Landmark& l : input.landmarks)
-    landmarks.push_back(
-        {prepared_id(*start.prepared_a, l.a.vertex), prepared_id(*start.prepared_b, l.b.vertex)});
-  return landmarks;
-}
-
-/// The texture coordinates of the corners of the prepared mesh.
-ism::Points2 prepared_uv(const ism::Points2& uv, const ism::Prepared& prepared) {
-  ism::Points2 rows(uv.rows() > 0 ? static_cast<Eigen::Index>(prepared.given_corner.size()) : 0, 2);
-  for (Eigen::Index c = 0; c < rows.rows(); ++c)
-    rows.row(c) = uv.row(prepared.given_corner[static_cast<std::size_t>(c)]);
-  return rows;
-}
-
-/// The edges of A's polygons in ids of the prepared mesh, each once.
-std::vector<std::array<int, 2>> prepared_edges(const Input& input, const ism::Prepared& prepared) {
-  std::vector<std::array<int, 2>> edges;
-  for (const std::array<int, 2>& edge : input.edges_a) {
-    const int u = prepared_id(prepared, edge[0]), v = prepared_id(prepared, edge[1]);
-    if (u >= 0 && v >= 0 && u != v) edges.push_back({std::min(u, v), std::max(u, v)});
-  }
-  if (prepared.repairs.empty()) return input.edges_a;
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  return edges;
-}
-
 // ==== [5] REPORT =================================================================================
 
 /// How far landmarks end from where they belong, in diagonals of the bounding box of B.
@@ -608,13 +573,12 @@ struct LandmarkError {
   int uncovered = 0;  // without an image
 };
 
-LandmarkError landmark_error(const Input& input, const ism::Embedding& start,
-                             const ism::SurfaceMap& map) {
+LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
   const ism::Points3& b = input.b.vertices;
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(prepared_id(*start.prepared_a, l.a.vertex));
+    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
     result.uncovered += !image.covered;
     if (!image.covered) continue;
     const Eigen::Vector3d target = b.row(l.b.vertex);
@@ -699,7 +663,7 @@ Json json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
           {"vertices", ids.size},
           {"triangles", mesh.triangles.rows()},
           {"prepared", repairs},
-          {"opened_at", opening < 0 ? -1 : written(opening)},
+          {"opened_at", opening},
           {"added", new_vertices}};
 }
 
@@ -776,13 +740,11 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
 // ==== [6] RESULTS ================================================================================
 
 /// The edges of A's polygons as polylines on B.
-std::string edges_text(const Input& input, const ism::Embedding& start,
-                       const ism::SurfaceMap& map) {
+std::string edges_text(const Input& input, const ism::SurfaceMap& map) {
   std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
-  const std::vector<std::array<int, 2>> edges = prepared_edges(input, *start.prepared_a);
-  for (const auto& path : ism::edge_paths(edges, *start.a, start.added_a))
-    for (const ism::Polyline& polyline : map.forward_path(path)) {
+  for (const std::array<int, 2>& edge : input.edges_a)
+    for (const ism::Polyline& polyline : map.forward_path({edge[0], edge[1]})) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
         lines.back().push_back(static_cast<int>(points.size()));
@@ -803,7 +765,7 @@ ism::Points3 written_vertices(const ism::TriangleMesh& given, const ism::Triangl
   return by_written_ids(ids, mesh.vertices, std::move(vertices));
 }
 
-/// A mesh of the result by written ids, with texture coordinates per corner.
+/// An embedded mesh by written ids, with texture coordinates per corner.
 std::string corners_text(const char* comment, const ism::TriangleMesh& given,
                          const ism::TriangleMesh& mesh, const WrittenIds& ids,
                          const Eigen::MatrixXd& uv, const char* material) {
@@ -811,7 +773,7 @@ std::string corners_text(const char* comment, const ism::TriangleMesh& given,
                            mesh_io::polygons_of(by_written_ids(ids, mesh.triangles)), uv, material);
 }
 
-/// A mesh of the result with its places in the plane; at copies of vertices, corners have their
+/// An embedded mesh with its places in the plane; at copies of vertices, corners have their
 /// own.
 std::string planar_text(const char* comment, const ism::TriangleMesh& given,
                         const ism::TriangleMesh& mesh, const ism::Points2& plane,
@@ -826,13 +788,10 @@ std::string planar_text(const char* comment, const ism::TriangleMesh& given,
   return corners_text(comment, given, mesh, ids, corners, "");
 }
 
-/// The mesh on one side on the other one, by written ids.
-std::string remesh_text(const char* comment, const ism::SurfaceMap& map, ism::Side side,
-                        const WrittenIds& ids) {
+/// The mesh on one side on the other one.
+std::string remesh_text(const char* comment, const ism::SurfaceMap& map, ism::Side side) {
   const ism::TriangleMesh mesh = ism::remesh(map, side).mesh;
-  const ism::Points3 vertices =
-      by_written_ids(ids, mesh.vertices, ism::Points3(mesh.vertices.row(0).replicate(ids.size, 1)));
-  return mesh_io::obj_text(comment, vertices, by_written_ids(ids, mesh.triangles));
+  return mesh_io::obj_text(comment, mesh.vertices, mesh.triangles);
 }
 
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
@@ -847,9 +806,9 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
                             start.added_a, ids_a)},
       {"B.obj", planar_text("mesh B; vt: place in the plane", input.b, *start.b, result.g,
                             start.added_b, ids_b)},
-      {"A_on_B.obj", remesh_text(on_other, map, ism::Side::kA, ids_a)},
-      {"B_on_A.obj", remesh_text(on_other, map, ism::Side::kB, ids_b)},
-      {"A_edges_on_B.obj", edges_text(input, start, map)},
+      {"A_on_B.obj", remesh_text(on_other, map, ism::Side::kA)},
+      {"B_on_A.obj", remesh_text(on_other, map, ism::Side::kB)},
+      {"A_edges_on_B.obj", edges_text(input, map)},
       {"meta_A.obj",
        mesh_io::obj_text("common refinement, on A", meta.on_a, mesh_io::polygons_of(meta))},
       {"meta_B.obj",
@@ -874,20 +833,40 @@ std::string heat_ply(const picture::Scene& scene, ism::Side side) {
                            mesh_io::polygons_of(meta), colors, densities);
 }
 
-/// The texture coordinates of A as it was embedded, per corner; where it has none, its places in
-/// the plane, in a unit square.
-Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result) {
-  const ism::Embedding& start = result.start;
+/// Places in the plane of A as texture coordinates, in a unit square.
+Eigen::MatrixXd in_unit_square(const ism::Points2& f, const ism::Points2& places) {
+  const Eigen::RowVector2d lo = f.colwise().minCoeff();
+  const double size = (f.colwise().maxCoeff() - lo).maxCoeff();
+  return (places.rowwise() - lo) / size;
+}
+
+/// The texture coordinates of A at the corners of the common refinement; where A has none, its
+/// places in the plane.
+Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result,
+                                    const picture::Scene& scene) {
   if (input.uv_a.rows() > 0)
-    return ism::refine(*start.prepared_a->mesh, *start.a, start.added_a, ism::Element::kCorner)
-        .apply(prepared_uv(input.uv_a, *start.prepared_a))
+    return ism::to_meta(scene.map.meta_mesh(), ism::Side::kA, ism::Element::kCorner)
+        .apply(input.uv_a)
         .values;
-  const Eigen::RowVector2d lo = result.f.colwise().minCoeff();
-  const double size = (result.f.colwise().maxCoeff() - lo).maxCoeff();
-  Eigen::MatrixXd uv(3 * start.a->triangles.rows(), 2);
-  for (Eigen::Index c = 0; c < uv.rows(); ++c)
-    uv.row(c) = (result.f.row(start.a->triangles(c / 3, c % 3)) - lo) / size;
-  return uv;
+  const ism::MetaMesh& meta = scene.meta;
+  ism::Points2 places(meta.corner_a.rows(), 2);
+  for (Eigen::Index c = 0; c < places.rows(); ++c)
+    places.row(c) = meta.plane.row(meta.corners[static_cast<std::size_t>(c)]);
+  return in_unit_square(result.f, places);
+}
+
+/// A with its texture coordinates, or, as it was embedded, with its places in the plane.
+std::string textured_text(const Input& input, const ism::Result& result) {
+  const char* const comment = "mesh A with its texture";
+  if (input.uv_a.rows() > 0)
+    return mesh_io::obj_text(comment, input.a.vertices, mesh_io::polygons_of(input.a.triangles),
+                             input.uv_a, "textured.mtl");
+  const ism::Embedding& start = result.start;
+  ism::Points2 places(start.a->triangles.size(), 2);
+  for (Eigen::Index c = 0; c < places.rows(); ++c)
+    places.row(c) = result.f.row(start.a->triangles.data()[c]);
+  return corners_text(comment, input.a, *start.a, written_ids(*start.prepared_a, start.added_a),
+                      in_unit_square(result.f, places), "textured.mtl");
 }
 
 /// A with a texture, B to which the map carries it, and both with the distortion of the map.
@@ -918,24 +897,19 @@ std::string picture_png(const std::vector<ism::Landmark>& landmarks, const pictu
   return render::png_text(canvas.image());
 }
 
-void add_textured(const Input& input, const ism::Result& result, const ism::MetaMesh& meta,
+void add_textured(const Input& input, const ism::Result& result, const picture::Scene& scene,
                   std::vector<mesh_io::TextFile>& files) {
-  const Eigen::MatrixXd uv = texture_coordinates(input, result);
-  const ism::Attributes on_b = ism::to_meta(meta, ism::Side::kA, ism::Element::kCorner).apply(uv);
-  const ism::Embedding& start = result.start;
-  files.push_back({"A_textured.obj", corners_text("mesh A with its texture", input.a, *start.a,
-                                                  written_ids(*start.prepared_a, start.added_a), uv,
-                                                  "textured.mtl")});
+  files.push_back({"A_textured.obj", textured_text(input, result)});
   files.push_back({"B_textured.obj",
-                   mesh_io::obj_text("common refinement on B with the texture of A", meta.on_b,
-                                     mesh_io::polygons_of(meta), on_b.values, "textured.mtl")});
+                   mesh_io::obj_text("common refinement on B with the texture of A",
+                                     scene.meta.on_b, mesh_io::polygons_of(scene.meta),
+                                     texture_coordinates(input, result, scene), "textured.mtl")});
   files.push_back({"textured.mtl", mesh_io::mtl_text("texture.png")});
   files.push_back({"texture.png", render::png_text(input.texture)});
 }
 
 /// The mesh on the other side with texture coordinates from this one.
-std::string uv_text(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
-                    ism::Side from, const Eigen::MatrixXd& uv) {
+std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const ism::Points2& uv) {
   const bool from_a = from == ism::Side::kA;
   ism::Attributes carried =
       ism::transfer(meta, from, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
@@ -943,28 +917,16 @@ std::string uv_text(const Input& input, const ism::Embedding& start, const ism::
     if (!carried.covered[c])
       carried.values.row(static_cast<Eigen::Index>(c))
           .setConstant(std::numeric_limits<double>::quiet_NaN());
-  const WrittenIds ids = from_a ? written_ids(*start.prepared_b, start.added_b)
-                                : written_ids(*start.prepared_a, start.added_a);
-  return corners_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
-                      from_a ? input.b : input.a, from_a ? *meta.b : *meta.a, ids, carried.values,
-                      "");
+  const ism::TriangleMesh& mesh = from_a ? *meta.b : *meta.a;
+  return mesh_io::obj_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
+                           mesh.vertices, mesh_io::polygons_of(mesh.triangles), carried.values, "");
 }
 
-void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
-            std::vector<mesh_io::TextFile>& files) {
-  constexpr ism::Element kCorner = ism::Element::kCorner;
-  if (input.uv_a.rows() > 0) {
-    const ism::Attributes uv =
-        ism::refine(*start.prepared_a->mesh, *start.a, start.added_a, kCorner)
-            .apply(prepared_uv(input.uv_a, *start.prepared_a));
-    files.push_back({"B_uv.obj", uv_text(input, start, meta, ism::Side::kA, uv.values)});
-  }
-  if (input.uv_b.rows() > 0) {
-    const ism::Attributes uv =
-        ism::refine(*start.prepared_b->mesh, *start.b, start.added_b, kCorner)
-            .apply(prepared_uv(input.uv_b, *start.prepared_b));
-    files.push_back({"A_uv.obj", uv_text(input, start, meta, ism::Side::kB, uv.values)});
-  }
+void add_uv(const Input& input, const ism::MetaMesh& meta, std::vector<mesh_io::TextFile>& files) {
+  if (input.uv_a.rows() > 0)
+    files.push_back({"B_uv.obj", uv_text(meta, ism::Side::kA, input.uv_a)});
+  if (input.uv_b.rows() > 0)
+    files.push_back({"A_uv.obj", uv_text(meta, ism::Side::kB, input.uv_b)});
 }
 
 /// Meshes and pictures of the shapes between A and B, all seen alike. Returns what is wrong.
@@ -993,9 +955,7 @@ std::string add_morph(const Arguments& args, const ism::Result& result, const pi
 picture::Texture shown_texture(const Arguments& args, const Input& input, const ism::Result& result,
                                const picture::Scene& scene) {
   if (args.texture.empty()) return picture::front_texture(scene);
-  return {input.texture, ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kCorner)
-                             .apply(texture_coordinates(input, result))
-                             .values};
+  return {input.texture, texture_coordinates(input, result, scene)};
 }
 
 /// What the options ask for beyond the files of every run. Returns what is wrong.
@@ -1004,12 +964,11 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
   picture::Texture texture;
   if (args.picture || !args.glb.empty()) texture = shown_texture(args, input, result, scene);
   if (args.picture)
-    files.push_back(
-        {"picture.png", picture_png(prepared_landmarks(input, result.start), scene, texture)});
+    files.push_back({"picture.png", picture_png(input.landmarks, scene, texture)});
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
-  if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
-  if (args.transfer_uv) add_uv(input, result.start, scene.meta, files);
+  if (!args.texture.empty()) add_textured(input, result, scene, files);
+  if (args.transfer_uv) add_uv(input, scene.map.meta_mesh(), files);
   if (!args.glb.empty())
     files.push_back({args.glb, picture::glb_text(scene, texture, result.f, result.g,
                                                  args.options.keep_scale, args.heat)});
@@ -1047,8 +1006,7 @@ void print_preparation(const ism::Prepared& prepared, int opening) {
   for (const ism::Repair& repair : prepared.repairs)
     std::printf("             %s\n", repair.message.c_str());
   if (opening >= 0)
-    std::printf("             closed: opened at vertex %d\n",
-                prepared.given_vertex[static_cast<std::size_t>(opening)]);
+    std::printf("             closed: opened at vertex %d\n", opening);
 }
 
 /// Without copies.
@@ -1168,7 +1126,7 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const Findings found = {landmark_error(input, result.start, map), map.openings(),
+  const Findings found = {landmark_error(input, map), map.openings(),
                           map.is_closed()};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);

@@ -107,7 +107,7 @@ Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& t
 }
 
 Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
-  Scene scene = {map, map.meta_mesh(), {}, map.distortion(keep_scale), axes};
+  Scene scene = {map, map.meta_mesh(ism::Ids::kEmbedded), {}, map.distortion(keep_scale), axes};
   scene.fans = render::fan_out(scene.meta.offsets, scene.meta.corners);
   return scene;
 }
@@ -272,7 +272,7 @@ void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,
 
 void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
                     const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas) {
-  const ism::Points3& vertices = scene.mesh(side).vertices;
+  const ism::Points3& vertices = scene.map.mesh(side).vertices;
   const render::View view = scene.view(side, panel);
   for (const ism::Landmark& l : landmarks)
     canvas.draw_ball(view, vertices.row((side == ism::Side::kA ? l.a : l.b).vertex).transpose(), 5,

@@ -40,7 +40,7 @@ struct Axes {
 /// A map with what it takes to draw it.
 struct Scene {
   ism::SurfaceMap map;
-  ism::MetaMesh meta;
+  ism::MetaMesh meta;  // of the meshes as they were embedded
   render::Fans fans;  // of its polygons
   std::vector<ism::PolygonDistortion> distortion;
   Axes axes;
@@ -93,7 +93,7 @@ void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,
 render::Shape heat_part(const Scene& scene, ism::Side side);
 render::Shape textured_part(const Scene& scene, ism::Side side, const Texture& texture);
 render::Shape uncovered_part(const Scene& scene, ism::Side side);
-/// Landmarks as balls on the surface on one side.
+/// Landmarks, vertices of the meshes given, as balls on the surface on one side.
 void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
                     const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas);
 

@@ -120,7 +120,7 @@ class Morph {
   /// Factorises a matrix of the size of the meta mesh. f and g are those that the map was made of.
   Morph(const ism::SurfaceMap& map, const ism::Points2& f, const ism::Points2& g) {
     if (map.status() != ism::Status::kDone) return;
-    const ism::MetaMesh meta = map.meta_mesh();
+    const ism::MetaMesh meta = map.meta_mesh(ism::Ids::kEmbedded);
     const std::vector<Polygon> polygons = polygons_of(map, meta, f, g);
     collect_edges(meta, polygons);
     align(meta, polygons);

@@ -30,6 +30,7 @@ using ism::Attributes;
 using ism::Element;
 using ism::MappedPoint;
 using ism::MetaMesh;
+using ism::Points2;
 using ism::PolygonDistortion;
 using ism::Polyline;
 using ism::Side;
@@ -253,24 +254,47 @@ TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Add
   return *ism::detail::with_added_vertices(ism::detail::shared(mesh), halved);
 }
 
+/// A map whose mesh A was given coarser, with these vertices added since.
+SurfaceMap refined_map(const TriangleMesh& a, const std::vector<ism::AddedVertex>& added,
+                       const TriangleMesh& fine, const Points2& f, const Disk& b) {
+  ism::Embedding e;
+  ism::detail::HalfEdgeMesh m;
+  const auto given = [&](const TriangleMesh& mesh) {
+    return std::make_shared<ism::Prepared>(ism::detail::as_given(ism::detail::shared(mesh), m));
+  };
+  e.prepared_a = given(a);
+  e.prepared_b = given(b.mesh);
+  e.a = ism::detail::shared(fine);
+  e.b = e.prepared_b->mesh;
+  e.added_a = added;
+  e.f = f;
+  e.g = b.plane;
+  return SurfaceMap(e);
+}
+
 TEST_CASE("paths follow edges that were halved") {
   const auto [a, b] = square_pair(9);
   const int u = 30, v = 31, n = static_cast<int>(a.mesh.vertices.rows());
   const std::vector<ism::AddedVertex> added = {{u, v}, {u, n}};
   const TriangleMesh mesh = with_midpoints(a.mesh, added);
-  const auto paths = ism::edge_paths({{u, v}, {v, u}, {v, v + 1}}, mesh, added);
-  CHECK(paths == std::vector<std::vector<int>>{{u, n + 1, n, v}, {v, n, n + 1, u}, {v, v + 1}});
   ism::Points2 plane(n + 2, 2);
   plane.topRows(n) = a.plane;
   plane.row(n) = 0.5 * (a.plane.row(u) + a.plane.row(v));
   plane.row(n + 1) = 0.5 * (plane.row(u) + plane.row(n));
-  const SurfaceMap map(mesh, b.mesh, plane, b.plane);
+  const SurfaceMap map = refined_map(a.mesh, added, mesh, plane, b);
   REQUIRE(map.status() == Status::kDone);
-  const std::vector<Polyline> image = map.forward_path(paths[0]);
-  REQUIRE(image.size() == 1);
-  check_continuous(b, image[0]);
-  CHECK(length(b, image[0]) == doctest::Approx((a.plane.row(u) - a.plane.row(v)).norm()));
-  CHECK(map.forward_path({u, n, v}).size() == 1);  // u and n have no edge any more
+  for (const std::vector<int>& path : {std::vector<int>{u, v}, {v, u}, {u, v, v + 1}}) {
+    const std::vector<Polyline> image = map.forward_path(path);
+    REQUIRE(image.size() == 1);
+    check_continuous(b, image[0]);
+    double expected = 0;
+    for (std::size_t i = 1; i < path.size(); ++i)
+      expected += (a.plane.row(path[i]) - a.plane.row(path[i - 1])).norm();
+    CHECK(length(b, image[0]) == doctest::Approx(expected));
+    const Eigen::Vector2d begin = shapes::planar(b, image[0].front());
+    CHECK((begin - a.plane.row(path[0]).transpose()).norm() < 1e-12);
+  }
+  CHECK(map.forward_path({u, n, v}).empty());  // n is no vertex of the mesh given
 }
 
 TEST_CASE("a curve that leaves a mesh is mapped where it comes back, too") {
@@ -399,72 +423,69 @@ TEST_CASE("transfer to faces keeps integrals, transfer to corners keeps linear f
             1e-9);
 }
 
-TEST_CASE("attributes follow vertices that were added") {
-  const TriangleMesh mesh = square_pair(18).first.mesh;
+TEST_CASE("what a map says of a mesh with vertices added is in the ids of the mesh given") {
+  const auto [a, b] = square_pair(18);
+  const TriangleMesh& mesh = a.mesh;
   const int n = static_cast<int>(mesh.vertices.rows());
   const std::vector<ism::AddedVertex> added = {{30, 31}, {30, n}, {n, n + 1}, {0, 1}};
   const TriangleMesh fine = with_midpoints(mesh, added);
   REQUIRE(fine.triangles.rows() > mesh.triangles.rows());
-  const Attributes at_vertices =
-      ism::refine(mesh, fine, added, Element::kVertex).apply(mesh.vertices);
-  REQUIRE(at_vertices.status == Status::kDone);
-  CHECK((at_vertices.values - fine.vertices).cwiseAbs().maxCoeff() < 1e-15);
-  const auto corners = [](const TriangleMesh& m) {  // with a seam at every edge
-    Eigen::MatrixXd values(3 * m.triangles.rows(), 3);
-    for (Eigen::Index c = 0; c < values.rows(); ++c)
-      values.row(c) = m.vertices.row(m.triangles(c / 3, c % 3));
-    return values;
-  };
-  const auto normal = [](const TriangleMesh& m, Eigen::Index f) -> Vector3d {
-    const Vector3d p = m.vertices.row(m.triangles(f, 0)), q = m.vertices.row(m.triangles(f, 1));
-    const Vector3d r = m.vertices.row(m.triangles(f, 2));
-    return (q - p).cross(r - p).normalized();
-  };
-  Eigen::MatrixXd normals(mesh.triangles.rows(), 3), given = corners(mesh);
-  for (Eigen::Index f = 0; f < normals.rows(); ++f) {
-    normals.row(f) = normal(mesh, f).transpose();
-    given.middleRows(3 * f, 3).rowwise() += 10 * normals.row(f);
+  Points2 f = a.plane;
+  f.conservativeResize(n + 4, Eigen::NoChange);
+  for (int i = 0; i < 4; ++i) {
+    const ism::AddedVertex& p = added[static_cast<std::size_t>(i)];
+    f.row(n + i) = 0.5 * (f.row(p.corners[0]) + f.row(p.corners[1]));
   }
-  const Attributes at_faces = ism::refine(mesh, fine, added, Element::kFace).apply(normals);
-  const Attributes at_corners = ism::refine(mesh, fine, added, Element::kCorner).apply(given);
-  Eigen::MatrixXd wanted = corners(fine);
-  for (Eigen::Index f = 0; f < fine.triangles.rows(); ++f) {
-    CHECK((at_faces.values.row(f).transpose() - normal(fine, f)).norm() < 1e-12);
-    wanted.middleRows(3 * f, 3).rowwise() += 10 * normal(fine, f).transpose();
+  const SurfaceMap map = refined_map(mesh, added, fine, f, b);
+  REQUIRE(map.status() == Status::kDone);
+  CHECK(map.mesh(Side::kA).vertices == mesh.vertices);
+  CHECK(map.mesh(Side::kA, ism::Ids::kEmbedded).vertices == fine.vertices);
+  CHECK(map.forward_vertices().size() == static_cast<std::size_t>(n));
+  const MetaMesh meta = map.meta_mesh(), embedded = map.meta_mesh(ism::Ids::kEmbedded);
+  CHECK(meta.corners == embedded.corners);
+  CHECK(meta.on_a == embedded.on_a);
+  for (std::size_t p = 0; p < meta.face_a.size(); ++p)
+    for (int i = meta.offsets[p]; i < meta.offsets[p + 1]; ++i) {
+      const Vector3d at = map.position_on_a({meta.face_a[p], meta.corner_a.row(i).transpose()});
+      const int v = meta.corners[static_cast<std::size_t>(i)];
+      CHECK((at - meta.on_a.row(v).transpose()).norm() < 1e-12);
+    }
+  Rng rng(19);
+  for (int i = 0; i < 200; ++i) {  // there and back
+    Vector3d weights(rng.uniform(), rng.uniform(), rng.uniform());
+    weights /= weights.sum();
+    const SurfacePoint p = {rng.below(static_cast<int>(mesh.triangles.rows())), weights};
+    const ism::MappedPoint image = map.forward(p);
+    REQUIRE(image.covered);
+    const ism::MappedPoint back = map.backward(image.point);
+    REQUIRE(back.covered);
+    CHECK((map.position_on_a(back.point) - map.position_on_a(p)).norm() < 1e-10);
   }
-  CHECK((at_corners.values - wanted).cwiseAbs().maxCoeff() < 1e-12);
-  const auto check_refused = [](const Attributes& refused, const std::string& message) {
-    CHECK(refused.status == Status::kInvalidAttributes);
-    CHECK(refused.message == message);
-    CHECK(refused.values.size() == 0);
-  };
-  TriangleMesh torn = fine, reordered = fine;
-  torn.triangles(3, 1) = static_cast<int>(fine.vertices.rows());
-  reordered.triangles.row(0).swap(reordered.triangles.row(1));
-  for (const Attributes& refused :
-       {ism::refine(mesh, torn, added, Element::kVertex).apply(mesh.vertices),
-        ism::refine(mesh, reordered, added, Element::kVertex).apply(mesh.vertices),
-        ism::refine(fine, mesh, added, Element::kVertex).apply(fine.vertices),
-        ism::refine(mesh, fine, {}, Element::kVertex).apply(mesh.vertices),
-        ism::refine(mesh, fine, {{30, 31}, {30, 900}, {-1, 2}, {0, 1}}, Element::kVertex)
-            .apply(mesh.vertices)})
-    check_refused(refused, "the refined mesh is not the mesh with these vertices added");
-  check_refused(ism::refine(mesh, fine, added, Element::kFace).apply(mesh.vertices),
-                "the attributes have 81 rows, but 128 are needed");
+  for (Element element : {Element::kVertex, Element::kFace, Element::kCorner}) {
+    const ism::Transfer t = ism::to_meta(meta, Side::kA, element);
+    CHECK(t.n_sources == ism::detail::element_count(mesh, element));
+    const Eigen::MatrixXd values = random_values(t.n_sources, rng);
+    const Attributes back =
+        ism::from_meta(meta, Side::kA, element).apply(t.apply(values).values);
+    CHECK((back.values - values).cwiseAbs().maxCoeff() < 1e-9);
+  }
 }
 
-TEST_CASE("attributes follow a vertex of more triangles than a byte counts") {
-  const int n = 600;
-  TriangleMesh fan = {ism::Points3::Zero(n + 1, 3), ism::Triangles(n, 3)};
-  for (int i = 0; i < n; ++i) {
-    fan.vertices.row(i + 1) << std::cos(2 * shapes::kPi * i / n), std::sin(2 * shapes::kPi * i / n),
-        0;
-    fan.triangles.row(i) << 0, i + 1, (i + 1) % n + 1;
+TEST_CASE("where vertices were added, a mesh that does not fit counts as given") {
+  const auto [a, b] = square_pair(18);
+  const int n = static_cast<int>(a.mesh.vertices.rows());
+  const std::vector<ism::AddedVertex> added = {{30, 31}, {30, n}};
+  const TriangleMesh fine = with_midpoints(a.mesh, added);
+  Points2 f = a.plane;
+  f.conservativeResize(n + 2, Eigen::NoChange);
+  f.row(n) = 0.5 * (f.row(30) + f.row(31));
+  f.row(n + 1) = 0.5 * (f.row(30) + f.row(n));
+  for (const std::vector<ism::AddedVertex>& wrong :
+       {std::vector<ism::AddedVertex>{}, {{30, 31}, {30, 900}}, {{-1, 2}, {0, 1}}}) {
+    const SurfaceMap map = refined_map(a.mesh, wrong, fine, f, b);
+    CHECK(map.status() == Status::kDone);
+    CHECK(map.mesh(Side::kA).vertices == fine.vertices);
   }
-  const ism::Transfer same = ism::refine(fan, fan, {}, Element::kVertex);
-  REQUIRE(same.status == Status::kDone);
-  const ism::Values x = fan.vertices;
-  CHECK((same.apply(x).values - x).norm() < 1e-14);
 }
 
 TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weights add up to 1") {

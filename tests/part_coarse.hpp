@@ -133,9 +133,11 @@ TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations
   for (const ism::CoarseLevel& level : coarse.coarse) {
     CHECK(level.iterations > 0);
     CHECK(level.mean_distortion > 2);
-    CHECK(level.mean_distortion < coarse.initial.mean_distortion);
+    CHECK(level.mean_distortion < coarse.at_start.mean_distortion);
   }
-  CHECK(coarse.initial.energy == plain.initial.energy);
+  CHECK(coarse.at_start.energy == plain.initial.energy);
+  CHECK(coarse.initial.energy < coarse.at_start.energy);
+  CHECK(coarse.log[0].energy <= coarse.initial.energy);
   CHECK(coarse.start.f == plain.start.f);
   const auto full = [](const Result& r) {
     int n = 0;
@@ -182,7 +184,8 @@ TEST_CASE("constraints hold on all levels, and a map is there after every step")
     CAPTURE(r.message);
     CHECK(r.status == ism::Status::kConverged);
     REQUIRE_FALSE(r.coarse.empty());
-    CHECK(coarse_steps > 5);
+    CHECK(coarse_steps > 0);
+    CHECK(coarse_steps <= static_cast<int>(r.coarse.size()) + 1);  // once a level, see below
     CHECK(r.final_state().pin_residual < 1e-9);
     CHECK(r.final_state().energy < r.initial.energy);
   }
@@ -210,7 +213,7 @@ TEST_CASE("nothing is lost where the start is the end already") {
   options.initial_g = first.g;
   const Result again = map_of(a, b, {}, options);
   CHECK_FALSE(again.coarse.empty());
-  CHECK(again.initial.energy == doctest::Approx(first.final_state().energy).epsilon(1e-9));
+  CHECK(again.at_start.energy == doctest::Approx(first.final_state().energy).epsilon(1e-9));
   CHECK(again.final_state().energy < first.final_state().energy + 1e-4);
 }
 

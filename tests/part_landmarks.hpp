@@ -404,35 +404,28 @@ TEST_CASE("attributes and paths follow the vertices of landmarks") {
   const Options options = exact_run(2);
   const Result r = ism::compute_map(a, t.b.mesh, t.landmarks, options);
   check_usable(r);
-  const TriangleMesh& fine = *r.start.a;
-  const Attributes at_vertices =
-      ism::refine(a, fine, r.start.added_a, Element::kVertex).apply(a.vertices);
-  REQUIRE(at_vertices.status == Status::kDone);
-  CHECK((at_vertices.values - fine.vertices).cwiseAbs().maxCoeff() < 1e-14);
-  Eigen::MatrixXd faces(n_triangles(a), 1), corners(3 * n_triangles(a), 3);
-  for (int f = 0; f < n_triangles(a); ++f) {
-    faces(f, 0) = 10 * f;
+  REQUIRE(n_vertices(*r.start.a) > n_vertices(a));
+  const ism::SurfaceMap map(r);
+  const ism::MetaMesh meta = map.meta_mesh();
+  Eigen::MatrixXd corners(3 * n_triangles(a), 3);
+  for (int f = 0; f < n_triangles(a); ++f)
     for (int k = 0; k < 3; ++k)  // a seam at every edge
       corners.row(3 * f + k) = a.vertices.row(a.triangles(f, k)).array() + 10 * f;
-  }
-  const Attributes at_faces = ism::refine(a, fine, r.start.added_a, Element::kFace).apply(faces);
-  const Attributes at_corners =
-      ism::refine(a, fine, r.start.added_a, Element::kCorner).apply(corners);
-  REQUIRE(at_faces.status == Status::kDone);
-  REQUIRE(at_corners.status == Status::kDone);
-  for (int f = 0; f < n_triangles(fine); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const Vector3d offset = Vector3d::Constant(at_faces.values(f, 0));
-      const Vector3d linear = at_corners.values.row(3 * f + k).transpose() - offset;
-      CHECK((linear - fine.vertices.row(fine.triangles(f, k)).transpose()).norm() < 1e-11);
+  const Attributes on_meta = ism::to_meta(meta, ism::Side::kA, Element::kCorner).apply(corners);
+  REQUIRE(on_meta.status == Status::kDone);
+  for (std::size_t p = 0; p < meta.face_a.size(); ++p)
+    for (int i = meta.offsets[p]; i < meta.offsets[p + 1]; ++i) {
+      const Vector3d offset = Vector3d::Constant(10 * meta.face_a[p]);
+      const Vector3d at = meta.on_a.row(meta.corners[static_cast<std::size_t>(i)]);
+      CHECK((on_meta.values.row(i).transpose() - offset - at).norm() < 1e-11);
     }
-  const int middle = n_vertices(a) + 8;
-  const auto path = ism::edge_paths({{u, v}}, fine, r.start.added_a)[0];
-  CHECK(path.front() == u);
-  CHECK(path.back() == v);
-  CHECK(std::count(path.begin(), path.end(), middle) == 1);
-  const HalfEdgeMesh m = half_edges(fine);
-  for (std::size_t i = 1; i < path.size(); ++i) CHECK(find_edge(m, path[i - 1], path[i]) >= 0);
+  const std::vector<ism::Polyline> path = map.forward_path({u, v});
+  REQUIRE(!path.empty());
+  if (!map.forward_vertex(u).covered || !map.forward_vertex(v).covered) return;
+  CHECK((map.position_on_b(path.front().front()) -
+         map.position_on_b(map.forward_vertex(u).point)).norm() < 1e-9);
+  CHECK((map.position_on_b(path.back().back()) -
+         map.position_on_b(map.forward_vertex(v).point)).norm() < 1e-9);
 }
 
 TEST_CASE("points on boundaries that are held correspond as vertices do") {

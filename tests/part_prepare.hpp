@@ -588,10 +588,18 @@ TEST_CASE("what is wrong with constraints on a prepared mesh is said in the ids 
   const Disk a = shapes::grid(6, 6), b = shapes::grid(6, 6);
   const TriangleMesh given = damaged(a.mesh);
   ism::Options options = some_iterations();
+  options.exact_landmarks = true;
   ism::Result r = ism::compute_map(given, b.mesh, {{0, 3}}, options);
   CHECK(r.status == ism::Status::kInvalidLandmarks);
   CHECK(r.message == "landmark 0 3: vertex 0 of A was dropped when the mesh was prepared");
   CHECK(r.ids == shapes::Ids{shapes::of_a(0)});
+  options.exact_landmarks = false;
+  r = ism::compute_map(given, b.mesh, {{0, 3}}, options);
+  CHECK(ism::is_usable(r.status));
+  REQUIRE(r.warnings.size() == 1);
+  CHECK(r.warnings[0].message ==
+        "landmark 0 3: vertex 0 of A was dropped when the mesh was prepared: it is left out");
+  CHECK(r.warnings[0].ids == shapes::Ids{shapes::of_a(0)});
   r = ism::compute_map(given, b.mesh, {{50, 3}}, options);
   CHECK(r.message == "landmark 50 3: mesh A has no vertex 50, it has 50 vertices, counted from 0");
   options.fixed_a = {0};

@@ -52,10 +52,12 @@ struct Spoilt {
       : map(m),
         f(m.planar_positions(Side::kA)),
         g(m.planar_positions(Side::kB)),
-        meta(m.meta_mesh()) {
+        meta(m.meta_mesh(ism::Ids::kEmbedded)) {
     Outcome outcome;
-    REQUIRE(ism::detail::verify_embedding(map.mesh(Side::kA), f, Side::kA, boundary_a, outcome));
-    REQUIRE(ism::detail::verify_embedding(map.mesh(Side::kB), g, Side::kB, boundary_b, outcome));
+    const ism::TriangleMesh& a = map.mesh(Side::kA, ism::Ids::kEmbedded);
+    const ism::TriangleMesh& b = map.mesh(Side::kB, ism::Ids::kEmbedded);
+    REQUIRE(ism::detail::verify_embedding(a, f, Side::kA, boundary_a, outcome));
+    REQUIRE(ism::detail::verify_embedding(b, g, Side::kB, boundary_b, outcome));
   }
 
   Outcome outcome() const {

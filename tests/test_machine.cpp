@@ -300,8 +300,6 @@ TEST_CASE("queries without memory") {
       ism::from_meta(meta, ism::Side::kB, e);
       ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, e).apply(values);
     }
-    ism::refine(a.mesh, *result.start.a, result.start.added_a, ism::Element::kVertex);
-    ism::edge_paths({{0, 1}}, *result.start.a, result.start.added_a);
   });
 }
 #endif

@@ -38,7 +38,7 @@ ism::TriangleMesh closed(ism::TriangleMesh mesh) {
 
 /// The same direction to look along at B as at A, from another side: that of the cut.
 picture::Axes from_the_cut(const picture::Scene& front, const ism::Result& result) {
-  const ism::TriangleMesh& a = *result.start.prepared_a->mesh;
+  const ism::TriangleMesh& a = *result.start.prepared_a->given;
   Eigen::Vector3d towards = Eigen::Vector3d::Zero();
   for (int f = 0; f < a.triangles.rows(); ++f)
     if ((a.triangles.row(f).array() == result.start.opening_a).any()) {

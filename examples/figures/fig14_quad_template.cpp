@@ -60,8 +60,8 @@ int fig14_quad_template(int argc, char** argv) {
     const picture::Scene& scene = i == 0 ? start : end;
     picture::draw_plain(scene, ism::Side::kB, panel(i + 1), canvas);
     figure::draw_lines(scene.view(ism::Side::kB, panel(i + 1)),
-                       figure::carried(scene, ism::Side::kA, pair.edges_a, r.start.added_a), kWidth,
-                       figure::kBlue, canvas);
+                       figure::carried(scene, ism::Side::kA, pair.edges_a), kWidth, figure::kBlue,
+                       canvas);
   }
   canvas.text({20, 34}, 13, "the template");
   canvas.text({435, 34}, 13, figure::format("start, %.3f", r.initial.mean_distortion));

@@ -102,9 +102,7 @@ ism::SurfaceMap inverse_of(const ism::Result& result) {
   return {*result.start.b, *result.start.a, result.g, result.f};
 }
 
-ism::SurfaceMap start_of(const ism::Result& result) {
-  return {*result.start.a, *result.start.b, result.start.f, result.start.g};
-}
+ism::SurfaceMap start_of(const ism::Result& result) { return ism::SurfaceMap(result.start); }
 
 std::string distortion_words(const ism::SurfaceMap& map) {
   const ism::DistortionSummary d = ism::summarize(map.distortion());
@@ -177,13 +175,13 @@ Lines straight(const ism::TriangleMesh& mesh, const std::vector<std::array<int, 
 }
 
 Lines carried(const picture::Scene& scene, ism::Side from,
-              const std::vector<std::array<int, 2>>& edges,
-              const std::vector<ism::AddedVertex>& added) {
+              const std::vector<std::array<int, 2>>& edges) {
   const bool from_a = from == ism::Side::kA;
   const ism::SurfaceMap& map = scene.map;
   Lines lines;
-  for (const std::vector<int>& path : ism::edge_paths(edges, scene.mesh(from), added))
-    for (const ism::Polyline& line : from_a ? map.forward_path(path) : map.backward_path(path)) {
+  for (const std::array<int, 2>& e : edges)
+    for (const ism::Polyline& line :
+         from_a ? map.forward_path({e[0], e[1]}) : map.backward_path({e[0], e[1]})) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : line)
         lines.back().push_back(from_a ? map.position_on_b(p) : map.position_on_a(p));

@@ -113,8 +113,7 @@ std::vector<std::array<int, 2>> edges_of(const ism::TriangleMesh& mesh);
 /// Edges of the mesh on one side, on its own surface, and on that of the other one.
 Lines straight(const ism::TriangleMesh& mesh, const std::vector<std::array<int, 2>>& edges);
 Lines carried(const picture::Scene& scene, ism::Side from,
-              const std::vector<std::array<int, 2>>& edges,
-              const std::vector<ism::AddedVertex>& added = {});
+              const std::vector<std::array<int, 2>>& edges);
 void draw_lines(const render::View& view, const Lines& lines, double width,
                 const render::Color& color, render::Canvas& canvas);
 

@@ -138,7 +138,7 @@ static_assert(sizeof(Corner) == 60, "view.js counts bytes");
 class OverlayPicture {
  public:
   explicit OverlayPicture(const ism::SurfaceMap& map)
-      : meta_(map.meta_mesh()),
+      : meta_(map.meta_mesh(ism::Ids::kEmbedded)),
         normals_a_(render::smooth_normals(meta_.a->vertices, meta_.a->triangles)),
         normals_b_(render::smooth_normals(meta_.b->vertices, meta_.b->triangles)) {
     const std::vector<ism::PolygonDistortion> distortion = map.distortion();
@@ -304,7 +304,7 @@ class Session {
   }
 
   static val plane_of(const ism::SurfaceMap& map, Side side) {
-    const ism::TriangleMesh& mesh = map.mesh(side);
+    const ism::TriangleMesh& mesh = map.mesh(side, ism::Ids::kEmbedded);
     val v = val::object();
     v.set("positions", floats_of(map.planar_positions(side)));
     v.set("triangles",
