@@ -815,7 +815,7 @@ inline std::string read_stl_bytes(PlyValues values, double count, Soup& soup) {
     for (int row = 0; row < 4; ++row) {  // the normal and three corners
       for (double& x : p) fine = values.next(number, x) && fine;
       if (row == 0) continue;
-      add_point(soup, p, "triangle", i);
+      soup.points.push_back(p);
       add_corner(soup);
     }
     double ignored = 0;
@@ -841,6 +841,7 @@ inline std::string read_stl(std::string_view text, Soup& soup) {
   if (!is_text && !is_binary) return ": the file is no STL file";
   const std::string error =
       is_text ? read_stl_text(text, soup) : read_stl_bytes(values, count, soup);
+  soup.notes = Notes();  // a vertex that is not finite is told with its face
   if (error.empty()) join_corners(soup);
   return error;
 }

@@ -590,10 +590,13 @@ TEST_CASE("STL: corners at one place are one vertex, numbered as they first appe
   const float nan = std::nanf("");
   std::string bad = binary_stl("", 2);
   std::memcpy(&bad[84 + 12], &nan, sizeof nan);
-  CHECK(
-      read_text("m.stl", bad).notes ==
-      std::vector<std::string>{"ignored 1 vertex with a coordinate that is not finite (triangle 0)",
-                               "dropped 1 face with a corner that is not finite (triangle 0)"});
+  CHECK(read_text("m.stl", bad).notes ==
+        std::vector<std::string>{"dropped 1 face with a corner that is not finite (triangle 0)"});
+  bad = ascii + "solid\nfacet outer loop\nvertex 0 0 0\nendloop";
+  bad.replace(bad.find("vertex 1 1 0"), 12, "vertex 1 nan 0");
+  CHECK(read_text("m.stl", bad).notes ==
+        std::vector<std::string>{"dropped 1 face of fewer than three corners (line 15)",
+                                 "dropped 1 face with a corner that is not finite (line 3)"});
 }
 
 TEST_CASE("every fault is one sentence with the file and the place") {
