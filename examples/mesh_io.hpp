@@ -877,8 +877,8 @@ inline void drop_repeated(const Soup& soup, std::vector<std::size_t>& kept) {
 
 /// Which corners of a face stay; none if it is dropped. Triangles stay as they are: degenerate ones
 /// are left to ism::prepare().
-inline std::vector<std::size_t> kept_corners(Soup& soup, std::size_t face) {
-  std::vector<std::size_t> kept;
+inline void find_kept(Soup& soup, std::size_t face, std::vector<std::size_t>& kept) {
+  kept.clear();
   for (std::size_t k = soup.face_begin(face); k < soup.face_end[face]; ++k) kept.push_back(k);
   bool is_finite = true;
   for (const std::size_t k : kept)
@@ -887,10 +887,10 @@ inline std::vector<std::size_t> kept_corners(Soup& soup, std::size_t face) {
   if (n > 3 && is_finite) drop_repeated(soup, kept);
   if (n >= 3 && kept.size() >= 3 && is_finite) {
     if (kept.size() < n) soup.note(Notes::kRepeatedCorners, face);
-    return kept;
+    return;
   }
   soup.note(n < 3 ? Notes::kFewCorners : is_finite ? Notes::kNoArea : Notes::kNotFinite, face);
-  return {};
+  kept.clear();
 }
 
 /// Checks the ids, and drops faces and corners that are of no use. Returns what is wrong, or an
@@ -911,8 +911,9 @@ inline std::string mend_faces(Soup& soup) {
                       std::to_string(n) + ")");
   }
   Soup mended;
+  std::vector<std::size_t> kept;
   for (std::size_t face = 0; face < soup.face_end.size(); ++face) {
-    const std::vector<std::size_t> kept = kept_corners(soup, face);
+    find_kept(soup, face, kept);
     for (const std::size_t k : kept) {
       mended.corner.push_back(soup.corner[k]);
       if (!soup.corner_planar.empty()) mended.corner_planar.push_back(soup.corner_planar[k]);
@@ -1075,7 +1076,10 @@ class Triangulator {
   /// Triangles of places in Soup::corner.
   std::vector<CornerTriple> run() {
     std::vector<CornerTriple> list;
-    find_lone_vertices();
+    bool has_polygons = false;
+    for (std::size_t face = 0; face < soup_.face_end.size(); ++face)
+      has_polygons = has_polygons || size(face) > 3;
+    if (has_polygons) find_lone_vertices();
     std::vector<CornerTriple> cut;
     for (std::size_t face = 0; face < soup_.face_end.size(); ++face) {
       cut = {{0, 1, 2}};
@@ -1083,7 +1087,7 @@ class Triangulator {
       const std::size_t begin = soup_.face_begin(face);
       for (const CornerTriple& t : cut) {
         list.push_back({begin + t[0], begin + t[1], begin + t[2]});
-        for (std::size_t k = 0; k < 3; ++k) take(face, t[k], t[(k + 1) % 3]);
+        for (std::size_t k = 0; k < 3 && has_polygons; ++k) take(face, t[k], t[(k + 1) % 3]);
       }
     }
     return list;
