@@ -41,11 +41,12 @@ constexpr int kBadInput = 2;
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
 Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF, PLY or STL files
-of surfaces without handles, closed or with boundaries; polygons are cut into triangles, and what has
-to be dropped or cut otherwise is printed. The corners of an STL file at one place are one vertex;
-vertices are numbered as they first appear. Of several boundary loops the longest is the outline, the
-others are openings. Meshes with defects are made surfaces first: vertices at one place are welded,
-triangles turned, of several parts that with the landmarks is taken; what was done is printed.
+of surfaces without handles, closed or with boundaries; polygons are cut into triangles, and what
+has to be dropped or cut otherwise is printed. The corners of an STL file at one place are one
+vertex; vertices are numbered as they first appear. Of several boundary loops the longest is the
+outline, the others are openings. Meshes with defects are made surfaces first: vertices at one place
+are welded, triangles turned, of several parts that with the landmarks is taken; what was done is
+printed.
 
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
