@@ -40,11 +40,13 @@ constexpr int kBadInput = 2;
 
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
-Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF or PLY files of
-surfaces without handles, closed or with boundaries; polygons are cut into triangles. Of several
-boundary loops the longest is the outline, the others are openings. Meshes with defects are made
-surfaces first: vertices at one place are welded, triangles turned, of several parts that with the
-landmarks is taken; what was done is printed.
+Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF, PLY or STL files
+of surfaces without handles, closed or with boundaries; polygons are cut into triangles, and what
+has to be dropped or cut otherwise is printed. The corners of an STL file at one place are one
+vertex; vertices are numbered as they first appear. Of several boundary loops the longest is the
+outline, the others are openings. Meshes with defects are made surfaces first: vertices at one place
+are welded, triangles turned, of several parts that with the landmarks is taken; what was done is
+printed.
 
   -o OUT             folder for the results, made if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
@@ -315,8 +317,9 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
 
 struct Input {
   ism::TriangleMesh a, b;
-  std::vector<std::array<int, 2>> edges_a;  // of the polygons of A
-  ism::Points2 uv_a, uv_b;                  // per corner of the triangles, or no rows
+  std::vector<std::array<int, 2>> edges_a;    // of the polygons of A
+  ism::Points2 uv_a, uv_b;                    // per corner of the triangles, or no rows
+  std::vector<std::string> notes_a, notes_b;  // of the readers
   std::vector<ism::Landmark> landmarks;
   render::Image texture;
 };
@@ -384,6 +387,8 @@ std::string read_meshes(const Arguments& args, Input& input) {
            std::move(a.edges),
            std::move(a.corner_uv),
            std::move(b.corner_uv),
+           std::move(a.notes),
+           std::move(b.notes),
            {},
            {}};
   return {};
@@ -643,12 +648,12 @@ Json json_iteration(const ism::IterationLog& it) {
   return json;
 }
 
-Json json_mesh(const std::string& path, const ism::TriangleMesh& mesh,
-               const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added,
-               int opening) {
+Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
+               const ism::TriangleMesh& mesh, const ism::Prepared& prepared,
+               const std::vector<ism::AddedVertex>& added, int opening) {
   const WrittenIds ids = written_ids(prepared, added);
   const auto written = [&](int v) { return ids.id[static_cast<std::size_t>(v)]; };
-  Json new_vertices = Json::array(), repairs = Json::array();
+  Json new_vertices = Json::array(), repairs = notes;
   for (const ism::AddedVertex& p : added) {
     if (p.corners[1] < 0) continue;  // a copy, which is written as one with its original
     Json corners = Json::array(), weights = Json::array();
@@ -719,20 +724,21 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   final.update(json_state(result.final_state()));
   Json iterations = json_list(result.log, json_iteration);
   iterations.insert(iterations.begin(), json_iteration(result.initial));
-  const Json report = {{"status", ism::to_string(result.status)},
-                       {"message", result.message},
-                       {"a", json_mesh(args.a, *e.a, *e.prepared_a, e.added_a, e.opening_a)},
-                       {"b", json_mesh(args.b, *e.b, *e.prepared_b, e.added_b, e.opening_b)},
-                       {"landmarks", input.landmarks.size()},
-                       {"memory_estimate", ism::memory_estimate(input.a, input.b, args.options)},
-                       {"is_closed", found.is_closed},
-                       {"openings", json_list(found.openings, json_opening)},
-                       {"options", json_options(args)},
-                       {"start", start},
-                       {"coarse", json_list(result.coarse, json_coarse)},
-                       {"final", final},
-                       {"seconds", json_seconds(s)},
-                       {"iterations", iterations}};
+  const Json report = {
+      {"status", ism::to_string(result.status)},
+      {"message", result.message},
+      {"a", json_mesh(args.a, input.notes_a, *e.a, *e.prepared_a, e.added_a, e.opening_a)},
+      {"b", json_mesh(args.b, input.notes_b, *e.b, *e.prepared_b, e.added_b, e.opening_b)},
+      {"landmarks", input.landmarks.size()},
+      {"memory_estimate", ism::memory_estimate(input.a, input.b, args.options)},
+      {"is_closed", found.is_closed},
+      {"openings", json_list(found.openings, json_opening)},
+      {"options", json_options(args)},
+      {"start", start},
+      {"coarse", json_list(result.coarse, json_coarse)},
+      {"final", final},
+      {"seconds", json_seconds(s)},
+      {"iterations", iterations}};
   // Names of files may be anything; JSON is UTF-8.
   return report.dump(1, ' ', false, Json::error_handler_t::replace) + '\n';
 }
@@ -1002,7 +1008,9 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
 }
 
 /// What was done to a mesh, a line for each thing.
-void print_preparation(const ism::Prepared& prepared, int opening) {
+void print_preparation(const std::vector<std::string>& notes, const ism::Prepared& prepared,
+                       int opening) {
+  for (const std::string& note : notes) std::printf("             %s\n", note.c_str());
   for (const ism::Repair& repair : prepared.repairs)
     std::printf("             %s\n", repair.message.c_str());
   if (opening >= 0)
@@ -1024,9 +1032,9 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
            " triangles";
   };
   std::printf("A            %s: %s\n", args.a.c_str(), size(input.a).c_str());
-  print_preparation(*result.start.prepared_a, result.start.opening_a);
+  print_preparation(input.notes_a, *result.start.prepared_a, result.start.opening_a);
   std::printf("B            %s: %s\n", args.b.c_str(), size(input.b).c_str());
-  print_preparation(*result.start.prepared_b, result.start.opening_b);
+  print_preparation(input.notes_b, *result.start.prepared_b, result.start.opening_b);
   const int added_a = count_added(result.start.added_a),
             added_b = count_added(result.start.added_b);
   if (added_a + added_b > 0)

@@ -1,11 +1,12 @@
-// mesh_io.hpp: reads OBJ, OFF and PLY files, writes OBJ and PLY files. Part of the examples of
-// ism.hpp.
+// mesh_io.hpp: reads OBJ, OFF, PLY and STL files, writes OBJ and PLY files. Part of the examples
+// of ism.hpp.
 //
 //   mesh_io::ReadResult a = mesh_io::read_mesh("A.obj");
 //   if (!a.ok) std::cerr << a.error << '\n';  // "A.obj, line 12: ..."
 //
-// Polygons are cut into triangles. Faults in a file never crash and never throw: the result says
-// in one sentence what is wrong and where. Numbers do not depend on the locale.
+// Polygons are cut into triangles, also around holes behind a bridge. What can be mended is mended
+// and told in notes; other faults in a file never crash and never throw: the result says in one
+// sentence what is wrong and where. Numbers do not depend on the locale.
 
 #ifndef ISM_EXAMPLES_MESH_IO_HPP
 #define ISM_EXAMPLES_MESH_IO_HPP
@@ -16,6 +17,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -24,6 +26,7 @@
 #include <filesystem>
 #include <limits>
 #include <locale>
+#include <set>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -35,7 +38,8 @@ namespace mesh_io {
 
 struct ReadResult {
   bool ok = false;
-  std::string error;  // one sentence: the file, the line or element, what is wrong
+  std::string error;               // one sentence: the file, the line or element, what is wrong
+  std::vector<std::string> notes;  // what was dropped or cut otherwise, a sentence for each kind
   ism::TriangleMesh mesh;
   std::vector<std::array<int, 2>> edges;  // of the polygons before they were cut, each once
   ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
@@ -43,12 +47,16 @@ struct ReadResult {
                            // some corner has none
 };
 
-/// Reads a mesh; the extension tells the format (.obj, .off, .ply; any case).
+/// Reads a mesh; the extension tells the format (.obj, .off, .ply, .stl; any case). Vertices keep
+/// their ids; one that is not finite, whose faces are dropped, lies where the first finite one
+/// does.
 ///
 /// OBJ: v, vt, f (i, i/t, i//n, i/t/n, negative indices); all else is skipped.
 /// OFF: with or without header word; colours, normals and texture coordinates are skipped.
 /// PLY: ascii and binary, both byte orders; all elements and properties; x, y, z of `vertex` and
-///      vertex_indices (or vertex_index) of `face` are used.
+///      vertex_indices (or vertex_index) of `face` and of `tristrips`, where -1 ends a strip.
+/// STL: ascii, also of several solids, and binary. There are no ids in the file: corners at equal
+///      coordinates are one vertex, and vertices are numbered as they first appear.
 inline ReadResult read_mesh(const std::string& path);
 
 struct IdPair {
@@ -118,7 +126,7 @@ namespace detail {
 constexpr long long kMaxElements = 500000000;
 constexpr std::uintmax_t kMaxBytes = std::uintmax_t(1) << 34;
 /// Larger polygons are no mesh faces, and cutting them takes quadratic time.
-constexpr int kMaxCorners = 1000;
+constexpr int kMaxCorners = 10000;
 
 inline bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
@@ -134,8 +142,26 @@ inline const char* parse_by_stream(const char* p, const char* end, double& value
                                                                                     : nullptr;
 }
 
+/// What programs write for numbers that are not finite: nan, -inf, nan(ind), 1.#QNAN. Returns the
+/// place behind it, or null.
+inline const char* parse_not_finite(const char* p, const char* end, double& value) {
+  if (p < end && (*p == '-' || *p == '+')) ++p;
+  if (end - p > 3 && std::string_view(p, 3) == "1.#") p += 3;
+  if (end - p < 3) return nullptr;
+  char word[3];
+  for (int i = 0; i < 3; ++i) word[i] = static_cast<char>(p[i] | 32);  // in lower case
+  bool is_known = false;
+  for (const char* name : {"nan", "inf", "ind", "qna", "sna"})
+    is_known = is_known || std::string_view(word, 3) == name;
+  if (!is_known) return nullptr;
+  while (p < end && (std::isalnum(static_cast<unsigned char>(*p)) || *p == '(' || *p == ')')) ++p;
+  value = std::numeric_limits<double>::quiet_NaN();
+  return p;
+}
+
 /// Parses a number at p and returns the place behind it, or null.
 inline const char* parse_at(const char* p, const char* end, double& value) {
+  if (const char* behind = parse_not_finite(p, end, value)) return behind;
   if (end - p > 1 && *p == '+' && p[1] != '-') ++p;
 #if defined(__cpp_lib_to_chars)
   const std::from_chars_result r = std::from_chars(p, end, value);
@@ -190,7 +216,7 @@ class Scanner {
   /// The next number of this line, up to a blank.
   template <class Number>
   bool number(Number& value) {
-    return prefix(value) && (p_ == end_ || is_blank(*p_) || *p_ == '\n' || *p_ == '#');
+    return prefix(value) && !in_item();
   }
   /// The next number of this line, whatever follows it.
   template <class Number>
@@ -206,15 +232,25 @@ class Scanner {
     if (found) ++p_;
     return found;
   }
-  bool in_item() const { return p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '#'; }
+  bool in_item() const {
+    return p_ < end_ && !is_blank(*p_) && *p_ != '\n' && *p_ != '#' && !joining_newline();
+  }
+  /// True behind the whole part of a number with a decimal comma.
+  bool at_decimal_comma() const {
+    return end_ - p_ > 1 && *p_ == ',' && p_[1] >= '0' && p_[1] <= '9';
+  }
 
  private:
-  bool joined() {  // moves to the newline if a backslash takes it back
-    if (!joins_ || *p_ != '\\') return false;
+  const char* joining_newline() const {  // the newline that a backslash here takes back, or null
+    if (!joins_ || *p_ != '\\') return nullptr;
     const char* q = p_ + 1;
-    if (q < end_ && *q == '\r') ++q;
-    if (q == end_ || *q != '\n') return false;
-    p_ = q;
+    while (q < end_ && is_blank(*q)) ++q;
+    return q < end_ && *q == '\n' ? q : nullptr;
+  }
+  bool joined() {  // moves to that newline
+    const char* newline = joining_newline();
+    if (!newline) return false;
+    p_ = newline;
     ++line_;
     return true;
   }
@@ -223,6 +259,68 @@ class Scanner {
   const char* end_;
   long long line_ = 1;
   bool joins_;
+};
+
+/// Counts what is mended by kinds, and remembers where the first ones are.
+class Notes {
+ public:
+  enum Kind {
+    kVertex,
+    kVertexValues,
+    kFaceValues,
+    kFewCorners,
+    kNotFinite,
+    kNoArea,
+    kRepeatedCorners,
+    kReordered,
+    kForced,
+    kOtherDiagonal,
+    kKinds
+  };
+
+  void add(Kind kind, const char* place_name, long long place) {
+    List& list = lists_[kind];
+    list.place_name = place_name;
+    if (++list.count <= kTold) list.places += (list.count > 1 ? ", " : "") + std::to_string(place);
+  }
+
+  /// "dropped 4 faces without area (lines 3, 7, 9, ...)"
+  std::vector<std::string> sentences() const {
+    static const char* const kWords[kKinds][3] = {
+        {"ignored", "vertex", " with a coordinate that is not finite"},
+        {"ignored more values than the header names of", "vertex", ""},
+        {"ignored more values than the header names of", "face", ""},
+        {"dropped", "face", " of fewer than three corners"},
+        {"dropped", "face", " with a corner that is not finite"},
+        {"dropped", "face", " without area"},
+        {"took repeated corners out of", "face", ""},
+        {"reordered the corners of", "face", " with crossing sides"},
+        {"cut", "face", " with crossing sides or without area as well as possible"},
+        {"cut", "face", " along another diagonal, so that no vertex is lost"}};
+    std::vector<std::string> result;
+    for (std::size_t kind = 0; kind < kKinds; ++kind) {
+      const List& list = lists_[kind];
+      if (list.count == 0) continue;
+      std::string sentence = kWords[kind][0];
+      sentence += ' ' + std::to_string(list.count) + ' ' + noun(kWords[kind][1], list.count);
+      sentence += kWords[kind][2];
+      sentence += " (" + noun(list.place_name, list.count) + ' ' + list.places;
+      result.push_back(sentence + (list.count > kTold ? ", ...)" : ")"));
+    }
+    return result;
+  }
+
+ private:
+  static constexpr long long kTold = 3;
+  struct List {
+    long long count = 0;
+    const char* place_name = "";
+    std::string places;
+  };
+  static std::string noun(const std::string& name, long long count) {
+    return count == 1 ? name : name == "vertex" ? "vertices" : name + 's';
+  }
+  std::array<List, kKinds> lists_;
 };
 
 /// What a file holds before it becomes a triangle mesh. Faces are lists of corners one after the
@@ -234,11 +332,14 @@ struct Soup {
   std::vector<std::size_t> face_end;
   std::vector<long long> face_place;  // the line, or the number in the file, of every face
   const char* place_name = "line";
+  Notes notes;
 
+  std::size_t face_begin(std::size_t face) const { return face == 0 ? 0 : face_end[face - 1]; }
   void end_face(long long place) {
     face_end.push_back(corner.size());
     face_place.push_back(place);
   }
+  void note(Notes::Kind kind, std::size_t face) { notes.add(kind, place_name, face_place[face]); }
 };
 
 inline std::string at(const char* what, long long number, const std::string& message) {
@@ -247,18 +348,28 @@ inline std::string at(const char* what, long long number, const std::string& mes
 inline std::string at_line(const Scanner& s, const std::string& message) {
   return at("line", s.line(), message);
 }
+/// Says what is missing where a number could not be read.
+inline std::string no_number(const Scanner& s, const char* message) {
+  return at_line(s, s.at_decimal_comma() ? "numbers need a decimal point, not a comma" : message);
+}
 
 inline bool finite(const std::array<double, 3>& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
 
-/// Three finite numbers of one line. Returns what is wrong, or an empty string.
+/// Adds a vertex, which need not be finite: perhaps no face uses it.
+inline void add_point(Soup& soup, const std::array<double, 3>& p, const char* what,
+                      long long place) {
+  if (!finite(p)) soup.notes.add(Notes::kVertex, what, place);
+  soup.points.push_back(p);
+}
+
+/// Three numbers of one line. Returns what is wrong, or an empty string.
 inline std::string read_point(Scanner& s, Soup& soup) {
   std::array<double, 3> p{};
   for (double& x : p)
-    if (!s.number(x)) return at_line(s, "a vertex needs three numbers");
-  if (!finite(p)) return at_line(s, "a coordinate is not finite");
-  soup.points.push_back(p);
+    if (!s.number(x)) return no_number(s, "a vertex needs three numbers");
+  add_point(soup, p, "line", s.line());
   return {};
 }
 
@@ -287,7 +398,6 @@ inline std::string read_obj_face(Scanner& s, Soup& soup) {
     soup.corner.push_back(v);
     soup.corner_planar.push_back(t);
   }
-  if (n < 3) return at("line", line, "a face needs at least three corners");
   soup.end_face(line);
   return {};
 }
@@ -302,7 +412,7 @@ inline std::string read_obj(std::string_view text, Soup& soup) {
     } else if (key == "vt") {
       std::array<double, 2> p{};
       if (!s.number(p[0]) || (!s.line_done() && !s.number(p[1])))
-        return at_line(s, "a vt needs numbers");
+        return no_number(s, "a vt needs numbers");
       soup.planar.push_back(p);
     } else if (key == "f") {
       error = read_obj_face(s, soup);
@@ -313,15 +423,18 @@ inline std::string read_obj(std::string_view text, Soup& soup) {
 
 // ==== [3] OFF ====================================================================================
 
-/// The optional first word, such as OFF, COFF or STNOFF.
+/// The optional first word, such as OFF, COFF or STNOFF. The number of vertices may follow it
+/// without a blank.
 inline std::string read_off_header(Scanner& s) {
   if (!s.find_item()) return ": the file is empty";
   Scanner ahead = s;
   const std::string_view word = ahead.word();
-  if (word.size() < 3 || word.substr(word.size() - 3) != "OFF") return {};  // no header word
-  if (word.find_first_not_of("STCNOF") != std::string_view::npos)
+  const std::size_t behind = word.find("OFF") + 3;
+  if (behind < 3 || word.find_first_not_of("0123456789", behind) != std::string_view::npos)
+    return {};  // no header word
+  if (word.find_first_not_of("STCNOF") < behind)
     return at_line(s, "only OFF files of points in space can be read, not " + std::string(word));
-  s.word();
+  for (const char c : word.substr(0, behind)) s.skip(c);
   ahead = s;
   if (ahead.word() == "BINARY") return at_line(s, "binary OFF files cannot be read");
   return {};
@@ -331,7 +444,6 @@ inline std::string read_off_face(Scanner& s, Soup& soup) {
   long long n = 0;
   if (!s.number(n) || n < 0 || n > s.bytes_left())
     return at_line(s, "a face needs a number of corners");
-  if (n < 3) return at_line(s, "a face needs at least three corners");
   for (long long k = 0; k < n; ++k) {
     long long id = 0;
     if (!s.number(id))
@@ -468,11 +580,17 @@ inline std::string read_ply_header(Scanner& s, PlyHeader& header) {
 /// The values behind the header, one after the other, in any of the three formats.
 class PlyValues {
  public:
-  PlyValues(Scanner s, PlyFormat format)
-      : text_(s), p_(s.place()), end_(p_ + s.bytes_left()), format_(format) {}
+  /// In text, rows are lines, unless they are said to follow each other anywhere.
+  PlyValues(Scanner s, PlyFormat format, bool rows_are_lines = false)
+      : text_(s),
+        p_(s.place()),
+        end_(p_ + s.bytes_left()),
+        format_(format),
+        rows_are_lines_(rows_are_lines) {}
 
   bool ascii() const { return format_ == PlyFormat::kAscii; }
   long long bytes_left() const { return ascii() ? text_.bytes_left() : end_ - p_; }
+  bool at_decimal_comma() const { return ascii() && text_.at_decimal_comma(); }
   bool next(const PlyType& type, double& value) {
     if (ascii()) return text_.find_item() && text_.number(value);
     if (end_ - p_ < type.bytes) return false;
@@ -484,6 +602,13 @@ class PlyValues {
     p_ += type.bytes;
     value = decode(bits, type);
     return true;
+  }
+  /// True if there was more in the row than the header says.
+  bool end_row() {
+    if (!ascii() || !rows_are_lines_) return false;
+    const bool more = !text_.line_done();
+    text_.next_line();
+    return more;
   }
   /// The next value as a whole number; false also if it is none.
   bool next(const PlyType& type, long long& value) {
@@ -516,6 +641,7 @@ class PlyValues {
   const char* p_;
   const char* end_;
   PlyFormat format_;
+  bool rows_are_lines_;
 };
 
 /// Reads a list; its values are kept as corners if `soup` is given.
@@ -545,8 +671,33 @@ inline bool read_ply_row(PlyValues& values, const PlyElement& element, const Ply
   return true;
 }
 
+/// Takes the last corners for strips, each ended by -1, and puts their triangles in their place.
+/// Every other one is turned; those that only join strips are left out.
+inline void end_strips(std::size_t begin, Soup& soup) {
+  const auto first = soup.corner.begin() + static_cast<std::ptrdiff_t>(begin);
+  std::vector<long long> ids(first, soup.corner.end());
+  soup.corner.resize(begin);
+  ids.push_back(-1);
+  std::size_t start = 0;
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    if (ids[k] == -1) {
+      const std::size_t n = k - start;
+      for (; n < 3 && start < k; ++start) soup.corner.push_back(ids[start]);
+      if (n == 1 || n == 2) soup.end_face(static_cast<long long>(soup.face_end.size()));
+      start = k + 1;
+    } else if (k >= start + 2) {
+      const std::size_t odd = (k - start) % 2;
+      const long long a = ids[k - 2 + odd], b = ids[k - 1 - odd], c = ids[k];
+      if (a == b || b == c || c == a) continue;
+      soup.corner.insert(soup.corner.end(), {a, b, c});
+      soup.end_face(static_cast<long long>(soup.face_end.size()));
+    }
+  }
+}
+
 inline std::string read_ply_element(PlyValues& values, const PlyElement& element, Soup& soup) {
-  const bool vertices = element.name == "vertex", faces = element.name == "face";
+  const bool vertices = element.name == "vertex", strips = element.name == "tristrips",
+             faces = element.name == "face" || strips;
   const PlyProperty* indices = nullptr;
   int coordinates = 0;
   for (const PlyProperty& p : element.properties) {
@@ -563,12 +714,15 @@ inline std::string read_ply_element(PlyValues& values, const PlyElement& element
     std::array<double, 3> point{};
     const std::size_t corners = soup.corner.size();
     if (!read_ply_row(values, element, faces ? indices : nullptr, point, soup))
-      return at(element.name.c_str(), i, "the data are cut short or not a number");
-    if (vertices && !finite(point)) return at("vertex", i, "a coordinate is not finite");
-    if (vertices) soup.points.push_back(point);
-    if (faces && soup.corner.size() < corners + 3)
-      return at("face", i, "a face needs at least three corners");
-    if (faces) soup.end_face(i);
+      return at(element.name.c_str(), i,
+                values.at_decimal_comma() ? "numbers need a decimal point, not a comma"
+                                          : "the data are cut short or not a number");
+    const bool more = values.end_row();
+    if (more && vertices) soup.notes.add(Notes::kVertexValues, "vertex", i);
+    if (more && faces) soup.notes.add(Notes::kFaceValues, "face", i);
+    if (vertices) add_point(soup, point, "vertex", i);
+    if (strips) end_strips(corners, soup);
+    if (faces && !strips) soup.end_face(static_cast<long long>(soup.face_end.size()));
   }
   return {};
 }
@@ -578,22 +732,209 @@ inline std::string read_ply(std::string_view text, Soup& soup) {
   PlyHeader header;
   std::string error = read_ply_header(s, header);
   if (!error.empty()) return error;
-  PlyValues values(s, header.format);
-  soup.place_name = "face";
-  for (std::size_t i = 0; i < header.elements.size() && error.empty(); ++i)
-    error = read_ply_element(values, header.elements[i], soup);
+  for (const bool rows_are_lines : {true, false}) {
+    PlyValues values(s, header.format, rows_are_lines);
+    soup = Soup();
+    soup.place_name = "face";
+    error.clear();
+    for (std::size_t i = 0; i < header.elements.size() && error.empty(); ++i)
+      error = read_ply_element(values, header.elements[i], soup);
+    if (error.empty()) break;
+  }
   return error;
 }
 
-// ==== [5] POLYGONS TO TRIANGLES ==================================================================
+// ==== [5] STL ====================================================================================
+
+/// Makes corners at equal coordinates one vertex; until here every corner has its own.
+inline void join_corners(Soup& soup) {
+  using Key = std::pair<std::array<std::uint64_t, 3>, std::size_t>;  // bits, which NaN have too
+  std::vector<Key> keys(soup.points.size());
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    for (double& x : soup.points[i]) x += 0.0;  // -0 is 0
+    std::memcpy(keys[i].first.data(), soup.points[i].data(), sizeof keys[i].first);
+    keys[i].second = i;
+  }
+  std::sort(keys.begin(), keys.end());
+  std::vector<std::size_t> first(keys.size());
+  for (std::size_t k = 0; k < keys.size(); ++k)
+    first[keys[k].second] =
+        k > 0 && keys[k].first == keys[k - 1].first ? first[keys[k - 1].second] : keys[k].second;
+  std::vector<long long> id(keys.size());
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    id[i] = first[i] == i ? static_cast<long long>(n) : id[first[i]];
+    if (first[i] == i) soup.points[n++] = soup.points[i];
+  }
+  soup.points.resize(n);
+  soup.corner = std::move(id);
+}
+
+inline void add_corner(Soup& soup) {
+  soup.corner.push_back(static_cast<long long>(soup.corner.size()));
+}
+
+inline std::string lower_word(Scanner& s) {
+  std::string word(s.word());
+  for (char& c : word)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return word;
+}
+
+inline std::string read_stl_text(std::string_view text, Soup& soup) {
+  Scanner s(text);
+  long long loop = 0;  // the line of the loop that is read, or 0
+  while (s.find_item()) {
+    const std::string word = lower_word(s);
+    if (word == "solid" || word == "endsolid") {
+      s.next_line();  // over its name
+    } else if (word == "normal") {
+      for (int k = 0; k < 3; ++k) s.word();
+    } else if (word == "outer") {
+      loop = s.line();
+    } else if (word == "vertex" && loop > 0) {
+      const std::string error = read_point(s, soup);
+      if (!error.empty()) return error;
+      add_corner(soup);
+    } else if (word == "endloop" && loop > 0) {
+      soup.end_face(loop);
+      loop = 0;
+    } else if (word != "facet" && word != "loop" && word != "endfacet") {
+      return at_line(s, "'" + word.substr(0, 20) + "' is not expected here");
+    }
+  }
+  return loop > 0 ? at("line", loop, "the file ends inside of a facet") : "";
+}
+
+inline std::string read_stl_bytes(PlyValues values, double count, Soup& soup) {
+  const PlyType number = ply_type("float"), attribute = ply_type("ushort");
+  soup.place_name = "triangle";
+  for (long long i = 0; static_cast<double>(i) < count; ++i) {
+    std::array<double, 3> p{};
+    bool fine = true;
+    for (int row = 0; row < 4; ++row) {  // the normal and three corners
+      for (double& x : p) fine = values.next(number, x) && fine;
+      if (row == 0) continue;
+      soup.points.push_back(p);
+      add_corner(soup);
+    }
+    double ignored = 0;
+    if (!fine || !values.next(attribute, ignored))
+      return ": the file ends after " + std::to_string(i) + " of " +
+             std::to_string(static_cast<long long>(count)) + " triangles";
+    soup.end_face(i);
+  }
+  return {};
+}
+
+/// Headers of binary files may begin with `solid`, too; their size tells them, or a byte 0.
+inline std::string read_stl(std::string_view text, Soup& soup) {
+  Scanner s(text);
+  PlyValues values(s, PlyFormat::kLittleEndian);
+  double count = 0;  // behind 80 bytes
+  bool is_binary = true;
+  for (int k = 0; k < 21; ++k) is_binary = is_binary && values.next(ply_type("uint"), count);
+  const bool fits = is_binary && static_cast<double>(text.size()) == 84 + 50 * count;
+  const bool has_zero = text.substr(0, 1000).find('\0') != std::string_view::npos;
+  s.find_item();
+  const bool is_text = !fits && !has_zero && lower_word(s) == "solid";
+  if (!is_text && !is_binary) return ": the file is no STL file";
+  const std::string error =
+      is_text ? read_stl_text(text, soup) : read_stl_bytes(values, count, soup);
+  soup.notes = Notes();  // a vertex that is not finite is told with its face
+  if (error.empty()) join_corners(soup);
+  return error;
+}
+
+// ==== [6] POLYGONS TO TRIANGLES ==================================================================
+
+inline bool same_place(const Soup& soup, std::size_t k, std::size_t l) {
+  const auto point = [&](std::size_t i) { return static_cast<std::size_t>(soup.corner[i]); };
+  return point(k) == point(l) || soup.points[point(k)] == soup.points[point(l)];
+}
+
+/// Takes out corners at the place of the one before, and ways that lead to a corner and back.
+inline void drop_repeated(const Soup& soup, std::vector<std::size_t>& kept) {
+  const auto erase = [&](std::size_t k) {
+    kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(k % kept.size()));
+  };
+  for (std::size_t since = 0, k = 0; since < kept.size() && kept.size() > 2;) {
+    const std::size_t n = kept.size();
+    const auto at = [&](std::size_t i) { return kept[i % n]; };
+    ++since;
+    if (same_place(soup, at(k), at(k + 1))) {
+      erase(k + 1), since = 0;
+    } else if (same_place(soup, at(k), at(k + 2))) {
+      const std::size_t last = (k + 2) % n, tip = (k + 1) % n;
+      erase((std::max)(last, tip)), erase((std::min)(last, tip)), since = 0;
+    } else {
+      k = (k + 1) % n;
+      continue;
+    }
+    k = (k + kept.size() - 1) % kept.size();  // the corner before may be repeated now
+  }
+}
+
+/// Which corners of a face stay; none if it is dropped. Triangles stay as they are: degenerate ones
+/// are left to ism::prepare().
+inline void find_kept(Soup& soup, std::size_t face, std::vector<std::size_t>& kept) {
+  kept.clear();
+  for (std::size_t k = soup.face_begin(face); k < soup.face_end[face]; ++k) kept.push_back(k);
+  bool is_finite = true;
+  for (const std::size_t k : kept)
+    is_finite = is_finite && finite(soup.points[static_cast<std::size_t>(soup.corner[k])]);
+  const std::size_t n = kept.size();
+  if (n > 3 && is_finite) drop_repeated(soup, kept);
+  if (n >= 3 && kept.size() >= 3 && is_finite) {
+    if (kept.size() < n) soup.note(Notes::kRepeatedCorners, face);
+    return;
+  }
+  soup.note(n < 3 ? Notes::kFewCorners : is_finite ? Notes::kNoArea : Notes::kNotFinite, face);
+  kept.clear();
+}
+
+/// Checks the ids, and drops faces and corners that are of no use. Returns what is wrong, or an
+/// empty string.
+inline std::string mend_faces(Soup& soup) {
+  const long long n = static_cast<long long>(soup.points.size());
+  for (std::size_t face = 0; face < soup.face_end.size(); ++face) {
+    const std::size_t begin = soup.face_begin(face), size = soup.face_end[face] - begin;
+    if (size > static_cast<std::size_t>(kMaxCorners))
+      return at(soup.place_name, soup.face_place[face],
+                "the face has " + std::to_string(size) + " corners, at most " +
+                    std::to_string(kMaxCorners) + " can be read");
+    for (std::size_t k = 0; k < size; ++k)
+      if (soup.corner[begin + k] < 0 || soup.corner[begin + k] >= n)
+        return at(soup.place_name, soup.face_place[face],
+                  "corner " + std::to_string(k + 1) +
+                      " of the face refers to a vertex that does not exist (there are " +
+                      std::to_string(n) + ")");
+  }
+  Soup mended;
+  std::vector<std::size_t> kept;
+  for (std::size_t face = 0; face < soup.face_end.size(); ++face) {
+    find_kept(soup, face, kept);
+    for (const std::size_t k : kept) {
+      mended.corner.push_back(soup.corner[k]);
+      if (!soup.corner_planar.empty()) mended.corner_planar.push_back(soup.corner_planar[k]);
+    }
+    if (!kept.empty()) mended.end_face(soup.face_place[face]);
+  }
+  soup.corner.swap(mended.corner);
+  soup.corner_planar.swap(mended.corner_planar);
+  soup.face_end.swap(mended.face_end);
+  soup.face_place.swap(mended.face_place);
+  return {};
+}
 
 inline double turn(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
   return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
 }
 
-/// A polygon in space, laid into the plane of its mean normal, about 1 in size.
-inline bool flatten(const Soup& soup, const std::vector<int>& ids,
-                    std::vector<Eigen::Vector2d>& flat) {
+/// A polygon in space, laid into the plane of its mean normal, about 1 in size; all zero if it has
+/// no area.
+inline std::vector<Eigen::Vector2d> flatten(const Soup& soup, const std::vector<int>& ids) {
+  std::vector<Eigen::Vector2d> flat(ids.size(), Eigen::Vector2d::Zero());
   const auto point = [&](std::size_t i) {
     const std::array<double, 3>& p = soup.points[static_cast<std::size_t>(ids[i])];
     return Eigen::Vector3d(p[0], p[1], p[2]);
@@ -601,35 +942,65 @@ inline bool flatten(const Soup& soup, const std::vector<int>& ids,
   double size = 0;
   for (std::size_t i = 1; i < ids.size(); ++i)
     size = (std::max)(size, (point(i) - point(0)).cwiseAbs().maxCoeff());
-  if (!(size > 0) || !std::isfinite(size)) return false;
+  if (!(size > 0) || !std::isfinite(size)) return flat;
   std::vector<Eigen::Vector3d> p(ids.size());
   for (std::size_t i = 0; i < ids.size(); ++i) p[i] = (point(i) - point(0)) / size;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // twice the vector area
   for (std::size_t i = 0; i < p.size(); ++i) normal += p[i].cross(p[(i + 1) % p.size()]);
-  if (!(normal.norm() > 1e-12)) return false;
+  if (!(normal.norm() > 1e-12)) return flat;
   const Eigen::Vector3d x = normal.normalized().unitOrthogonal(), y = normal.normalized().cross(x);
-  flat.clear();
-  for (const Eigen::Vector3d& q : p) flat.emplace_back(x.dot(q), y.dot(q));
-  return true;
+  for (std::size_t i = 0; i < p.size(); ++i) flat[i] = {x.dot(p[i]), y.dot(p[i])};
+  return flat;
 }
+
+using Side = std::array<int, 2>;
+
+inline Side ascending(int u, int v) { return {(std::min)(u, v), (std::max)(u, v)}; }
+
+/// Three corners of a polygon.
+using CornerTriple = std::array<std::size_t, 3>;
 
 /// Cuts a polygon into triangles by its ears: corners whose triangle turns left and holds no
 /// other corner, not even on its border. Convexity is not needed, corners may lie on a straight
 /// line, and no triangle is flipped or degenerate. Of a quad this takes the shorter diagonal that
-/// lies inside. Fails for polygons that cross or touch themselves.
+/// lies inside. The polygon may touch itself, as where it goes along a bridge to a hole and back.
 class EarCutter {
  public:
-  EarCutter(std::vector<Eigen::Vector2d> flat, double tolerance)
-      : flat_(std::move(flat)), tolerance_(tolerance) {}
+  /// Diagonals that are taken are avoided.
+  EarCutter(const Soup& soup, std::vector<int> ids, const std::set<Side>& taken)
+      : ids_(std::move(ids)), flat_(flatten(soup, ids_)), taken_(taken) {}
 
-  bool cut(std::vector<std::array<std::size_t, 3>>& triangles) {
+  /// Fails for polygons that cross themselves, and if what is taken would be needed.
+  bool cut(std::vector<CornerTriple>& triangles) {
+    // Rounding puts corners meant to be on a line beside it, so thin ears are avoided if possible.
+    for (const double tolerance : {1e-10, 0.0}) {
+      tolerance_ = tolerance;
+      if (cut_ears(triangles, Rule::kEars)) return true;
+    }
+    return false;
+  }
+  /// Where no ear is left, takes corners that turn left, in the end any.
+  void force(std::vector<CornerTriple>& triangles) { cut_ears(triangles, Rule::kAny); }
+  /// True if some ear was left as its diagonal was taken.
+  bool has_avoided() const { return has_avoided_; }
+
+ private:
+  enum class Rule { kEars, kLeftTurns, kAny };
+  static constexpr std::size_t kSmall = 32;  // up to here the shortest diagonal is worth its cost
+
+  bool cut_ears(std::vector<CornerTriple>& triangles, Rule last) {
     std::vector<std::size_t> rest(flat_.size());
     for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = i;
     std::size_t from = 0;
     triangles.clear();
+    rule_ = Rule::kEars;
     while (rest.size() >= 3) {
       const std::size_t k = find_ear(rest, from);
-      if (k == rest.size()) return false;
+      if (k == rest.size() && rule_ == last) return false;
+      if (k == rest.size()) {
+        rule_ = rule_ == Rule::kEars ? Rule::kLeftTurns : Rule::kAny;
+        continue;
+      }
       triangles.push_back(corners(rest, k));
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(k));
       from = k + 1;
@@ -637,24 +1008,21 @@ class EarCutter {
     return true;
   }
 
- private:
-  static constexpr std::size_t kSmall = 32;  // up to here the shortest diagonal is worth its cost
-
-  static std::array<std::size_t, 3> corners(const std::vector<std::size_t>& rest, std::size_t k) {
+  static CornerTriple corners(const std::vector<std::size_t>& rest, std::size_t k) {
     const std::size_t n = rest.size();
     return {rest[(k + n - 1) % n], rest[k], rest[(k + 1) % n]};
   }
 
   /// The ear of the shortest diagonal; in a large polygon, the first ear from a given corner on.
-  std::size_t find_ear(const std::vector<std::size_t>& rest, std::size_t from) const {
+  std::size_t find_ear(const std::vector<std::size_t>& rest, std::size_t from) {
     const std::size_t n = rest.size();
     std::size_t best = n;
     double shortest = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t k = (from + i) % n;
-      const std::array<std::size_t, 3> t = corners(rest, k);
+      const CornerTriple t = corners(rest, k);
       const double length = (flat_[t[0]] - flat_[t[2]]).squaredNorm();
-      if (!(length < shortest) || !is_ear(rest, t)) continue;
+      if (!(length < shortest) || !is_ear(rest, t) || is_avoided(rest, t)) continue;
       shortest = length;
       best = k;
       if (n > kSmall) break;
@@ -662,49 +1030,184 @@ class EarCutter {
     return best;
   }
 
-  bool is_ear(const std::vector<std::size_t>& rest, const std::array<std::size_t, 3>& t) const {
+  bool is_avoided(const std::vector<std::size_t>& rest, const CornerTriple& t) {
+    if (taken_.empty() || rest.size() == 3 || rule_ == Rule::kAny) return false;
+    const bool avoided = taken_.count(ascending(ids_[t[0]], ids_[t[2]])) > 0;
+    has_avoided_ = has_avoided_ || avoided;
+    return avoided;
+  }
+
+  bool is_ear(const std::vector<std::size_t>& rest, const CornerTriple& t) const {
+    if (rule_ == Rule::kAny) return true;
     const Eigen::Vector2d &a = flat_[t[0]], &b = flat_[t[1]], &c = flat_[t[2]];
     if (!(turn(a, b, c) > tolerance_)) return false;
-    for (const std::size_t i : rest) {
-      const Eigen::Vector2d& p = flat_[i];
-      if (i != t[0] && i != t[1] && i != t[2] && turn(a, b, p) >= -tolerance_ &&
-          turn(b, c, p) >= -tolerance_ && turn(c, a, p) >= -tolerance_)
-        return false;
+    if (rule_ == Rule::kLeftTurns) return true;
+    for (std::size_t k = 0; k < rest.size(); ++k) {
+      const Eigen::Vector2d& p = flat_[rest[k]];
+      if (!(turn(a, b, p) >= -tolerance_ && turn(b, c, p) >= -tolerance_ &&
+            turn(c, a, p) >= -tolerance_))
+        continue;
+      if (rest[k] == t[0] || rest[k] == t[1] || rest[k] == t[2] || p == a || p == c) continue;
+      // Where the polygon touches the tip, it must not come from inside.
+      const CornerTriple there = corners(rest, k);
+      if (p != b || is_between(t, flat_[there[0]]) || is_between(t, flat_[there[2]])) return false;
     }
     return true;
   }
 
+  /// True if p lies in the angle at the tip.
+  bool is_between(const CornerTriple& t, const Eigen::Vector2d& p) const {
+    return turn(flat_[t[0]], flat_[t[1]], p) > 0 && turn(flat_[t[1]], flat_[t[2]], p) > 0;
+  }
+
+  std::vector<int> ids_;
   std::vector<Eigen::Vector2d> flat_;
-  double tolerance_;
+  const std::set<Side>& taken_;
+  double tolerance_ = 0;
+  Rule rule_ = Rule::kEars;
+  bool has_avoided_ = false;
 };
 
-/// Three corners of a polygon, as places in Soup::corner.
-using CornerTriple = std::array<std::size_t, 3>;
+/// Cuts the faces of a soup that has been mended.
+class Triangulator {
+ public:
+  explicit Triangulator(Soup& soup) : soup_(soup) {}
 
-/// Appends the triangles of the polygon whose corners start at `begin`. Returns what is wrong, or
-/// an empty string.
-inline std::string add_triangles(const Soup& soup, std::size_t begin, const std::vector<int>& ids,
-                                 std::vector<CornerTriple>& out) {
-  if (ids.size() == 3) {  // degenerate ones are left to ism::validate()
-    out.push_back({begin, begin + 1, begin + 2});
-    return {};
+  /// Triangles of places in Soup::corner.
+  std::vector<CornerTriple> run() {
+    std::vector<CornerTriple> list;
+    bool has_polygons = false;
+    for (std::size_t face = 0; face < soup_.face_end.size(); ++face)
+      has_polygons = has_polygons || size(face) > 3;
+    if (has_polygons) find_lone_vertices();
+    std::vector<CornerTriple> cut;
+    for (std::size_t face = 0; face < soup_.face_end.size(); ++face) {
+      cut = {{0, 1, 2}};
+      if (size(face) > 3) cut_face(face, cut);
+      const std::size_t begin = soup_.face_begin(face);
+      for (const CornerTriple& t : cut) {
+        list.push_back({begin + t[0], begin + t[1], begin + t[2]});
+        for (std::size_t k = 0; k < 3 && has_polygons; ++k) take(face, t[k], t[(k + 1) % 3]);
+      }
+    }
+    return list;
   }
-  if (ids.size() > static_cast<std::size_t>(kMaxCorners))
-    return "the face has " + std::to_string(ids.size()) + " corners, at most " +
-           std::to_string(kMaxCorners) + " can be read";
-  std::vector<int> sorted = ids;
-  std::sort(sorted.begin(), sorted.end());
-  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
-    return "the face has one vertex twice";
-  std::vector<Eigen::Vector2d> flat;
-  std::vector<CornerTriple> cut;
-  // Rounding puts corners meant to be on a line beside it, so thin ears are avoided if possible.
-  if (!flatten(soup, ids, flat) ||
-      !(EarCutter(flat, 1e-10).cut(cut) || EarCutter(flat, 0).cut(cut)))
-    return "the face has no area or crosses itself";
-  for (const CornerTriple& t : cut) out.push_back({begin + t[0], begin + t[1], begin + t[2]});
-  return {};
-}
+
+ private:
+  std::size_t size(std::size_t face) const { return soup_.face_end[face] - soup_.face_begin(face); }
+  int id(std::size_t face, std::size_t k) const {
+    return static_cast<int>(soup_.corner[soup_.face_begin(face) + k % size(face)]);
+  }
+  std::vector<int> ids(std::size_t face) const {
+    std::vector<int> list;
+    for (std::size_t k = 0; k < size(face); ++k) list.push_back(id(face, k));
+    return list;
+  }
+
+  /// Finds vertices of just two faces, between the same two neighbours. They are lost if both faces
+  /// are cut between these: then two triangles coincide. Copies of a face are to coincide.
+  void find_lone_vertices() {
+    struct Use {
+      int count = 0;
+      std::size_t face = 0;
+      Side sides{};
+    };
+    std::vector<Use> uses(soup_.points.size());
+    for (std::size_t face = 0; face < soup_.face_end.size(); ++face)
+      for (std::size_t k = 0; k < size(face); ++k) {
+        Use& use = uses[static_cast<std::size_t>(id(face, k))];
+        const Side sides = ascending(id(face, k + size(face) - 1), id(face, k + 1));
+        if (use.count == 0) use.face = face, use.sides = sides;
+        use.count += use.count == 1 && (sides != use.sides || are_copies(face, use.face)) ? 2 : 1;
+      }
+    is_lone_.resize(uses.size());
+    for (std::size_t v = 0; v < uses.size(); ++v) is_lone_[v] = uses[v].count == 2;
+    for (std::size_t face = 0; face < soup_.face_end.size(); ++face)
+      for (std::size_t k = 0; k < size(face); ++k) take(face, k, (k + 1) % size(face));
+  }
+
+  bool are_copies(std::size_t f, std::size_t g) const {
+    std::vector<int> a = ids(f), b = ids(g);
+    std::sort(a.begin(), a.end());
+    std::sort(b.begin(), b.end());
+    return a == b;
+  }
+
+  /// Remembers a side of a triangle if all corners to one side of it are lone vertices.
+  void take(std::size_t face, std::size_t i, std::size_t j) {
+    if (passes_lone(face, i, j) || passes_lone(face, j, i))
+      taken_.insert(ascending(id(face, i), id(face, j)));
+  }
+  bool passes_lone(std::size_t face, std::size_t i, std::size_t j) const {
+    const std::size_t n = size(face), count = (j + n - i) % n;
+    for (std::size_t k = 1; k < count; ++k)
+      if (!is_lone_[static_cast<std::size_t>(id(face, i + k))]) return false;
+    return count > 1;
+  }
+
+  void cut_face(std::size_t face, std::vector<CornerTriple>& cut) {
+    EarCutter cutter(soup_, ids(face), taken_);
+    if (cutter.cut(cut)) {
+      if (cutter.has_avoided()) soup_.note(Notes::kOtherDiagonal, face);
+      return;
+    }
+    static const std::set<Side> kNone;
+    if (!taken_.empty() && EarCutter(soup_, ids(face), kNone).cut(cut)) return;
+    if (size(face) == 4 && reorder(face, cut)) return soup_.note(Notes::kReordered, face);
+    cutter.force(cut);
+    soup_.note(Notes::kForced, face);
+  }
+
+  /// Puts the corners of a quad into an order in which its sides do not cross, if in that it meets
+  /// other faces along no fewer sides.
+  bool reorder(std::size_t face, std::vector<CornerTriple>& cut) {
+    const std::vector<int> given = ids(face);
+    std::array<std::size_t, 4> best{};
+    int most = neighbours(face, given) - 1;
+    for (const std::array<std::size_t, 4>& order :
+         {std::array<std::size_t, 4>{0, 1, 3, 2}, {2, 3, 1, 0}, {0, 2, 1, 3}, {3, 1, 2, 0}}) {
+      std::vector<int> list;
+      for (const std::size_t k : order) list.push_back(given[k]);
+      std::vector<CornerTriple> triangles;
+      const int n = neighbours(face, list);
+      if (n <= most || !EarCutter(soup_, list, taken_).cut(triangles)) continue;
+      most = n, best = order, cut = triangles;
+    }
+    if (best == std::array<std::size_t, 4>{}) return false;
+    for (std::vector<long long>* corners : {&soup_.corner, &soup_.corner_planar}) {
+      if (corners->empty()) continue;
+      long long* p = corners->data() + soup_.face_begin(face);
+      const std::array<long long, 4> old = {p[0], p[1], p[2], p[3]};
+      for (std::size_t k = 0; k < 4; ++k) p[k] = old[best[k]];
+    }
+    return true;
+  }
+
+  /// In how many sides a polygon in place of a face would meet other faces, which go along them the
+  /// other way.
+  int neighbours(std::size_t face, const std::vector<int>& polygon) {
+    if (sides_.empty()) {
+      for (std::size_t f = 0; f < soup_.face_end.size(); ++f)
+        for (std::size_t k = 0; k < size(f); ++k) sides_.push_back({id(f, k), id(f, k + 1)});
+      std::sort(sides_.begin(), sides_.end());
+    }
+    int count = 0;
+    for (std::size_t k = 0; k < polygon.size(); ++k) {
+      const Side back = {polygon[(k + 1) % polygon.size()], polygon[k]};
+      const auto range = std::equal_range(sides_.begin(), sides_.end(), back);
+      std::ptrdiff_t others = range.second - range.first;
+      for (std::size_t l = 0; l < size(face); ++l)
+        others -= back == Side{id(face, l), id(face, l + 1)};
+      count += others > 0;
+    }
+    return count;
+  }
+
+  Soup& soup_;
+  std::vector<char> is_lone_;
+  std::set<Side> taken_;     // sides of triangles that cut off lone vertices
+  std::vector<Side> sides_;  // of all faces as they were given, sorted; empty until needed
+};
 
 /// The sides of all polygons, each once, ascending; ids have been checked.
 inline std::vector<std::array<int, 2>> soup_edges(const Soup& soup) {
@@ -712,38 +1215,14 @@ inline std::vector<std::array<int, 2>> soup_edges(const Soup& soup) {
   std::size_t begin = 0;
   for (const std::size_t end : soup.face_end) {
     for (std::size_t k = begin; k < end; ++k) {
-      const int u = static_cast<int>(soup.corner[k]);
-      const int v = static_cast<int>(soup.corner[k + 1 < end ? k + 1 : begin]);
-      edges.push_back({(std::min)(u, v), (std::max)(u, v)});
+      edges.push_back(ascending(static_cast<int>(soup.corner[k]),
+                                static_cast<int>(soup.corner[k + 1 < end ? k + 1 : begin])));
     }
     begin = end;
   }
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   return edges;
-}
-
-inline std::string soup_triangles(const Soup& soup, std::vector<CornerTriple>& list) {
-  std::vector<int> ids;
-  std::size_t begin = 0;
-  const long long n = static_cast<long long>(soup.points.size());
-  for (std::size_t face = 0; face < soup.face_end.size(); ++face) {
-    const long long place = soup.face_place[face];
-    ids.clear();
-    for (std::size_t k = begin; k < soup.face_end[face]; ++k) {
-      const long long id = soup.corner[k];
-      if (id < 0 || id >= n)
-        return at(soup.place_name, place,
-                  "corner " + std::to_string(k - begin + 1) +
-                      " of the face refers to a vertex that does not exist (there are " +
-                      std::to_string(n) + ")");
-      ids.push_back(static_cast<int>(id));
-    }
-    const std::string error = add_triangles(soup, begin, ids, list);
-    if (!error.empty()) return at(soup.place_name, place, error);
-    begin = soup.face_end[face];
-  }
-  return {};
 }
 
 /// The vt of every corner of the triangles; no rows if some have none.
@@ -783,18 +1262,22 @@ inline ism::Points2 soup_planar(const Soup& soup) {
   return planar;
 }
 
-inline std::string soup_to_mesh(const Soup& soup, ReadResult& result) {
+inline std::string soup_to_mesh(Soup& soup, ReadResult& result) {
   if (soup.points.empty()) return ": there are no vertices";
   if (soup.face_end.empty()) return ": there are no faces";
   if (soup.points.size() > kMaxElements || soup.corner.size() > kMaxElements)
     return ": the mesh is too large";
-  result.mesh.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
-  for (std::size_t i = 0; i < soup.points.size(); ++i)
-    result.mesh.vertices.row(static_cast<Eigen::Index>(i)) << soup.points[i][0], soup.points[i][1],
-        soup.points[i][2];
-  std::vector<CornerTriple> triangles;
-  const std::string error = soup_triangles(soup, triangles);
+  const std::string error = mend_faces(soup);
   if (!error.empty()) return error;
+  const std::vector<CornerTriple> triangles = Triangulator(soup).run();
+  result.notes = soup.notes.sentences();
+  if (triangles.empty()) return ": no face is left: " + result.notes.back();
+  const std::array<double, 3> some = *std::find_if(soup.points.begin(), soup.points.end(), finite);
+  result.mesh.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
+  for (std::size_t i = 0; i < soup.points.size(); ++i) {
+    const std::array<double, 3>& p = finite(soup.points[i]) ? soup.points[i] : some;
+    result.mesh.vertices.row(static_cast<Eigen::Index>(i)) << p[0], p[1], p[2];
+  }
   result.mesh.triangles.resize(static_cast<Eigen::Index>(triangles.size()), 3);
   for (std::size_t i = 0; i < triangles.size(); ++i)
     for (std::size_t k = 0; k < 3; ++k)
@@ -806,7 +1289,7 @@ inline std::string soup_to_mesh(const Soup& soup, ReadResult& result) {
   return {};
 }
 
-// ==== [6] FILES ==================================================================================
+// ==== [7] FILES ==================================================================================
 
 inline std::string lower_extension(const std::string& path) {
   std::string e = std::filesystem::path(path).extension().string();
@@ -873,10 +1356,11 @@ inline ReadResult read_mesh(const std::string& path) {
   const auto read = extension == ".obj"   ? detail::read_obj
                     : extension == ".off" ? detail::read_off
                     : extension == ".ply" ? detail::read_ply
+                    : extension == ".stl" ? detail::read_stl
                                           : nullptr;
   detail::Soup soup;
   std::string error = detail::load(path, text);
-  if (error.empty() && !read) error = ": only OBJ, OFF and PLY files can be read";
+  if (error.empty() && !read) error = ": only OBJ, OFF, PLY and STL files can be read";
   if (error.empty()) error = read(text, soup);
   if (error.empty()) error = detail::soup_to_mesh(soup, result);
   result.ok = error.empty();

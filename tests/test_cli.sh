@@ -73,6 +73,8 @@ refused "none.obj: there is no such file" none.obj b.obj -o out
 refused ".: this is not a file" a.obj . -o out
 echo "v 0 0 x" >bad.obj
 refused "bad.obj, line 1: a vertex needs three numbers" a.obj bad.obj -o out
+printf 'v 0,5 0 0\n' >bad.obj
+refused "bad.obj, line 1: numbers need a decimal point, not a comma" a.obj bad.obj -o out
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n' >bad.obj
 missing="corner 3 of the face refers to a vertex that does not exist (there are 3)"
 refused "bad.obj, line 4: $missing" a.obj bad.obj -o out
@@ -181,6 +183,24 @@ code=0
 "$ism_map" soup.obj b.obj -o out/soup --no-prepare >stdout.txt 2>stderr.txt || code=$?
 [ "$code" = 2 ] && grep -q "soup.obj: the mesh has 64 components" stderr.txt ||
   fail "--no-prepare: $(cat stderr.txt)"
+
+# What a reader has to drop is told first. An STL file has the corners of its triangles only.
+{ cat a.obj && printf 'v nan 0 0\nf 1 2\nf 1 1 2 2\n'; } >scraps.obj
+awk '/^v / { v[++n] = $2 " " $3 " " $4; next } /^f / { print "facet normal 0 0 1\nouter loop"
+  for (i = 2; i <= 5; ++i) print "vertex", v[$i]; print "endloop\nendfacet" }' b.obj |
+  sed '1i solid' >b.stl
+"$ism_map" scraps.obj b.stl -o out/scraps --iterations 0 >stdout.txt 2>stderr.txt ||
+  fail "scraps.obj: $(cat stderr.txt)"
+[ "$(sed -n '2,6p' stdout.txt)" = "\
+             ignored 1 vertex with a coordinate that is not finite (line 146)
+             dropped 1 face of fewer than three corners (line 147)
+             dropped 1 face without area (line 148)
+             dropped 1 vertex that no triangle uses
+B            b.stl: 121 vertices, 200 triangles" ] || fail "scraps.obj: $(cat stdout.txt)"
+grep -A 1 '"prepared": \[' out/scraps/report.json |
+  grep -q '"ignored 1 vertex with a coordinate that is not finite (line 146)",$' ||
+  fail "report.json must tell what was read otherwise"
+if grep -q nan out/scraps/*; then fail "NaN in a result"; fi
 
 # Closed surfaces are opened, and the map is closed again.
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n' >closed.obj

@@ -125,6 +125,20 @@ std::string binary_ply(bool big_endian) {
   return text;
 }
 
+/// A square of two triangles.
+std::string binary_stl(const std::string& header, std::uint32_t count) {
+  std::string text = header;
+  text.resize(80, ' ');
+  put<std::uint32_t>(text, count, false);
+  for (const std::array<float, 9>& t :
+       {std::array<float, 9>{0, 0, 0, 1, 0, 0, 1, 1, 0}, {0, 0, 0, 1, 1, 0, -0.0f, 1, 0}}) {
+    for (int k = 0; k < 3; ++k) put<float>(text, 0, false);
+    for (const float x : t) put<float>(text, x, false);
+    put<std::uint16_t>(text, 7, false);
+  }
+  return text;
+}
+
 }  // namespace
 
 TEST_CASE("OBJ: all forms of a face, negative indices, comments, CRLF and continued lines") {
@@ -307,18 +321,282 @@ TEST_CASE("polygons: random stars of many corners, also tilted in space") {
   CHECK(planar_areas(dart.mesh).least > 1);
 }
 
-TEST_CASE("polygons that cannot be cut are reported, not guessed") {
-  const std::string bad = "p.obj, line 5: the face has no area or crosses itself";
-  CHECK(read_polygon({{0, 0}, {1, 1}, {1, 0}, {0, 1}}).error == bad);  // bow tie
-  CHECK(read_polygon({{0, 0}, {1, 0}, {2, 0}, {3, 0}}).error == bad);
-  CHECK(read_polygon({{1, 1}, {1, 1}, {1, 1}, {1, 1}}).error == bad);
-  CHECK(read_polygon({{0, 0}, {1, 0}, {1, 0}, {0, 1}}).error == bad);
-  CHECK(read_text("p.obj", kSquare + "f 1 2 3 2\n").error ==
-        "p.obj, line 5: the face has one vertex twice");
+TEST_CASE("polygons: a hole behind a bridge becomes an opening, in either direction") {
+  const std::string points =
+      "v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nv 1 1 0\nv 1 2 0\nv 3 2 0\nv 3 1 0\n";
+  for (const char* face : {"f 1 2 3 4 1 5 6 7 8 5\n", "f 5 1 2 3 4 1 5 6 7 8\n"}) {
+    const mesh_io::ReadResult r = read_text("p.obj", points + face);
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.notes.empty());
+    CHECK(r.mesh.triangles.rows() == 8);
+    CHECK(planar_areas(r.mesh).least > 0.1);
+    CHECK(planar_areas(r.mesh).sum == doctest::Approx(10));
+    CHECK(ism::validate(r.mesh).empty());
+  }
+  // The bridges of two holes meet in one corner, and the vertices of a bridge may be two each.
+  std::string text =
+      "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nv 2 5 0\nv 2 6 0\nv 3 6 0\nv 5 2 0\n"
+      "v 5 3 0\nv 6 2 0\n";
+  mesh_io::ReadResult r = read_text("p.obj", text + "f 1 2 3 4 1 5 6 7 5 1 8 9 10 8\n");
+  REQUIRE(r.ok);
+  CHECK(r.notes.empty());
+  CHECK(planar_areas(r.mesh).least > 0.1);
+  CHECK(planar_areas(r.mesh).sum == doctest::Approx(80));
+  CHECK(ism::validate(r.mesh).empty());
+  r = read_text("p.obj", points + "v 0 0 0\nv 1 1 0\nf 1 2 3 4 9 10 6 7 8 5\n");
+  REQUIRE(r.ok);
+  CHECK(r.notes.empty());
+  CHECK(planar_areas(r.mesh).sum == doctest::Approx(10));
+}
+
+TEST_CASE("repeated corners are taken out, and faces without area dropped") {
+  using Notes = std::vector<std::string>;
+  mesh_io::ReadResult r = read_text("p.obj", kSquare + "f 1 2 2 3\nf 3 4 1 1\n");
+  REQUIRE(r.ok);
+  CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}, {2, 3, 0}});
+  CHECK(r.notes == Notes{"took repeated corners out of 2 faces (lines 5, 6)"});
+  CHECK(r.edges.size() == 5);
+  // Two vertices of one place: the face has three corners, whichever ids.
+  r = read_text("p.obj", kSquare + "v 1 0 0\nvt 0 0\nvt 7 0\nvt 8 0\nf 1/1 2/2 5/1 3/3\n");
+  REQUIRE(r.ok);
+  CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}});
+  CHECK(r.corner_uv.col(0) == Eigen::Vector3d(0, 7, 8));
+  CHECK(r.notes == Notes{"took repeated corners out of 1 face (line 9)"});
+  // A way to a corner and back bounds nothing.
+  r = read_text("p.obj", kSquare + "v 9 9 0\nf 1 2 3 5 3 4\nf 1 2 1 2\nf 2 3 2 3 2 2\nf 1 1 1 1\n");
+  REQUIRE(r.ok);
+  CHECK(rows(r.mesh.triangles).size() == 2);
+  CHECK(planar_areas(r.mesh).sum == doctest::Approx(1));
+  CHECK(r.notes == Notes{"dropped 3 faces without area (lines 7, 8, 9)",
+                         "took repeated corners out of 1 face (line 6)"});
+  // Triangles stay as they are: prepare() drops degenerate ones.
+  r = read_text("p.obj", kSquare + "f 1 2 3\nf 1 3 3\n");
+  CHECK(r.mesh.triangles.rows() == 2);
+  CHECK(r.notes.empty());
+}
+
+TEST_CASE("faces of one or two corners are dropped, and the first of them named") {
+  const mesh_io::ReadResult r =
+      read_text("p.obj", kSquare + "f 1\nf 1 2 3\nf 2 3\nf 1 3 4\nf 3/1 4\nf\nf 1 2\n");
+  REQUIRE(r.ok);
+  CHECK(r.mesh.triangles.rows() == 2);
+  CHECK(r.edges.size() == 5);
+  CHECK(r.notes == std::vector<std::string>{
+                       "dropped 5 faces of fewer than three corners (lines 5, 7, 9, ...)"});
+  CHECK(read_text("p.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 1\n4 0 1 2 3\n").notes ==
+        std::vector<std::string>{"dropped 1 face of fewer than three corners (line 7)"});
+}
+
+TEST_CASE("vertices that are not finite keep their ids, faces with one are dropped") {
+  using Notes = std::vector<std::string>;
+  for (const char* x : {"nan", "-NaN", "inf", "-Infinity", "nan(ind)", "-1.#IND", "1.#QNAN0"}) {
+    CAPTURE(x);
+    const std::string bad = std::string("v 0 ") + x + " 0\n";
+    mesh_io::ReadResult r = read_text("p.obj", bad + kSquare + "f 2 3 4\nf 2 4 5\n");
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{1, 2, 3}, {1, 3, 4}});
+    CHECK(r.mesh.vertices.row(0) == r.mesh.vertices.row(1));
+    CHECK(r.notes == Notes{"ignored 1 vertex with a coordinate that is not finite (line 1)"});
+    r = read_text("p.obj", bad + kSquare + "f 2 3 4\nf 2 4 5 1\n");
+    REQUIRE(r.ok);
+    CHECK(r.mesh.triangles.rows() == 1);
+    CHECK(r.notes == Notes{"ignored 1 vertex with a coordinate that is not finite (line 1)",
+                           "dropped 1 face with a corner that is not finite (line 7)"});
+  }
+  CHECK(read_text("p.obj", "v nan 0 0\nv 0 0 0\nv 0 1 0\nf 1 2 3\n").error ==
+        "p.obj: no face is left: dropped 1 face with a corner that is not finite (line 4)");
+}
+
+TEST_CASE("a quad whose sides cross is put in order") {
+  using Notes = std::vector<std::string>;
+  for (const char* face : {"f 1 3 2 4\n", "f 1 2 4 3\n", "f 4 3 1 2\n"}) {
+    const mesh_io::ReadResult r = read_text("p.obj", kSquare + face);
+    REQUIRE(r.ok);
+    CHECK(std::abs(planar_areas(r.mesh).sum) == doctest::Approx(1));
+    CHECK(r.notes == Notes{"reordered the corners of 1 face with crossing sides (line 5)"});
+    CHECK(ism::validate(r.mesh).empty());
+  }
+  // Its corners keep their vt.
+  mesh_io::ReadResult r =
+      read_text("p.obj", kSquare + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 4/4 3/3\n");
+  REQUIRE(r.corner_uv.rows() == 6);
+  for (int c = 0; c < 6; ++c)
+    CHECK(r.corner_uv.row(c) == r.mesh.vertices.row(r.mesh.triangles(c / 3, c % 3)).head(2));
+  // Neighbours tell which way.
+  r = read_text("p.obj",
+                "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
+                "f 4 5 2 1\nf 2 3 5 6\n");
+  REQUIRE(r.ok);
+  CHECK(planar_areas(r.mesh).sum == doctest::Approx(-2));
+  CHECK(ism::validate(r.mesh).empty());
+  // A quad in space that crosses itself only as it is seen from its mean normal stays what it is.
+  const std::string fold = "v 0 0 0\nv 1 0 0\nv 0.9 0.2 1\nv 0.1 -0.1 1\n";
+  r = read_text("p.obj",
+                fold + "v 0 -1 0\nv 1 1 1\nf 1 2 3 4\nf 2 1 5\nf 4 3 6\nf 3 2 6\nf 1 4 5\n");
+  REQUIRE(r.ok);
+  CHECK(ism::validate(r.mesh).empty());
+}
+
+TEST_CASE("other polygons that cross themselves, or have no area, are cut all the same") {
+  using Notes = std::vector<std::string>;
+  const Notes cut = {"cut 1 face with crossing sides or without area as well as possible (line 6)"};
+  mesh_io::ReadResult r = read_polygon({{0, 0}, {2, 2}, {2, 0}, {0, 2}, {-3, 1}});
+  REQUIRE(r.ok);
+  CHECK(r.mesh.triangles.rows() == 3);
+  CHECK(r.notes == cut);
+  r = read_polygon({{0, 0}, {1, 0}, {2, 0}, {3, 0}, {4, 0}});
+  REQUIRE(r.ok);  // left to prepare(), as triangles without area are
+  CHECK(r.mesh.triangles.rows() == 3);
+  CHECK(r.notes == cut);
+}
+
+TEST_CASE("a vertex between two faces that share two edges is not cut off by both") {
+  const std::string points = "v 0 0 0\nv 2 -1 0\nv 0.6 0.6 0\nv 0.3 0.3 0.4\nv -1 2 0\n";
+  const std::string note = "cut 1 face along another diagonal, so that no vertex is lost (line ";
+  mesh_io::ReadResult r = read_text("p.obj", points + "f 1 2 3 4\nf 1 4 3 5\n");
+  REQUIRE(r.ok);
+  CHECK(ism::validate(r.mesh).empty());
+  CHECK(r.notes == std::vector<std::string>{note + "7)"});
+  for (const char* faces : {"f 1 4 3\nf 1 2 3 4\n", "f 1 2 3 4\nf 1 4 3\n"}) {
+    r = read_text("p.obj", points + faces);
+    REQUIRE(r.ok);
+    for (const std::vector<int>& t : rows(r.mesh.triangles))
+      CHECK((t == std::vector<int>{0, 3, 2} || std::count(t.begin(), t.end(), 1) == 1));
+    CHECK(r.notes.size() == 1);
+  }
+  // Copies of a face are cut alike, so that they can be dropped.
+  r = read_text("p.obj", points + "f 1 2 3 5\nf 5 3 2 1\nf 1 2 3 5\n");
+  CHECK(r.notes.empty());
+  const ism::Prepared p = ism::prepare(r.mesh);
+  CHECK(p.mesh->triangles.rows() == 2);
+}
+
+TEST_CASE("polygons of many corners are cut, up to a limit") {
+  std::vector<std::array<double, 2>> corners;
+  for (int i = 0; i < 10000; ++i) {
+    const double angle = 6.283185307179586 * i / 10000, radius = i % 2 ? 80 : 100;
+    corners.push_back({radius * std::cos(angle), radius * std::sin(angle)});
+  }
+  const mesh_io::ReadResult r = read_polygon(corners);
+  REQUIRE(r.ok);
+  CHECK(r.mesh.triangles.rows() == 9998);
+  CHECK(planar_areas(r.mesh).least > 0);
   std::string many = kSquare + "f";
-  for (int i = 0; i < 1001; ++i) many += " 1";
+  for (int i = 0; i < 10001; ++i) many += " 1";
   CHECK(read_text("p.obj", many).error ==
-        "p.obj, line 5: the face has 1001 corners, at most 1000 can be read");
+        "p.obj, line 5: the face has 10001 corners, at most 10000 can be read");
+}
+
+TEST_CASE("OFF: the number of vertices may follow the header word without a blank") {
+  for (const char* header : {"OFF4 1 0\n", "COFF4 1 0\n", "OFF 4 1 0\n"}) {
+    const mesh_io::ReadResult r =
+        read_text("m.off", header + std::string("0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"));
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.triangles.rows() == 2);
+  }
+}
+
+TEST_CASE("PLY: strips of triangles, turned in turn; -1 begins a new one") {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+      "property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n";
+  mesh_io::ReadResult r = read_text("m.ply", head + "6 0 1 2 3 4 5\n");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  const std::vector<std::vector<int>> list = {{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {4, 3, 5}};
+  CHECK(rows(r.mesh.triangles) == list);
+  CHECK(planar_areas(r.mesh).least > 0.4);
+  r = read_text("m.ply", head + "11 0 1 2 3 -1 -1 2 3 4 5 -1\n");
+  CHECK(rows(r.mesh.triangles) == list);
+  r = read_text("m.ply", head + "9 0 1 2 3 3 2 2 3 4\n");  // joined by triangles without area
+  CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}, {2, 1, 3}, {2, 3, 4}});
+  r = read_text("m.ply", head + "8 0 1 -1 2 -1 1 2 3\n");
+  CHECK(r.notes ==
+        std::vector<std::string>{"dropped 2 faces of fewer than three corners (faces 0, 1)"});
+  CHECK(read_text("m.ply", head + "3 0 1 -2\n").error ==
+        "m.ply, face 0: corner 3 of the face refers to a vertex that does not exist (there are 6)");
+  CHECK(read_text("m.ply", head + "2 0 1\n").error ==
+        "m.ply: no face is left: dropped 1 face of fewer than three corners (face 0)");
+}
+
+TEST_CASE("PLY: rows with more values than the header names, and rows anywhere") {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  mesh_io::ReadResult r = read_text("m.ply", head + "0 0 0 9\n1 0 0\n0 1 0\n3 0 1 2 9 1 1\n");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.row(1) == Eigen::RowVector3d(1, 0, 0));
+  CHECK(r.notes ==
+        std::vector<std::string>{"ignored more values than the header names of 1 vertex (vertex 0)",
+                                 "ignored more values than the header names of 1 face (face 0)"});
+  r = read_text("m.ply", head + "0 0 0 1 0 0 0\n1 0 3 0 1 2");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.row(2) == Eigen::RowVector3d(0, 1, 0));
+  CHECK(r.notes.empty());
+}
+
+TEST_CASE("OBJ: a backslash joins lines also without a blank before or with some behind it") {
+  const mesh_io::ReadResult r =
+      read_text("m.obj", "v 0\\\r\n 0 0\t\r\nv 1 0 \\ \t\n0\nv 0\t1\t0 \nf 1 2\\\n3\n");
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.row(1) == Eigen::RowVector3d(1, 0, 0));
+  CHECK(rows(r.mesh.triangles) == std::vector<std::vector<int>>{{0, 1, 2}});
+}
+
+TEST_CASE("all text formats: byte order mark, tabs, trailing blanks and CRLF") {
+  const std::string mark = "\xEF\xBB\xBF";
+  const std::pair<const char*, std::string> files[] = {
+      {"m.obj", "v\t0 0 0 \r\nv 1 0 0\t\r\nv 0 1 0\r\nf\t1 2 3 \r\n"},
+      {"m.off", "OFF \r\n3\t1 0\r\n0 0 0 \r\n1 0 0\t\r\n0 1 0\r\n3 0 1 2 \r\n"},
+      {"m.ply",
+       "ply\r\nformat ascii 1.0 \r\nelement\tvertex 3\r\nproperty float x\r\nproperty float y\r\n"
+       "property float z\r\nelement face 1\r\nproperty list uchar int vertex_indices \r\n"
+       "end_header \r\n0 0 0\t\r\n1 0 0 \r\n0 1 0\r\n3 0\t1 2 \r\n"},
+      {"m.stl",
+       "solid \r\nfacet normal 0 0 1 \r\n\touter loop\r\n\t\tvertex 0 0 0 \r\nvertex 1 0 0\r\n"
+       "vertex\t0 1 0\r\nendloop\r\nendfacet\r\nendsolid \r\n"}};
+  for (const auto& file : files) {
+    CAPTURE(file.first);
+    const mesh_io::ReadResult r = read_text(file.first, mark + file.second);
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.vertices.row(1) == Eigen::RowVector3d(1, 0, 0));
+    CHECK(r.mesh.triangles.row(0) == Eigen::RowVector3i(0, 1, 2));
+    CHECK(r.notes.empty());
+  }
+}
+
+TEST_CASE("STL: corners at one place are one vertex, numbered as they first appear") {
+  const std::string ascii =
+      "solid one # two\n facet normal nan nan nan\n  outer loop\n   vertex 0 0 0\n"
+      "   vertex 1 0 0\n   vertex 1 1 0\n  endloop\n endfacet\nendsolid one\n"
+      "SOLID two\nFACET NORMAL 0 0 1 OUTER LOOP VERTEX -0 0 0 VERTEX 1 1 0\n"
+      "VERTEX 0 1e0 -0.0 ENDLOOP ENDFACET\nENDSOLID\n";
+  const std::vector<std::vector<int>> list = {{0, 1, 2}, {0, 2, 3}};
+  mesh_io::ReadResult r = read_text("m.stl", ascii);
+  REQUIRE_MESSAGE(r.ok, r.error);
+  CHECK(r.mesh.vertices.rows() == 4);
+  CHECK(r.mesh.vertices.row(3) == Eigen::RowVector3d(0, 1, 0));
+  CHECK(rows(r.mesh.triangles) == list);
+  CHECK(r.edges.size() == 5);
+  for (const char* header : {"solid made by a program", "", "binary"}) {
+    r = read_text("m.STL", binary_stl(header, 2));
+    REQUIRE_MESSAGE(r.ok, r.error);
+    CHECK(r.mesh.vertices.rows() == 4);
+    CHECK(rows(r.mesh.triangles) == list);
+    CHECK(r.notes.empty());
+    r = read_text("m.stl", binary_stl(header, 2) + "more");
+    CHECK(rows(r.mesh.triangles) == list);
+  }
+  const float nan = std::nanf("");
+  std::string bad = binary_stl("", 2);
+  std::memcpy(&bad[84 + 12], &nan, sizeof nan);
+  CHECK(read_text("m.stl", bad).notes ==
+        std::vector<std::string>{"dropped 1 face with a corner that is not finite (triangle 0)"});
+  bad = ascii + "solid\nfacet outer loop\nvertex 0 0 0\nendloop";
+  bad.replace(bad.find("vertex 1 1 0"), 12, "vertex 1 nan 0");
+  CHECK(read_text("m.stl", bad).notes ==
+        std::vector<std::string>{"dropped 1 face of fewer than three corners (line 15)",
+                                 "dropped 1 face with a corner that is not finite (line 3)"});
 }
 
 TEST_CASE("every fault is one sentence with the file and the place") {
@@ -330,11 +608,14 @@ TEST_CASE("every fault is one sentence with the file and the place") {
       {"a.obj", "v 0 0 0\n", "a.obj: there are no faces"},
       {"a.obj", "v 0 0\n", "a.obj, line 1: a vertex needs three numbers"},
       {"a.obj", "v 0 x 0\n", "a.obj, line 1: a vertex needs three numbers"},
-      {"a.obj", "v 0 1,5 0\n", "a.obj, line 1: a vertex needs three numbers"},
-      {"a.obj", "\nv 0 nan 0\n", "a.obj, line 2: a coordinate is not finite"},
-      {"a.obj", "v 0 -inf 0\n", "a.obj, line 1: a coordinate is not finite"},
+      {"a.obj", "v 0 1,5 0\n", "a.obj, line 1: numbers need a decimal point, not a comma"},
+      {"a.obj", "v 0, 1, 0\n", "a.obj, line 1: a vertex needs three numbers"},
+      {"a.obj", "vt 0,5 1\n", "a.obj, line 1: numbers need a decimal point, not a comma"},
       {"a.obj", "v 0 1e999 0\n", "a.obj, line 1: a vertex needs three numbers"},
-      {"a.obj", "v 0 0 0\nf 1 1\n", "a.obj, line 2: a face needs at least three corners"},
+      {"a.obj", "v 0 0 0\nf 1 1\n",
+       "a.obj: no face is left: dropped 1 face of fewer than three corners (line 2)"},
+      {"a.obj", "v 0 0 0\nf 1 2\n",
+       "a.obj, line 2: corner 2 of the face refers to a vertex that does not exist (there are 1)"},
       {"a.obj", "v 0 0 0\nf 1 0 1\n", "a.obj, line 2: corner 2 of the face is no valid index"},
       {"a.obj", "v 0 0 0\nf 1 1.5 1\n", "a.obj, line 2: corner 2 of the face is no valid index"},
       {"a.obj", "v 0 0 0\nf -2 1 1\n", "a.obj, line 2: corner 1 of the face is no valid index"},
@@ -380,7 +661,11 @@ TEST_CASE("every fault is one sentence with the file and the place") {
       {"a.ply",
        "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n"
        "end_header\n2 0 1\n",
-       "a.ply, face 0: a face needs at least three corners"},
+       "a.ply: there are no vertices"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+       "property float z\nend_header\n0,5 0 0\n",
+       "a.ply, vertex 0: numbers need a decimal point, not a comma"},
       {"a.ply",
        "ply\nformat binary_little_endian 1.0\nelement vertex 9000000000000000000\n"
        "property float x\nproperty float y\nproperty float z\nend_header\n",
@@ -388,8 +673,15 @@ TEST_CASE("every fault is one sentence with the file and the place") {
        "hold"},
       {"a.ply", "ply\nformat ascii 1.0\nelement nothing 9000000000000000000\nend_header\n",
        "a.ply: there are no vertices"},
-      {"a.stl", "solid", "a.stl: only OBJ, OFF and PLY files can be read"},
-      {"a", "v 0 0 0", "a: only OBJ, OFF and PLY files can be read"},
+      {"a.stl", "", "a.stl: the file is no STL file"},
+      {"a.stl", "solid", "a.stl: there are no vertices"},
+      {"a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0,5 0\n",
+       "a.stl, line 4: numbers need a decimal point, not a comma"},
+      {"a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n",
+       "a.stl, line 3: the file ends inside of a facet"},
+      {"a.stl", "solid a\nvertex 0 0 0\n", "a.stl, line 2: 'vertex' is not expected here"},
+      {"a.glb", "glTF", "a.glb: only OBJ, OFF, PLY and STL files can be read"},
+      {"a", "v 0 0 0", "a: only OBJ, OFF, PLY and STL files can be read"},
   };
   for (const Case& c : cases) {
     CAPTURE(c.text);
@@ -397,6 +689,12 @@ TEST_CASE("every fault is one sentence with the file and the place") {
     CHECK(!r.ok);
     CHECK(r.error == c.error);
   }
+  CHECK(read_text("a.stl", binary_stl("solid", 3)).error ==
+        "a.stl: the file ends after 2 of 3 triangles");
+  CHECK(read_text("a.stl", binary_stl("solid", 4000000000u)).error ==
+        "a.stl: the file ends after 2 of 4000000000 triangles");
+  CHECK(read_text("a.stl", binary_stl("", 0).substr(0, 84)).error ==
+        "a.stl: there are no vertices");
   CHECK(mesh_io::read_mesh("no/such/file.obj").error == "no/such/file.obj: there is no such file");
   const Folder folder;
   fs::create_directory(folder.file("d.obj"));
@@ -411,8 +709,15 @@ TEST_CASE("truncated and damaged files end with a sentence or a mesh, never othe
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
       "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
       "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-  const std::vector<std::pair<std::string, std::string>> files = {
-      {"m.obj", obj}, {"m.off", off}, {"m.ply", ply}, {"m.ply", binary_ply(false)}};
+  const std::string stl =
+      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+      "endloop\nendfacet\nendsolid a\n";
+  const std::vector<std::pair<std::string, std::string>> files = {{"m.obj", obj},
+                                                                  {"m.off", off},
+                                                                  {"m.ply", ply},
+                                                                  {"m.ply", binary_ply(false)},
+                                                                  {"m.stl", binary_stl("", 2)},
+                                                                  {"m.stl", stl}};
   std::mt19937 random(7);
   for (const auto& file : files) {
     const std::string& whole = file.second;

@@ -201,8 +201,9 @@ class Session {
     mesh_[side] = prepared.mesh;
     val v = mesh_of(*prepared.mesh);
     v.set("ok", true);
-    v.set("repairs", list_of<ism::Repair>(prepared.repairs,
-                                          [](const ism::Repair& r) { return val(r.message); }));
+    std::vector<std::string> done = file.notes;
+    for (const ism::Repair& r : prepared.repairs) done.push_back(r.message);
+    v.set("repairs", list_of<std::string>(done, [](const std::string& s) { return val(s); }));
     return v;
   }
 

@@ -1,5 +1,5 @@
 // Fuzz target: the readers of examples/mesh_io.hpp. The first letter of an input chooses what it is
-// the file of: O(BJ), F (OFF), P(LY), L(andmarks) or N(umber).
+// the file of: O(BJ), F (OFF), P(LY), S(TL), L(andmarks) or N(umber).
 
 #include "fuzz.hpp"
 
@@ -37,9 +37,15 @@ class File {
   std::string path_;
 };
 
+void require_line(const std::string& text) {
+  for (const char c : text)
+    require(static_cast<unsigned char>(c) >= 32 && c != 127, "what is told is one line");
+}
+
 void require_error(const std::string& path, bool ok, const std::string& error) {
   require(ok == error.empty(), "an error says what is wrong");
   require(ok || error.compare(0, path.size(), path) == 0, "an error names the file");
+  require_line(error);
 }
 
 void require_ids(const mesh_io::ReadResult& r) {
@@ -65,18 +71,21 @@ void require_round_trip(const mesh_io::ReadResult& r) {
   const std::string text = mesh_io::obj_text("", r.mesh.vertices, r.mesh.triangles, planar);
   const mesh_io::ReadResult s = mesh_io::read_mesh(file.write(text));
   require(s.ok, "what was written can be read: " + s.error);
+  require(s.notes.empty(), "what was written needs no mending");
   require(s.mesh.vertices == r.mesh.vertices && s.mesh.triangles == r.mesh.triangles,
           "what was written is read as it was");
 }
 
 void mesh(const std::string& extension, const std::string& text) {
-  static const File obj(".obj"), off(".OFF"), ply(".ply");
-  const File& file = extension == "obj" ? obj : extension == "off" ? off : ply;
+  static const File obj(".obj"), off(".OFF"), ply(".ply"), stl(".stl");
+  const File& file = extension == "obj"   ? obj
+                     : extension == "off" ? off
+                     : extension == "ply" ? ply
+                                          : stl;
   const std::string& path = file.write(text);
   const mesh_io::ReadResult r = mesh_io::read_mesh(path);
   require_error(path, r.ok, r.error);
-  for (const char c : r.error)
-    require(static_cast<unsigned char>(c) >= 32 && c != 127, "an error is one line");
+  for (const std::string& note : r.notes) require_line(note);
   if (!r.ok) return;
   require_ids(r);
   require_round_trip(r);
@@ -118,6 +127,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 'P':
       mesh("ply", text);
+      break;
+    case 'S':
+      mesh("stl", text);
       break;
     case 'L':
       landmarks(text);
