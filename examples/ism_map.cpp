@@ -6,6 +6,7 @@
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
+#include "landmarks.hpp"
 #include "map_glb.hpp"
 #include "map_picture.hpp"
 #include "mesh_io.hpp"
@@ -47,12 +48,17 @@ surfaces first: vertices at one place are welded, triangles turned, of several p
 landmarks is taken; what was done is printed.
 
   -o OUT             folder for the results, made if missing
-  --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
+  --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, ids from 0; # starts a comment. In
+                     place of an id, x y z stands for the nearest point of the surface, which is at
+                     most 1% of its size away. Of four numbers the first is the id if it is a whole
+                     number, else the last. Blanks, tabs, commas and semicolons separate them; the
+                     first line may be a header
   --exact-landmarks  landmarks coincide exactly, from the start to the end
   --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
                      along one square, matched by arc length; slide: there, they may slide
-  --pin-landmarks    the landmarks of A stay on B where the start puts them
-  --pins FILE        more landmarks, of which these vertices of A stay where the start puts them
+  --pin-landmarks    the landmarks of A stay on B where the start puts them; for a point in a
+                     triangle its nearest corner does
+  --pins FILE        more landmarks, of which those of A stay where the start puts them
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
   --kappa K          reward for covered area beyond what an isometry costs (default 0.2); that
@@ -332,34 +338,6 @@ std::string check_surface(const std::string& path, const ism::TriangleMesh& mesh
   return error;
 }
 
-/// Adds a landmark whose ids exist and are new.
-std::string add_landmark(const mesh_io::IdPair& pair, Input& input) {
-  const long long ids[2] = {pair.a, pair.b};
-  const long long sizes[2] = {input.a.vertices.rows(), input.b.vertices.rows()};
-  for (int k = 0; k < 2; ++k)
-    if (ids[k] < 0 || ids[k] >= sizes[k])
-      return std::string(k == 0 ? "A" : "B") + " has no vertex " + std::to_string(ids[k]) +
-             ", its ids are 0 to " + std::to_string(sizes[k] - 1);
-  for (const ism::Landmark& other : input.landmarks) {
-    if (other.a.vertex == pair.a)
-      return "vertex " + std::to_string(pair.a) + " of A is in two landmarks";
-    if (other.b.vertex == pair.b)
-      return "vertex " + std::to_string(pair.b) + " of B is in two landmarks";
-  }
-  input.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
-  return {};
-}
-
-std::string read_landmarks(const std::string& path, Input& input) {
-  const mesh_io::PairsResult file = mesh_io::read_pairs(path);
-  if (!file.ok) return file.error;
-  for (const mesh_io::IdPair& pair : file.pairs) {
-    const std::string error = add_landmark(pair, input);
-    if (!error.empty()) return path + ", line " + std::to_string(pair.line) + ": " + error;
-  }
-  return {};
-}
-
 std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
                          ism::Points2& positions) {
   mesh_io::ReadResult file = mesh_io::read_mesh(path);
@@ -447,15 +425,26 @@ std::string check_output(const Arguments& args) {
   return {};
 }
 
+/// The vertices of A in the landmarks from some number on; near points in triangles, once each.
+std::vector<int> pinned_vertices(const Input& input, std::size_t from) {
+  std::vector<int> pins;
+  for (std::size_t i = from; i < input.landmarks.size(); ++i)
+    pins.push_back(landmarks::nearest_vertex(input.a, input.landmarks[i].a));
+  std::sort(pins.begin(), pins.end());
+  pins.erase(std::unique(pins.begin(), pins.end()), pins.end());
+  return pins;
+}
+
 std::string read_input(Arguments& args, Input& input) {
   std::string error = read_meshes(args, input);
   if (error.empty() && !args.texture.empty()) error = read_texture(args.texture, input.texture);
-  if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
+  if (error.empty() && !args.landmarks.empty())
+    error = landmarks::read(args.landmarks, input.a, input.b, input.landmarks);
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
-  if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
-  for (std::size_t i = pinned_from; i < input.landmarks.size(); ++i)
-    if (!args.options.exact_landmarks)  // exact landmarks are pinned already
-      args.options.pins_a.push_back(input.landmarks[i].a.vertex);
+  if (error.empty() && !args.pins.empty())
+    error = landmarks::read(args.pins, input.a, input.b, input.landmarks);
+  if (!args.options.exact_landmarks)  // which are pinned already
+    args.options.pins_a = pinned_vertices(input, pinned_from);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())
@@ -569,13 +558,21 @@ int prepared_id(const ism::Prepared& prepared, int given) {
   return prepared.new_vertex[static_cast<std::size_t>(given)];
 }
 
-/// The landmarks in ids of the prepared meshes.
-std::vector<ism::Landmark> prepared_landmarks(const Input& input, const ism::Embedding& start) {
-  std::vector<ism::Landmark> landmarks;
+/// An end of a landmark on the mesh of a result. Points are sought in space: triangles may have
+/// been dropped, turned and cut.
+ism::LandmarkPoint in_result(const ism::LandmarkPoint& p, const ism::TriangleMesh& given,
+                             const ism::Prepared& prepared, const ism::TriangleMesh& mesh) {
+  if (p.vertex >= 0) return prepared_id(prepared, p.vertex);
+  return landmarks::nearest(mesh, landmarks::position(given, p)).point;
+}
+
+/// The landmarks on the meshes of a result.
+std::vector<ism::Landmark> result_landmarks(const Input& input, const ism::Embedding& start) {
+  std::vector<ism::Landmark> list;
   for (const ism::Landmark& l : input.landmarks)
-    landmarks.push_back(
-        {prepared_id(*start.prepared_a, l.a.vertex), prepared_id(*start.prepared_b, l.b.vertex)});
-  return landmarks;
+    list.push_back({in_result(l.a, input.a, *start.prepared_a, *start.a),
+                    in_result(l.b, input.b, *start.prepared_b, *start.b)});
+  return list;
 }
 
 /// The texture coordinates of the corners of the prepared mesh.
@@ -614,10 +611,12 @@ LandmarkError landmark_error(const Input& input, const ism::Embedding& start,
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(prepared_id(*start.prepared_a, l.a.vertex));
+    const ism::LandmarkPoint on_a = in_result(l.a, input.a, *start.prepared_a, *start.a);
+    const ism::MappedPoint image =
+        on_a.vertex >= 0 ? map.forward_vertex(on_a.vertex) : map.forward(on_a.point);
     result.uncovered += !image.covered;
     if (!image.covered) continue;
-    const Eigen::Vector3d target = b.row(l.b.vertex);
+    const Eigen::Vector3d target = landmarks::position(input.b, l.b);
     const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
     if (distance < result.largest) continue;
     result.largest = distance;
@@ -1005,7 +1004,7 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
   if (args.picture || !args.glb.empty()) texture = shown_texture(args, input, result, scene);
   if (args.picture)
     files.push_back(
-        {"picture.png", picture_png(prepared_landmarks(input, result.start), scene, texture)});
+        {"picture.png", picture_png(result_landmarks(input, result.start), scene, texture)});
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene.meta, files);
@@ -1038,8 +1037,8 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
   std::printf("             %.3g on B at the end (1: the diagonal of its box), %d not covered\n",
               error.largest, error.uncovered);
   if (error.largest > kFar)
-    std::printf("             %d goes far from %d: is it right, and is outside outside on both?\n",
-                error.worst.a.vertex, error.worst.b.vertex);
+    std::printf("             %s goes far from %s: is it right, and is outside outside on both?\n",
+                landmarks::name(error.worst.a).c_str(), landmarks::name(error.worst.b).c_str());
 }
 
 /// What was done to a mesh, a line for each thing.
