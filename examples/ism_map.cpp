@@ -13,6 +13,7 @@
 #include "morph.hpp"
 #include "render.hpp"
 #include "system.hpp"
+#include "uv_islands.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -77,8 +78,9 @@ landmarks is taken; what was done is printed.
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies where
-                     A's vt are, or unless every corner of A has one, where A is in the plane
+  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies
+                     where A's vt are, and not on faces without; if A has none, where A is in the
+                     plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
   --glb NAME.glb     A, a morph from A to B as an animation, and B, side by side with a texture, that
                      of --texture or coloured squares, in one binary glTF file, for any viewer; with
@@ -103,8 +105,9 @@ and if they are asked for
                          quality is the symmetric Dirichlet energy per area, 2 for an isometry
   A_textured.obj B_textured.obj textured.mtl texture.png
                          --texture: A, and the common refinement on B, with the texture of A
-  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; faces that are not
-                         covered have none, faces across a seam have some of either side
+  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; a face across a seam
+                         has those of the side on which most of it lies, continued; where most of a
+                         face is not covered, or lies on faces without vt, it has none
   morph_000.obj morph_000.png ...
                          --morph: the common refinement; morph_000 lies on A, the last one on B
   NAME.glb               --glb: the common refinement, grey where the other surface is not; A and B
@@ -356,7 +359,7 @@ std::string read_meshes(const Arguments& args, Input& input) {
   mesh_io::ReadResult b = mesh_io::read_mesh(args.b);
   if (!b.ok) return b.error;
   if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
-    return "--transfer-uv: neither A nor B has a vt at every corner of its faces";
+    return "--transfer-uv: neither A nor B has texture coordinates (vt)";
   input = {std::move(a.mesh),
            std::move(b.mesh),
            std::move(a.edges),
@@ -936,17 +939,11 @@ void add_textured(const Input& input, const ism::Result& result, const ism::Meta
 std::string uv_text(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,
                     ism::Side from, const Eigen::MatrixXd& uv) {
   const bool from_a = from == ism::Side::kA;
-  ism::Attributes carried =
-      ism::transfer(meta, from, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
-  for (std::size_t c = 0; c < carried.covered.size(); ++c)
-    if (!carried.covered[c])
-      carried.values.row(static_cast<Eigen::Index>(c))
-          .setConstant(std::numeric_limits<double>::quiet_NaN());
   const WrittenIds ids = from_a ? written_ids(*start.prepared_b, start.added_b)
                                 : written_ids(*start.prepared_a, start.added_a);
   return corners_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
-                      from_a ? input.b : input.a, from_a ? *meta.b : *meta.a, ids, carried.values,
-                      "");
+                      from_a ? input.b : input.a, from_a ? *meta.b : *meta.a, ids,
+                      uv_islands::carry(meta, from, uv), "");
 }
 
 void add_uv(const Input& input, const ism::Embedding& start, const ism::MetaMesh& meta,

@@ -39,8 +39,8 @@ struct ReadResult {
   ism::TriangleMesh mesh;
   std::vector<std::array<int, 2>> edges;  // of the polygons before they were cut, each once
   ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
-  ism::Points2 corner_uv;  // 3#F×2, the vt of corner k of triangle f in row 3 f + k; no rows if
-                           // some corner has none
+  ism::Points2 corner_uv;  // 3#F×2, the vt of corner k of triangle f in row 3 f + k, NaN where
+                           // there is none; no rows if there is none at all
 };
 
 /// Reads a mesh; the extension tells the format (.obj, .off, .ply; any case).
@@ -758,20 +758,20 @@ inline std::string soup_triangles(const Soup& soup, std::vector<CornerTriple>& l
   return {};
 }
 
-/// The vt of every corner of the triangles; no rows if some have none.
+/// The vt of every corner of the triangles, NaN where there is none; no rows if all have none.
 inline ism::Points2 soup_corner_uv(const Soup& soup, const std::vector<CornerTriple>& triangles) {
-  if (soup.corner_planar.empty()) return {};
-  ism::Points2 uv(3 * static_cast<Eigen::Index>(triangles.size()), 2);
-  Eigen::Index row = 0;
-  for (const CornerTriple& t : triangles)
-    for (const std::size_t corner : t) {
-      const long long id = soup.corner_planar[corner];
-      if (id < 0 || id >= static_cast<long long>(soup.planar.size())) return {};
-      const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(id)];
-      if (!std::isfinite(p[0]) || !std::isfinite(p[1])) return {};
-      uv.row(row++) << p[0], p[1];
-    }
-  return uv;
+  bool has_some = false;
+  ism::Points2 uv = ism::Points2::Constant(3 * static_cast<Eigen::Index>(triangles.size()), 2,
+                                           std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < 3 * triangles.size() && !soup.corner_planar.empty(); ++i) {
+    const long long id = soup.corner_planar[triangles[i / 3][i % 3]];
+    if (id < 0 || id >= static_cast<long long>(soup.planar.size())) continue;
+    const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(id)];
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1])) continue;
+    uv.row(static_cast<Eigen::Index>(i)) << p[0], p[1];
+    has_some = true;
+  }
+  return has_some ? uv : ism::Points2();
 }
 
 /// The vt of every vertex; no rows unless each vertex has exactly one.

@@ -135,7 +135,7 @@ for name in x/y.glb A.obj ""; do
   refused "--glb needs a name that ends in .glb, of a file in OUT, not '$name'" \
     a.obj b.obj -o out --glb "$name"
 done
-refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
+refused "--transfer-uv: neither A nor B has texture coordinates (vt)" \
   a.obj b.obj -o out --transfer-uv
 refused "none.png: there is no such file" a.obj b.obj -o out --texture none.png
 refused "a.obj: only PNG, JPEG and binary PPM images can be read" a.obj b.obj -o out --texture a.obj
@@ -238,6 +238,19 @@ done
 [ ! -e out/all/A_uv.obj ] || fail "B has no vt that A could get"
 [ "$(grep -c '^v ' out/all/B_uv.obj)" = 121 ] || fail "B_uv.obj must keep the vertices of B"
 [ "$(grep -c '^f.*/' out/all/B_uv.obj)" -gt 150 ] || fail "B_uv.obj: hardly any face has a vt"
+# With a seam in the middle, and a row of quads without vt: each face has one side, and some none.
+awk '/^v / { print; print "vt", $2, $3; print "vt", 10 + $2, $3; next } /^f / {
+  if ($2 > 63) { print "f", $2, $3, $4, $5; next }
+  t = ($2 - 1) % 9 > 3; print "f", $2 "/" 2 * $2 - 1 + t, $3 "/" 2 * $3 - 1 + t,
+  $4 "/" 2 * $4 - 1 + t, $5 "/" 2 * $5 - 1 + t; next } 1' a.obj >a_seam.obj
+"$ism_map" a_seam.obj b.obj -o out/seam --landmarks marks.txt --iterations 3 --transfer-uv \
+  --texture t.ppm --picture --glb seam.glb --quiet 2>stderr.txt || fail "a seam: $(cat stderr.txt)"
+[ "$(grep -c '^f .*/' out/seam/A_textured.obj)" = 112 ] || fail "A_textured.obj: vt from nothing"
+awk '/^vt/ { u[++n] = $2 } /^f/ { if (!/\//) { without++; next }
+  split($2, p, "/"); split($3, q, "/"); split($4, r, "/"); with[u[p[2]] > 5]++
+  if ((u[p[2]] > 5) != (u[q[2]] > 5) || (u[p[2]] > 5) != (u[r[2]] > 5)) exit failed = 1
+  } END { exit failed || with[0] < 70 || with[1] < 70 || without < 10 || without > 40 }' \
+  out/seam/B_uv.obj || fail "B_uv.obj: faces across the seam, or not those without vt"
 [ "$(grep -c '^f' out/all/morph_001.obj)" = "$(grep -c '^f' out/all/meta_A.obj)" ] ||
   fail "the faces of a morph are not those of the meta mesh"
 

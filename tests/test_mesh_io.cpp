@@ -183,11 +183,13 @@ TEST_CASE("OBJ: every corner has its own vt, also of cut polygons") {
   REQUIRE(r.corner_uv.rows() == 6);
   CHECK(r.corner_uv.row(0) == Eigen::RowVector2d(0, 0));
   CHECK(r.corner_uv.row(3) == Eigen::RowVector2d(0, 1));
-  for (const char* faces :
-       {"f 1/1 2/2 3/3\nf 1 3 4\n", "f 1/1 2/2 3/9\nf 1/1 3/3 4/4\n", "f 1 2 3\nf 1 3 4\n"}) {
-    r = read_text("m.obj", kSquare + vt + faces);
+  CHECK(read_text("m.obj", kSquare + vt + "f 1 2 3\nf 1 3 4\n").corner_uv.rows() == 0);
+  for (const char* faces : {"f 1/1 2/2 3/3\nf 1 3 4\n", "f 1/1 2/2 3/3\nf 1/9 3/9 4/9\n"}) {
+    r = read_text("m.obj", kSquare + vt + faces);  // the second face has none
     CHECK(r.ok);
-    CHECK(r.corner_uv.rows() == 0);
+    REQUIRE(r.corner_uv.rows() == 6);
+    CHECK(r.corner_uv.topRows(3).allFinite());
+    CHECK(r.corner_uv.bottomRows(3).array().isNaN().all());
   }
 }
 
