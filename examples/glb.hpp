@@ -147,10 +147,11 @@ class Writer {
     return unit_rows(std::move(corners));
   }
 
-  /// Here, v goes down.
+  /// Here, v goes down, and all have to be numbers.
   static Rows texture_coordinates(const render::Shape& shape) {
     if (shape.texture == nullptr) return Rows::Zero(shape.triangles.size(), 2);
-    Eigen::MatrixXd uv = shape.corner_uv;
+    Eigen::MatrixXd uv =
+        shape.corner_uv.unaryExpr([](double x) { return std::isfinite(x) ? x : 0; });
     uv.col(1) = (1 - uv.col(1).array()).matrix();
     return uv.cast<float>();
   }

@@ -6,12 +6,14 @@
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
 #include "ism.hpp"
+#include "landmarks.hpp"
 #include "map_glb.hpp"
 #include "map_picture.hpp"
 #include "mesh_io.hpp"
 #include "morph.hpp"
 #include "render.hpp"
 #include "system.hpp"
+#include "uv_islands.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -49,12 +51,17 @@ are welded, triangles turned, of several parts that with the landmarks is taken;
 printed.
 
   -o OUT             folder for the results, made if missing
-  --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, from 0; # starts a comment
+  --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, ids from 0; # starts a comment. In
+                     place of an id, x y z stands for the nearest point of the surface, which is at
+                     most 1% of its size away. Of four numbers the first is the id if it is a whole
+                     number, else the last. Blanks, tabs, commas and semicolons separate them; the
+                     first line may be a header
   --exact-landmarks  landmarks coincide exactly, from the start to the end
   --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
                      along one square, matched by arc length; slide: there, they may slide
-  --pin-landmarks    the landmarks of A stay on B where the start puts them
-  --pins FILE        more landmarks, of which these vertices of A stay where the start puts them
+  --pin-landmarks    the landmarks of A stay on B where the start puts them; for a point in a
+                     triangle its nearest corner does
+  --pins FILE        more landmarks, of which those of A stay where the start puts them
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
   --kappa K          reward for covered area beyond what an isometry costs (default 0.2); that
@@ -73,8 +80,9 @@ printed.
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
                      and with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies where
-                     A's vt are, or unless every corner of A has one, where A is in the plane
+  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies
+                     where A's vt are, and not on faces without; if A has none, where A is in the
+                     plane
   --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
   --glb NAME.glb     A, a morph from A to B as an animation, and B, side by side with a texture, that
                      of --texture or coloured squares, in one binary glTF file, for any viewer; with
@@ -99,8 +107,9 @@ and if they are asked for
                          quality is the symmetric Dirichlet energy per area, 2 for an isometry
   A_textured.obj B_textured.obj textured.mtl texture.png
                          --texture: A, and the common refinement on B, with the texture of A
-  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; faces that are not
-                         covered have none, faces across a seam have some of either side
+  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; a face across a seam
+                         has those of the side on which most of it lies, continued; where most of a
+                         face is not covered, or lies on faces without vt, it has none
   morph_000.obj morph_000.png ...
                          --morph: the common refinement; morph_000 lies on A, the last one on B
   NAME.glb               --glb: the common refinement, grey where the other surface is not; A and B
@@ -335,34 +344,6 @@ std::string check_surface(const std::string& path, const ism::TriangleMesh& mesh
   return error;
 }
 
-/// Adds a landmark whose ids exist and are new.
-std::string add_landmark(const mesh_io::IdPair& pair, Input& input) {
-  const long long ids[2] = {pair.a, pair.b};
-  const long long sizes[2] = {input.a.vertices.rows(), input.b.vertices.rows()};
-  for (int k = 0; k < 2; ++k)
-    if (ids[k] < 0 || ids[k] >= sizes[k])
-      return std::string(k == 0 ? "A" : "B") + " has no vertex " + std::to_string(ids[k]) +
-             ", its ids are 0 to " + std::to_string(sizes[k] - 1);
-  for (const ism::Landmark& other : input.landmarks) {
-    if (other.a.vertex == pair.a)
-      return "vertex " + std::to_string(pair.a) + " of A is in two landmarks";
-    if (other.b.vertex == pair.b)
-      return "vertex " + std::to_string(pair.b) + " of B is in two landmarks";
-  }
-  input.landmarks.push_back({static_cast<int>(pair.a), static_cast<int>(pair.b)});
-  return {};
-}
-
-std::string read_landmarks(const std::string& path, Input& input) {
-  const mesh_io::PairsResult file = mesh_io::read_pairs(path);
-  if (!file.ok) return file.error;
-  for (const mesh_io::IdPair& pair : file.pairs) {
-    const std::string error = add_landmark(pair, input);
-    if (!error.empty()) return path + ", line " + std::to_string(pair.line) + ": " + error;
-  }
-  return {};
-}
-
 std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
                          ism::Points2& positions) {
   mesh_io::ReadResult file = mesh_io::read_mesh(path);
@@ -381,7 +362,7 @@ std::string read_meshes(const Arguments& args, Input& input) {
   mesh_io::ReadResult b = mesh_io::read_mesh(args.b);
   if (!b.ok) return b.error;
   if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
-    return "--transfer-uv: neither A nor B has a vt at every corner of its faces";
+    return "--transfer-uv: neither A nor B has texture coordinates (vt)";
   input = {std::move(a.mesh),
            std::move(b.mesh),
            std::move(a.edges),
@@ -452,15 +433,26 @@ std::string check_output(const Arguments& args) {
   return {};
 }
 
+/// The vertices of A in the landmarks from some number on; near points in triangles, once each.
+std::vector<int> pinned_vertices(const Input& input, std::size_t from) {
+  std::vector<int> pins;
+  for (std::size_t i = from; i < input.landmarks.size(); ++i)
+    pins.push_back(landmarks::nearest_vertex(input.a, input.landmarks[i].a));
+  std::sort(pins.begin(), pins.end());
+  pins.erase(std::unique(pins.begin(), pins.end()), pins.end());
+  return pins;
+}
+
 std::string read_input(Arguments& args, Input& input) {
   std::string error = read_meshes(args, input);
   if (error.empty() && !args.texture.empty()) error = read_texture(args.texture, input.texture);
-  if (error.empty() && !args.landmarks.empty()) error = read_landmarks(args.landmarks, input);
+  if (error.empty() && !args.landmarks.empty())
+    error = landmarks::read(args.landmarks, input.a, input.b, input.landmarks);
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
-  if (error.empty() && !args.pins.empty()) error = read_landmarks(args.pins, input);
-  for (std::size_t i = pinned_from; i < input.landmarks.size(); ++i)
-    if (!args.options.exact_landmarks)  // exact landmarks are pinned already
-      args.options.pins_a.push_back(input.landmarks[i].a.vertex);
+  if (error.empty() && !args.pins.empty())
+    error = landmarks::read(args.pins, input.a, input.b, input.landmarks);
+  if (!args.options.exact_landmarks)  // which are pinned already
+    args.options.pins_a = pinned_vertices(input, pinned_from);
   if (error.empty() && !args.initial.empty())
     error = read_initial(args.initial + "/A.obj", input.a, args.options.initial_f);
   if (error.empty() && !args.initial.empty())
@@ -583,10 +575,11 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
+    const ism::MappedPoint image =
+        l.a.vertex >= 0 ? map.forward_vertex(l.a.vertex) : map.forward(l.a.point);
     result.uncovered += !image.covered;
     if (!image.covered) continue;
-    const Eigen::Vector3d target = b.row(l.b.vertex);
+    const Eigen::Vector3d target = landmarks::position(input.b, l.b);
     const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
     if (distance < result.largest) continue;
     result.largest = distance;
@@ -917,15 +910,10 @@ void add_textured(const Input& input, const ism::Result& result, const picture::
 /// The mesh on the other side with texture coordinates from this one.
 std::string uv_text(const ism::MetaMesh& meta, ism::Side from, const ism::Points2& uv) {
   const bool from_a = from == ism::Side::kA;
-  ism::Attributes carried =
-      ism::transfer(meta, from, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
-  for (std::size_t c = 0; c < carried.covered.size(); ++c)
-    if (!carried.covered[c])
-      carried.values.row(static_cast<Eigen::Index>(c))
-          .setConstant(std::numeric_limits<double>::quiet_NaN());
   const ism::TriangleMesh& mesh = from_a ? *meta.b : *meta.a;
   return mesh_io::obj_text(from_a ? "mesh B with the vt of A" : "mesh A with the vt of B",
-                           mesh.vertices, mesh_io::polygons_of(mesh.triangles), carried.values, "");
+                           mesh.vertices, mesh_io::polygons_of(mesh.triangles),
+                           uv_islands::carry(meta, from, uv), "");
 }
 
 void add_uv(const Input& input, const ism::MetaMesh& meta, std::vector<mesh_io::TextFile>& files) {
@@ -1003,8 +991,8 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
   std::printf("             %.3g on B at the end (1: the diagonal of its box), %d not covered\n",
               error.largest, error.uncovered);
   if (error.largest > kFar)
-    std::printf("             %d goes far from %d: is it right, and is outside outside on both?\n",
-                error.worst.a.vertex, error.worst.b.vertex);
+    std::printf("             %s goes far from %s: is it right, and is outside outside on both?\n",
+                landmarks::name(error.worst.a).c_str(), landmarks::name(error.worst.b).c_str());
 }
 
 /// What was done to a mesh, a line for each thing.

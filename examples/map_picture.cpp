@@ -272,11 +272,15 @@ void draw_texture(const Scene& scene, ism::Side side, const render::Rect& panel,
 
 void draw_landmarks(const Scene& scene, ism::Side side, const render::Rect& panel,
                     const std::vector<ism::Landmark>& landmarks, render::Canvas& canvas) {
-  const ism::Points3& vertices = scene.map.mesh(side).vertices;
+  const bool on_a = side == ism::Side::kA;
   const render::View view = scene.view(side, panel);
-  for (const ism::Landmark& l : landmarks)
-    canvas.draw_ball(view, vertices.row((side == ism::Side::kA ? l.a : l.b).vertex).transpose(), 5,
-                     {0.10f, 0.45f, 0.85f}, 12);
+  for (const ism::Landmark& l : landmarks) {
+    const ism::LandmarkPoint& end = on_a ? l.a : l.b;
+    Eigen::Vector3d place =
+        on_a ? scene.map.position_on_a(end.point) : scene.map.position_on_b(end.point);
+    if (end.vertex >= 0) place = scene.map.mesh(side).vertices.row(end.vertex);
+    canvas.draw_ball(view, place, 5, {0.10f, 0.45f, 0.85f}, 12);
+  }
 }
 
 }  // namespace picture

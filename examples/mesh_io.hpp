@@ -43,8 +43,8 @@ struct ReadResult {
   ism::TriangleMesh mesh;
   std::vector<std::array<int, 2>> edges;  // of the polygons before they were cut, each once
   ism::Points2 planar;  // #V×2, the vt of every vertex; no rows if vertices have none or several
-  ism::Points2 corner_uv;  // 3#F×2, the vt of corner k of triangle f in row 3 f + k; no rows if
-                           // some corner has none
+  ism::Points2 corner_uv;  // 3#F×2, the vt of corner k of triangle f in row 3 f + k, NaN where
+                           // there is none; no rows if there is none at all
 };
 
 /// Reads a mesh; the extension tells the format (.obj, .off, .ply, .stl; any case). Vertices keep
@@ -59,8 +59,15 @@ struct ReadResult {
 ///      coordinates are one vertex, and vertices are numbered as they first appear.
 inline ReadResult read_mesh(const std::string& path);
 
+/// One end of a landmark as it stands in a file: a vertex id or a point in space.
+struct PairEnd {
+  bool is_point = false;
+  long long id = -1;
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
+};
+
 struct IdPair {
-  long long a, b;  // as they stand in the file
+  PairEnd a, b;
   long long line;
 };
 
@@ -70,10 +77,15 @@ struct PairsResult {
   std::vector<IdPair> pairs;
 };
 
-/// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment.
+/// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment. Ids may be written
+/// as 17.0. In place of an id there may be a point, `<x> <y> <z>`: six numbers are two points; of
+/// four, the first one is the id if it is written as a whole number (17, not 17.0), else the last
+/// one. Numbers are separated by blanks, tabs, commas or semicolons. A first line without any
+/// number is a header.
 inline PairsResult read_pairs(const std::string& path);
 
-/// Pairs of vertices as landmarks. An id that is no vertex of any mesh stays one.
+/// Pairs of vertices as landmarks. An id that is no vertex of any mesh stays one, as does a point;
+/// landmarks.hpp finds what vertex or triangle that is.
 inline std::vector<ism::Landmark> landmarks_of(const PairsResult& file);
 
 /// Reads a file as a whole. Returns an empty string, or one sentence that says why it failed.
@@ -1225,20 +1237,20 @@ inline std::vector<std::array<int, 2>> soup_edges(const Soup& soup) {
   return edges;
 }
 
-/// The vt of every corner of the triangles; no rows if some have none.
+/// The vt of every corner of the triangles, NaN where there is none; no rows if all have none.
 inline ism::Points2 soup_corner_uv(const Soup& soup, const std::vector<CornerTriple>& triangles) {
-  if (soup.corner_planar.empty()) return {};
-  ism::Points2 uv(3 * static_cast<Eigen::Index>(triangles.size()), 2);
-  Eigen::Index row = 0;
-  for (const CornerTriple& t : triangles)
-    for (const std::size_t corner : t) {
-      const long long id = soup.corner_planar[corner];
-      if (id < 0 || id >= static_cast<long long>(soup.planar.size())) return {};
-      const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(id)];
-      if (!std::isfinite(p[0]) || !std::isfinite(p[1])) return {};
-      uv.row(row++) << p[0], p[1];
-    }
-  return uv;
+  bool has_some = false;
+  ism::Points2 uv = ism::Points2::Constant(3 * static_cast<Eigen::Index>(triangles.size()), 2,
+                                           std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < 3 * triangles.size() && !soup.corner_planar.empty(); ++i) {
+    const long long id = soup.corner_planar[triangles[i / 3][i % 3]];
+    if (id < 0 || id >= static_cast<long long>(soup.planar.size())) continue;
+    const std::array<double, 2>& p = soup.planar[static_cast<std::size_t>(id)];
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1])) continue;
+    uv.row(static_cast<Eigen::Index>(i)) << p[0], p[1];
+    has_some = true;
+  }
+  return has_some ? uv : ism::Points2();
 }
 
 /// The vt of every vertex; no rows unless each vertex has exactly one.
@@ -1375,19 +1387,93 @@ inline std::string read_bytes(const std::string& path, std::string& bytes) {
   return error.empty() ? "" : path + error;
 }
 
+namespace detail {
+
+/// The words of a line, up to a '#'.
+inline std::vector<std::string_view> fields_of(std::string_view line) {
+  constexpr const char* kSeparators = " \t\r\v\f\n,;";
+  line = line.substr(0, line.find('#'));
+  std::vector<std::string_view> fields;
+  for (;;) {
+    line.remove_prefix((std::min)(line.find_first_not_of(kSeparators), line.size()));
+    if (line.empty()) return fields;
+    fields.push_back(line.substr(0, line.find_first_of(kSeparators)));
+    line.remove_prefix(fields.back().size());
+  }
+}
+
+/// A whole number, also one that is written as 17.0.
+inline bool parse_id(std::string_view text, long long& id) {
+  constexpr double kLargest = 9e15;  // beyond, not every whole number is a double
+  double x = 0;
+  if (parse_integer(text, id)) return true;
+  if (!parse_number(text, x) || x != std::floor(x) || !(std::abs(x) < kLargest)) return false;
+  id = static_cast<long long>(x);
+  return true;
+}
+
+/// Reads one end of a landmark from one or three fields. Returns what is wrong.
+inline std::string read_end(const std::string_view* field, PairEnd& end) {
+  if (!end.is_point && !parse_id(*field, end.id))
+    return "'" + std::string(*field) + "' is no vertex id";
+  for (int k = 0; k < 3 && end.is_point; ++k)
+    if (!parse_number(field[k], end.point[k]) || !std::isfinite(end.point[k]))
+      return "'" + std::string(field[k]) + "' is no coordinate";
+  return {};
+}
+
+inline std::string read_pair(const std::vector<std::string_view>& fields, IdPair& pair) {
+  const std::size_t n = fields.size();
+  if (n != 2 && n != 4 && n != 6)
+    return "two vertex ids are expected, or points x y z in place of them: 2, 4 or 6 numbers (1.5, "
+           "not 1,5), not " +
+           std::to_string(n);
+  long long id = 0;
+  const bool id_first =
+      parse_integer(fields[0], id) || (parse_id(fields[0], id) && !parse_id(fields[n - 1], id));
+  pair.a.is_point = n == 6 || (n == 4 && !id_first);
+  pair.b.is_point = n == 6 || (n == 4 && id_first);
+  const std::string error = read_end(&fields[0], pair.a);
+  return error.empty() ? read_end(&fields[pair.a.is_point ? 3 : 1], pair.b) : error;
+}
+
+inline bool has_number(const std::vector<std::string_view>& fields) {
+  double x = 0;
+  return std::any_of(fields.begin(), fields.end(),
+                     [&](std::string_view field) { return parse_number(field, x); });
+}
+
+/// What is quoted from a broken file has to stay one line.
+inline std::string printable(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+  return text;
+}
+
+}  // namespace detail
+
 inline PairsResult read_pairs(const std::string& path) {
   PairsResult result;
   std::string text, error = detail::load(path, text);
   detail::Scanner s(text);
-  while (error.empty() && s.find_item()) {
-    IdPair pair{-1, -1, s.line()};
-    if (s.number(pair.a) && s.number(pair.b) && s.line_done())
+  for (bool is_first = true; error.empty() && s.find_item();) {
+    IdPair pair = {{}, {}, s.line()};
+    const char* const begin = s.place();
+    s.next_line();
+    const std::vector<std::string_view> fields =
+        detail::fields_of({begin, static_cast<std::size_t>(s.place() - begin)});
+    if (fields.empty()) continue;
+    const bool is_header = is_first && !detail::has_number(fields);
+    is_first = false;
+    if (is_header) continue;
+    error = detail::read_pair(fields, pair);
+    if (error.empty())
       result.pairs.push_back(pair);
     else
-      error = detail::at_line(s, "two vertex ids are expected");
+      error = detail::at("line", pair.line, error);
   }
   result.ok = error.empty();
-  if (!result.ok) result.error = path + error;
+  if (!result.ok) result.error = path + detail::printable(error);
   return result;
 }
 
@@ -1522,7 +1608,7 @@ inline std::vector<ism::Landmark> landmarks_of(const PairsResult& file) {
     return id >= 0 && id <= (std::numeric_limits<int>::max)() ? static_cast<int>(id) : -1;
   };
   std::vector<ism::Landmark> landmarks;
-  for (const IdPair& pair : file.pairs) landmarks.push_back({vertex(pair.a), vertex(pair.b)});
+  for (const IdPair& pair : file.pairs) landmarks.push_back({vertex(pair.a.id), vertex(pair.b.id)});
   return landmarks;
 }
 

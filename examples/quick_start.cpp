@@ -1,7 +1,8 @@
 // Maps one mesh onto another:  quick_start A.obj B.obj [landmarks.txt]
 
 #include "ism.hpp"
-#include "mesh_io.hpp"  // reads the files; any other way to fill the arrays will do
+#include "landmarks.hpp"  // these two read files; any other way to fill the arrays will do
+#include "mesh_io.hpp"
 
 #include <iostream>
 #include <string>
@@ -17,13 +18,12 @@ int main(int argc, char** argv) {
   const mesh_io::ReadResult b = mesh_io::read_mesh(argv[2]);
   if (!a.ok || !b.ok) return fail(a.ok ? b.error : a.error);
 
-  std::vector<ism::Landmark> landmarks;  // pairs {vertex of A, vertex of B}, if known
+  std::vector<ism::Landmark> list;  // pairs {vertex of A, vertex of B}, if known
   if (argc > 3) {
-    const mesh_io::PairsResult file = mesh_io::read_pairs(argv[3]);
-    if (!file.ok) return fail(file.error);
-    landmarks = mesh_io::landmarks_of(file);
+    const std::string error = landmarks::read(argv[3], a.mesh, b.mesh, list);
+    if (!error.empty()) return fail(error);
   }
-  const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks);
+  const ism::Result result = ism::compute_map(a.mesh, b.mesh, list);
   if (!ism::is_usable(result.status)) return fail(result.message);
 
   const ism::IterationLog& last = result.final_state();

@@ -80,7 +80,7 @@ struct Shape {
   ism::Points3 vertices;
   ism::Triangles triangles;
   Eigen::MatrixXd corner_colors;  // 3#F×3, row 3 f + k is corner k of face f; or no rows
-  Eigen::MatrixXd corner_uv;      // 3#F×2, v upwards; or no rows
+  Eigen::MatrixXd corner_uv;      // 3#F×2, v upwards, NaN: there is no texture; or no rows
   const Image* texture = nullptr;
   Color color = {0.82f, 0.83f, 0.86f};
   bool is_shaded = true;           // by a light from the viewer's upper left
@@ -385,7 +385,7 @@ void Canvas::draw(const View& view, const Shape& shape, double lift) {
       Color result = a * color[0] + b * color[1] + (1 - a - b) * color[2];
       if (shape.texture != nullptr) {
         const Vec2 at = w[0] * uv[0] + w[1] * uv[1] + w[2] * uv[2];
-        result = sample(*shape.texture, at.x(), at.y());
+        if (at.allFinite()) result = sample(*shape.texture, at.x(), at.y());
       }
       if (!shape.is_shaded) return result;
       const Vec3 n = (w[0] * normal[0] + w[1] * normal[1] + w[2] * normal[2]).normalized();

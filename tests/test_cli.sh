@@ -107,10 +107,16 @@ refused_marks '0 121\n' "1: B has no vertex 121, its ids are 0 to 120"
 refused_marks '-1 0\n' "1: A has no vertex -1, its ids are 0 to 80"
 refused_marks '1 2\n\n3 4\n1 5\n' "4: vertex 1 of A is in two landmarks"
 refused_marks '1 2\n3 2\n' "2: vertex 2 of B is in two landmarks"
-refused_marks '1 2 3\n' "1: two vertex ids are expected"
+refused_marks '0.0 0 0 3\n0 5\n' "2: vertex 0 of A is in two landmarks"
+forms="two vertex ids are expected, or points x y z in place of them"
+refused_marks '1 2 3\n' "1: $forms: 2, 4 or 6 numbers (1.5, not 1,5), not 3"
+refused_marks 'a,b\n1 x\n' "2: 'x' is no vertex id"
+refused_marks '1 0.5 0.5 -0.6\n' "1: the point is 43% of the size of B away from B, 1% is the most:\
+ give it in the coordinates of the file of B, or as the id of a vertex"
 refused "none.txt: there is no such file" a.obj b.obj -o out --landmarks none.txt
 
-refused "marks_bad.txt, line 1: two vertex ids are expected" \
+printf '1;2;3\n' >marks_bad.txt
+refused "marks_bad.txt, line 1: $forms: 2, 4 or 6 numbers (1.5, not 1,5), not 3" \
   a.obj b.obj -o out --pins marks_bad.txt
 refused "none/A.obj: there is no such file" a.obj b.obj -o out --initial none
 mkdir start && cp a.obj start/A.obj && cp b.obj start/B.obj
@@ -131,7 +137,7 @@ for name in x/y.glb A.obj ""; do
   refused "--glb needs a name that ends in .glb, of a file in OUT, not '$name'" \
     a.obj b.obj -o out --glb "$name"
 done
-refused "--transfer-uv: neither A nor B has a vt at every corner of its faces" \
+refused "--transfer-uv: neither A nor B has texture coordinates (vt)" \
   a.obj b.obj -o out --transfer-uv
 refused "none.png: there is no such file" a.obj b.obj -o out --texture none.png
 refused "a.obj: only PNG, JPEG and binary PPM images can be read" a.obj b.obj -o out --texture a.obj
@@ -168,6 +174,25 @@ assert r["final"]["iterations"] == len(r["iterations"]) - 1' || fail "report.jso
   python3 -c 'import json; json.load(open("out/latin/report.json", encoding="utf-8"))' ||
     fail "report.json of a\\351.obj"
 fi
+
+# Landmarks as spreadsheets and scripts write them give the same bits; points on triangles are met,
+# drawn and pinned as vertices are.
+printf '\357\273\277source,target\r\n0,0\r\n80.0;120.0\r\n8,1.00001 0 0\r\n' >marks.csv
+"$ism_map" a.obj b.obj -o out/csv --landmarks marks.csv --iterations 5 --quiet || fail "marks.csv"
+cmp out/one/A.obj out/csv/A.obj || fail "marks.csv is not marks.txt"
+printf '0.53,0.51,0,0.52,0.55,0.08\n' >point.txt
+echo 20 24 >pins.txt
+{ cat point.txt && printf '0.2 0.3 0 0.21 0.3 0.007\n30 0.4 0.4 0.03\n'; } >points.txt
+for marks in points.txt "points.txt --exact-landmarks" "point.txt --pin-landmarks" \
+  "pins.txt --pins point.txt"; do
+  # shellcheck disable=SC2086
+  "$ism_map" a.obj b.obj -o out/points --landmarks $marks --iterations 5 --picture >stdout.txt \
+    2>stderr.txt || fail "$marks: $(cat stderr.txt)"
+  awk '/^ .* on B at the end/ { if ($1 > 0.1 || !/ 0 not covered/) exit 1; n++ }
+    END { exit n != 1 }' stdout.txt || fail "$marks: $(cat stdout.txt)"
+  grep -o '"pin_residual": [^,}]*' out/points/report.json |
+    awk '{ if ($2 > 1e-9) exit 1 }' || fail "$marks: residual"
+done
 
 # What is not welded is welded, and told; results have the ids of the input.
 awk '/^v / { v[++n] = $0; next } /^f / { for (i = 2; i <= 5; ++i) print v[$i]; m += 4
@@ -233,6 +258,19 @@ done
 [ ! -e out/all/A_uv.obj ] || fail "B has no vt that A could get"
 [ "$(grep -c '^v ' out/all/B_uv.obj)" = 121 ] || fail "B_uv.obj must keep the vertices of B"
 [ "$(grep -c '^f.*/' out/all/B_uv.obj)" -gt 150 ] || fail "B_uv.obj: hardly any face has a vt"
+# With a seam in the middle, and a row of quads without vt: each face has one side, and some none.
+awk '/^v / { print; print "vt", $2, $3; print "vt", 10 + $2, $3; next } /^f / {
+  if ($2 > 63) { print "f", $2, $3, $4, $5; next }
+  t = ($2 - 1) % 9 > 3; print "f", $2 "/" 2 * $2 - 1 + t, $3 "/" 2 * $3 - 1 + t,
+  $4 "/" 2 * $4 - 1 + t, $5 "/" 2 * $5 - 1 + t; next } 1' a.obj >a_seam.obj
+"$ism_map" a_seam.obj b.obj -o out/seam --landmarks marks.txt --iterations 3 --transfer-uv \
+  --texture t.ppm --picture --glb seam.glb --quiet 2>stderr.txt || fail "a seam: $(cat stderr.txt)"
+[ "$(grep -c '^f .*/' out/seam/A_textured.obj)" = 112 ] || fail "A_textured.obj: vt from nothing"
+awk '/^vt/ { u[++n] = $2 } /^f/ { if (!/\//) { without++; next }
+  split($2, p, "/"); split($3, q, "/"); split($4, r, "/"); with[u[p[2]] > 5]++
+  if ((u[p[2]] > 5) != (u[q[2]] > 5) || (u[p[2]] > 5) != (u[r[2]] > 5)) exit failed = 1
+  } END { exit failed || with[0] < 70 || with[1] < 70 || without < 10 || without > 40 }' \
+  out/seam/B_uv.obj || fail "B_uv.obj: faces across the seam, or not those without vt"
 [ "$(grep -c '^f' out/all/morph_001.obj)" = "$(grep -c '^f' out/all/meta_A.obj)" ] ||
   fail "the faces of a morph are not those of the meta mesh"
 

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "ism.hpp"
+#include "landmarks.hpp"
 #include "mesh_io.hpp"
 
 namespace {
@@ -196,11 +197,13 @@ TEST_CASE("OBJ: every corner has its own vt, also of cut polygons") {
   REQUIRE(r.corner_uv.rows() == 6);
   CHECK(r.corner_uv.row(0) == Eigen::RowVector2d(0, 0));
   CHECK(r.corner_uv.row(3) == Eigen::RowVector2d(0, 1));
-  for (const char* faces :
-       {"f 1/1 2/2 3/3\nf 1 3 4\n", "f 1/1 2/2 3/9\nf 1/1 3/3 4/4\n", "f 1 2 3\nf 1 3 4\n"}) {
-    r = read_text("m.obj", kSquare + vt + faces);
+  CHECK(read_text("m.obj", kSquare + vt + "f 1 2 3\nf 1 3 4\n").corner_uv.rows() == 0);
+  for (const char* faces : {"f 1/1 2/2 3/3\nf 1 3 4\n", "f 1/1 2/2 3/3\nf 1/9 3/9 4/9\n"}) {
+    r = read_text("m.obj", kSquare + vt + faces);  // the second face has none
     CHECK(r.ok);
-    CHECK(r.corner_uv.rows() == 0);
+    REQUIRE(r.corner_uv.rows() == 6);
+    CHECK(r.corner_uv.topRows(3).allFinite());
+    CHECK(r.corner_uv.bottomRows(3).array().isNaN().all());
   }
 }
 
@@ -833,20 +836,131 @@ TEST_CASE("the locale's decimal comma changes nothing") {
   std::setlocale(LC_ALL, "C");
 }
 
-TEST_CASE("pairs of ids, with comments; all else is an error with its line") {
+namespace {
+
+mesh_io::PairsResult read_pairs_text(const std::string& text) {
   const Folder folder;
-  const auto read = [&](const std::string& text) {
-    std::ofstream(folder.file("l.txt"), std::ios::binary) << text;
-    return mesh_io::read_pairs(folder.file("l.txt"));
-  };
-  const mesh_io::PairsResult r = read("# thumb\n1 2\r\n\n  33\t-4 # tip\n");
+  std::ofstream(folder.file("l.txt"), std::ios::binary) << text;
+  mesh_io::PairsResult result = mesh_io::read_pairs(folder.file("l.txt"));
+  if (!result.ok) result.error = result.error.substr(result.error.find("l.txt"));
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("pairs of ids, with comments; all else is an error with its line") {
+  const mesh_io::PairsResult r = read_pairs_text("# thumb\n1 2\r\n\n  33\t-4 # tip\n");
   REQUIRE(r.ok);
   REQUIRE(r.pairs.size() == 2);
-  CHECK(r.pairs[1].a == 33);
-  CHECK(r.pairs[1].b == -4);
+  CHECK(r.pairs[1].a.id == 33);
+  CHECK(r.pairs[1].b.id == -4);
   CHECK(r.pairs[1].line == 4);
-  CHECK(read("").ok);
-  for (const char* bad :
-       {"1\n", "1 2 3\n", "1 x\n", "1.5 2\n", "1,2\n", "1 99999999999999999999\n"})
-    CHECK(read(bad).error == folder.file("l.txt") + ", line 1: two vertex ids are expected");
+  CHECK(read_pairs_text("").ok);
+  for (const char* bad : {"1\n", "1 2 3\n", "1 2 3 4 5\n", "0,5 0,25 0,125 17\n"}) {
+    const std::string error = read_pairs_text(std::string("1 2\n") + bad).error;
+    CHECK(
+        error.find("l.txt, line 2: two vertex ids are expected, or points x y z in place of them: "
+                   "2, 4 or 6 numbers (1.5, not 1,5), not ") == 0);
+  }
+  const std::pair<const char*, const char*> kBad[] = {
+      {"1 x", "'x' is no vertex id"},
+      {"1.5 2", "'1.5' is no vertex id"},
+      {"1 99999999999999999999", "'99999999999999999999' is no vertex id"},
+      {"1 2#", ""},
+      {"1 0 nan 0", "'nan' is no coordinate"},
+      {"0.5 0 1 2.5", "'2.5' is no vertex id"},
+      {"1 2 3 4 5 6x", "'6x' is no coordinate"},
+      {"a b\nc d", "'c' is no vertex id"},  // a second line of words is no header
+  };
+  for (const auto& [text, sentence] : kBad) {
+    const std::string error = read_pairs_text(text).error;
+    CHECK(error.substr((std::min)(error.size(), std::string("l.txt, line 1: ").size())) ==
+          sentence);
+  }
+}
+
+TEST_CASE("pairs as spreadsheets and scripts write them: separators, headers, floats, points") {
+  for (const char* same :
+       {"1 2\n33 4\n", "1,2\n33,4", "1;2\r\n33;4\r\n", "1\t2\n33\t4\n", "1, 2,\n33 , 4\n,\n",
+        "1.0 2.0\n33.0 4.0\n", "source,target\n1,2\n33,4\n",
+        "\xEF\xBB\xBF\"A\";\"B\"\r\n1;2\r\n33;4", "# of a script\n\nA B\n1 2\n3.3e1 4\n"}) {
+    INFO(same);
+    const mesh_io::PairsResult r = read_pairs_text(same);
+    REQUIRE(r.ok);
+    REQUIRE(r.pairs.size() == 2);
+    CHECK(r.pairs[0].a.id == 1);
+    CHECK(r.pairs[0].b.id == 2);
+    CHECK(r.pairs[1].a.id == 33);
+    CHECK(r.pairs[1].b.id == 4);
+  }
+  const mesh_io::PairsResult r = read_pairs_text(
+      "0.5 -1 2e3 4 5 6\n17 0.5 0.25 0\n0.5,0.25,0,17\n0.0 0.25 1 17\n17.0 0.25 1 0.5\n");
+  REQUIRE(r.ok);
+  REQUIRE(r.pairs.size() == 5);
+  CHECK(r.pairs[0].a.is_point);
+  CHECK(r.pairs[0].b.is_point);
+  CHECK(r.pairs[0].a.point == Eigen::Vector3d(0.5, -1, 2000));
+  CHECK(r.pairs[0].b.point == Eigen::Vector3d(4, 5, 6));
+  for (const std::size_t i : {1u, 4u}) {  // id x y z
+    CHECK(!r.pairs[i].a.is_point);
+    CHECK(r.pairs[i].a.id == 17);
+    CHECK(r.pairs[i].b.is_point);
+  }
+  for (const std::size_t i : {2u, 3u}) {  // x y z id
+    CHECK(r.pairs[i].a.is_point);
+    CHECK(r.pairs[i].b.id == 17);
+  }
+  CHECK(r.pairs[1].b.point == Eigen::Vector3d(0.5, 0.25, 0));
+  CHECK(r.pairs[3].a.point == Eigen::Vector3d(0, 0.25, 1));
+}
+
+TEST_CASE("a point in space is the nearest vertex, or the nearest point of a triangle") {
+  const ism::TriangleMesh square =
+      read_text("s.obj", kSquare + "v 9 9 9\nf 1 2 2\nf 1 2 3\nf 1 3 4\n").mesh;
+  const auto nearest = [&](double x, double y, double z) {
+    return landmarks::nearest(square, {x, y, z});
+  };
+  CHECK(nearest(1, 1, 0).point.vertex == 2);
+  CHECK(nearest(0.9995, 1.0004, 0.0003).point.vertex == 2);  // rounded
+  CHECK(nearest(3, 5, 0).point.vertex == 2);
+  CHECK(nearest(3, 5, 0).distance == doctest::Approx(std::sqrt(20.0)));
+  const auto check = [&](double x, double y, double z, const Eigen::Vector3d& wanted) {
+    const landmarks::Nearest found = nearest(x, y, z);
+    REQUIRE(found.point.vertex == -1);
+    CHECK(found.point.point.barycentric.minCoeff() >= 0);
+    CHECK(found.point.point.barycentric.sum() == doctest::Approx(1));
+    CHECK((landmarks::position(square, found.point) - wanted).norm() < 1e-15);
+    CHECK(found.distance == doctest::Approx((Eigen::Vector3d(x, y, z) - wanted).norm()));
+  };
+  check(0.75, 0.25, 0.5, {0.75, 0.25, 0});
+  check(0.25, 0.5, -2, {0.25, 0.5, 0});
+  check(0.25, -1, 1, {0.25, 0, 0});
+  check(1.5, 0.75, 0, {1, 0.75, 0});
+  CHECK(landmarks::nearest_vertex(square, nearest(0.75, 0.25, 0).point) == 1);
+  CHECK(landmarks::name(nearest(0.75, 0.25, 0).point) == "a point in triangle 1");
+  CHECK(landmarks::nearest({}, {0, 0, 0}).point.vertex == -1);
+}
+
+TEST_CASE("landmarks of a file, on their meshes") {
+  const ism::TriangleMesh m = read_text("s.obj", kSquare + "f 1 2 3\nf 1 3 4\n").mesh;
+  const Folder folder;
+  std::vector<ism::Landmark> list;
+  const auto read = [&](const std::string& text) {
+    std::ofstream(folder.file("l.txt"), std::ios::binary) << text;
+    list.clear();
+    const std::string error = landmarks::read(folder.file("l.txt"), m, m, list);
+    return error.empty() ? "" : error.substr(error.find("l.txt") + 5);
+  };
+  CHECK(read("0 1\n1 1 0 0.75 0.25 0.001\n0.25 0.5 0 3\n") == "");
+  REQUIRE(list.size() == 3);
+  CHECK(list[0].b.vertex == 1);
+  CHECK(list[1].a.vertex == 2);
+  CHECK(list[1].b.point.face == 0);
+  CHECK(list[2].a.point.face == 1);
+  CHECK(list[2].b.vertex == 3);
+  CHECK(read("0 4\n") == ", line 1: B has no vertex 4, its ids are 0 to 3");
+  CHECK(read("0 1\n0.0 0 0 2\n") == ", line 2: vertex 0 of A is in two landmarks");
+  CHECK(read("0 0.5 0.5 -0.2\n") ==
+        ", line 1: the point is 14.1% of the size of B away from B, 1% is the most: give it in the "
+        "coordinates of the file of B, or as the id of a vertex");
 }

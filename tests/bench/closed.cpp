@@ -29,10 +29,7 @@ int main(int argc, char** argv) {
   if (!b.ok) return fail(b.error);
   const mesh_io::PairsResult pairs = mesh_io::read_pairs(argv[3]);
   if (!pairs.ok) return fail(pairs.error);
-  std::vector<ism::Landmark> landmarks;
-  for (const mesh_io::IdPair& p : pairs.pairs)
-    landmarks.push_back({static_cast<int>(p.a), static_cast<int>(p.b)});
-  const ism::Result result = ism::compute_map(a.mesh, b.mesh, landmarks);
+  const ism::Result result = ism::compute_map(a.mesh, b.mesh, mesh_io::landmarks_of(pairs));
   const ism::SurfaceMap map(result);
   if (map.status() != ism::Status::kDone) return fail(map.message());
   const ism::MetaMesh meta = map.meta_mesh();
