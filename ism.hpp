@@ -1157,7 +1157,7 @@ class Array {
   const T* end() const { return items_ + size_; }
 
   void push_back(T value) {
-    if (size_ == room_) reserve(size_ < 4 ? 8 : size_ + (std::min)(size_, kMost - size_));
+    if (size_ == room_) grow(size_ < 4 ? 8 : size_ + 1);
     ::new (static_cast<void*>(items_ + size_)) T(std::move(value));
     ++size_;
   }
@@ -1172,7 +1172,7 @@ class Array {
   }
   void resize(int n) {
     while (size_ > n) pop_back();
-    reserve(n);
+    grow(n);
     for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T();
   }
   void reserve(int n) {
@@ -1187,7 +1187,7 @@ class Array {
     room_ = n;
   }
   void append(const T* items, int n) {
-    reserve(size_ + n);
+    grow(size_ + n);
     for (int i = 0; i < n; ++i, ++size_) ::new (static_cast<void*>(items_ + size_)) T(items[i]);
   }
   void swap(Array& other) noexcept {
@@ -1197,7 +1197,11 @@ class Array {
   }
 
  private:
-  static constexpr int kMost = (std::numeric_limits<int>::max)();
+  /// Room for n items, at least twice that which there was, so that many small steps cost little.
+  void grow(int n) {
+    constexpr int kMost = (std::numeric_limits<int>::max)();
+    if (n > room_) reserve((std::max)(n, room_ + (std::min)(room_, kMost - room_)));
+  }
 
   T* items_ = nullptr;
   int size_ = 0, room_ = 0;
@@ -7683,7 +7687,7 @@ class Optimizer {
   }
 
   void accept(Result& result) {
-    result.log.reserve(result.log.size() + 1);
+    if (result.log.size() == result.log.capacity()) result.log.reserve(2 * result.log.size() + 1);
     const Trial& best = trials_.best;
     std::swap(x_, trials_.best.x);
     omega_ = best.omega;

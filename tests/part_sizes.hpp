@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,9 @@ Disk turned(Disk disk, double angle) {
   disk.plane = shapes::moved(disk.plane, shapes::rotation(angle), {0, 0});
   return disk;
 }
+
+/// Seconds of the processor since the program began: others may be at work beside.
+double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 void check_run(const ism::Result& result, int least_iterations) {
   CAPTURE(result.message);
@@ -120,6 +124,19 @@ TEST_CASE("the overlay of a plate with 40,000 openings and a square is the plate
     area += polygon_area(polygon_shape(p, corners), corners);
   }
   CHECK(area == doctest::Approx(401 * 401 - 200 * 200));
+}
+
+TEST_CASE("arrays grow by a few items in near-linear time") {
+  Array<int> appended, resized;
+  const int three[] = {1, 2, 3};
+  const double start = processor_seconds();
+  for (int i = 1; i <= 1000000; ++i) {
+    appended.append(three, 3);
+    resized.resize(i);
+  }
+  CHECK(processor_seconds() - start < 1);
+  CHECK(appended.size() == 3000000);
+  CHECK(resized.size() == 1000000);
 }
 
 TEST_CASE("every edge of a mesh of 80,000 triangles is drawn on another one") {
