@@ -107,12 +107,15 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 // ==== [2] PUBLIC API =============================================================================
@@ -122,6 +125,29 @@ static_assert(sizeof(Eigen::Index) == sizeof(std::ptrdiff_t),
 
 namespace ism {
 inline namespace ISM_ABI {
+
+namespace detail {
+/// The number at a place, which a stride may leave unaligned.
+template <class T>
+double number_at(const void* place) {
+  T value;
+  std::memcpy(&value, place, sizeof value);
+  return static_cast<double>(value);
+}
+
+/// x as a T, of integers the nearest one.
+template <class T>
+T rounded(double x) {
+  using Limits = std::numeric_limits<T>;
+  if constexpr (!Limits::is_integer)
+    return static_cast<T>(x);
+  else if (!(x > static_cast<double>((Limits::lowest)())))
+    return (Limits::lowest)();
+  else
+    return x < static_cast<double>((Limits::max)()) ? static_cast<T>(std::round(x))
+                                                    : (Limits::max)();
+}
+}  // namespace detail
 
 /// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
 /// comes from malloc whatever instructions a file is compiled for, so that files of one program may
@@ -141,64 +167,60 @@ struct TriangleMesh {
 
 /// #×3 numbers in memory of the caller's, which is read during a call and not kept.
 struct BufferView {
-  enum class Scalar { kFloat, kDouble, kInt16, kUint16, kInt32, kUint32 };
   const void* data = nullptr;
   std::ptrdiff_t rows = 0;
   std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
-  Scalar scalar = Scalar::kFloat;
+  double (*number_at)(const void* place) = nullptr;  // reads one of their type
 
  protected:
   BufferView() = default;
   template <class T>
-  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride, Scalar s)
-      : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), scalar(s) {}
+  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride)
+      : data(first),
+        rows(n),
+        row_stride(stride),
+        column_stride(sizeof(T)),
+        number_at(detail::number_at<T>) {}
   /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
   template <class Matrix>
-  BufferView(const Matrix& m, Scalar s)
-      : BufferView(m.data(), m.cols() == 3 ? m.rows() : 0, m.rowStride() * kSize<Matrix>, s) {
+  BufferView(const Eigen::DenseBase<Matrix>& matrix)
+      : BufferView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0, 0) {
+    constexpr std::ptrdiff_t size = sizeof(typename Matrix::Scalar);
     static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
                   "a view needs a matrix in memory, not an expression");
-    column_stride = m.colStride() * kSize<Matrix>;
+    row_stride = matrix.derived().rowStride() * size;
+    column_stride = matrix.derived().colStride() * size;
   }
-
- private:
-  template <class Matrix>
-  static constexpr std::ptrdiff_t kSize = sizeof(typename Matrix::Scalar);
 };
 
 /// Positions: x, y and z behind each other, the next vertex `stride` bytes behind the last one.
 struct PositionsView : BufferView {
   PositionsView() = default;
-  PositionsView(const float* xyz, std::ptrdiff_t vertices,
-                std::ptrdiff_t stride = 3 * sizeof(float))
-      : BufferView(xyz, vertices, stride, Scalar::kFloat) {}
-  PositionsView(const double* xyz, std::ptrdiff_t vertices,
-                std::ptrdiff_t stride = 3 * sizeof(double))
-      : BufferView(xyz, vertices, stride, Scalar::kDouble) {}
+  template <class Real>
+  PositionsView(const Real* xyz, std::ptrdiff_t vertices, std::ptrdiff_t stride = 3 * sizeof(Real))
+      : BufferView(xyz, vertices, stride) {
+    static_assert(std::is_floating_point<Real>::value, "positions are float or double");
+  }
   template <class Matrix>
-  PositionsView(const Eigen::DenseBase<Matrix>& m)  // #V×3, float or double
-      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
-
- private:
-  static Scalar scalar_of(float) { return Scalar::kFloat; }
-  static Scalar scalar_of(double) { return Scalar::kDouble; }
+  PositionsView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #V×3
+    static_assert(std::is_floating_point<typename Matrix::Scalar>::value,
+                  "they are float or double");
+  }
 };
 
-/// Triangles: three 0-based vertex ids, the next triangle `stride` bytes behind the last one.
+/// Triangles: three 0-based vertex ids of any integer type, the next triangle `stride` bytes behind
+/// the last one.
 struct TrianglesView : BufferView {
   TrianglesView() = default;
   template <class Id>
   TrianglesView(const Id* ids, std::ptrdiff_t triangles, std::ptrdiff_t stride = 3 * sizeof(Id))
-      : BufferView(ids, triangles, stride, scalar_of(Id())) {}
+      : BufferView(ids, triangles, stride) {
+    static_assert(std::is_integral<Id>::value, "ids of vertices are integers");
+  }
   template <class Matrix>
-  TrianglesView(const Eigen::DenseBase<Matrix>& m)  // #F×3, of 16 or 32 bits
-      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
-
- private:
-  static Scalar scalar_of(std::int16_t) { return Scalar::kInt16; }
-  static Scalar scalar_of(std::uint16_t) { return Scalar::kUint16; }
-  static Scalar scalar_of(std::int32_t) { return Scalar::kInt32; }
-  static Scalar scalar_of(std::uint32_t) { return Scalar::kUint32; }
+  TrianglesView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #F×3
+    static_assert(std::is_integral<typename Matrix::Scalar>::value, "ids are integers");
+  }
 };
 
 /// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
@@ -966,8 +988,6 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <algorithm>
 #include <cfenv>
 #include <chrono>
-#include <cmath>
-#include <cstring>
 #include <exception>
 #include <initializer_list>
 #include <iterator>
@@ -2437,34 +2457,9 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
       Element::kVertex, cycle);
 }
 
-template <class T>
-T number_at(const char* place) {
-  T value;
-  std::memcpy(&value, place, sizeof value);  // a stride may leave it unaligned
-  return value;
-}
-
-template <class T>
-T number_at(BufferView::Scalar scalar, const char* place) {
-  switch (scalar) {
-    case BufferView::Scalar::kFloat:
-      return static_cast<T>(number_at<float>(place));
-    case BufferView::Scalar::kDouble:
-      return static_cast<T>(number_at<double>(place));
-    case BufferView::Scalar::kInt16:
-      return number_at<std::int16_t>(place);
-    case BufferView::Scalar::kUint16:
-      return number_at<std::uint16_t>(place);
-    case BufferView::Scalar::kInt32:
-      return static_cast<T>(number_at<std::int32_t>(place));
-    case BufferView::Scalar::kUint32:
-      return static_cast<T>(number_at<std::uint32_t>(place));
-  }
-  return T();
-}
-
-/// A buffer as a matrix; one without data has no rows, nor has one with too many: the longest lists
-/// have some 50 items per triangle of both meshes.
+/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
+/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
+/// triangle of both meshes.
 template <class T>
 Rows<T, 3> copied(const BufferView& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -2472,9 +2467,8 @@ Rows<T, 3> copied(const BufferView& view) {
   Rows<T, 3> copy(is_there ? view.rows : 0, 3);
   for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
     for (int c = 0; c < 3; ++c)
-      copy.data()[3 * i + c] =
-          number_at<T>(view.scalar, static_cast<const char*>(view.data) + i * view.row_stride +
-                                        c * view.column_stride);
+      copy.data()[3 * i + c] = rounded<T>(view.number_at(
+          static_cast<const char*>(view.data) + i * view.row_stride + c * view.column_stride));
   return copy;
 }
 
