@@ -907,29 +907,31 @@ struct Transfer : Outcome {
 
   Attributes apply(const Values& values) const;
 
-  /// The same of arrays of the caller's, where `columns` numbers of an element lie behind each
-  /// other, and the next element's a stride of bytes behind. What is not covered keeps its value.
+  /// The same of arrays of the caller's, for n_sources and rows() elements, where `columns` numbers
+  /// of an element lie behind each other, and the next element's a stride of bytes behind. Integers
+  /// are rounded, and kept within what T can be. What is not covered keeps its value.
+  /// kInvalidAttributes, and nothing is read or written, if there are more or fewer elements.
   template <class T>
-  void apply(const T* values, std::ptrdiff_t stride, int columns, T* result,
-             std::ptrdiff_t result_stride) const {
-    for (int i = 0; i < rows(); ++i)
+  Outcome apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
+                T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
+    const Outcome outcome = check(n_values, n_results);
+    const char* const from = reinterpret_cast<const char*>(values);
+    char* const to = reinterpret_cast<char*>(result);
+    for (int i = 0; i < rows() && outcome.status == Status::kDone; ++i)
       for (int c = 0; c < columns && covers(i); ++c) {
         double sum = 0;
         for (int k = offsets.data()[i]; k < offsets.data()[i + 1]; ++k)
-          sum += weights.data()[k] * double{at(values, sources.data()[k] * stride)[c]};
-        at(result, i * result_stride)[c] = static_cast<T>(sum);
+          sum += weights.data()[k] * detail::number_at<T>(from + sources.data()[k] * stride +
+                                                          c * std::ptrdiff_t{sizeof(T)});
+        const T value = detail::rounded<T>(sum);
+        std::memcpy(to + i * result_stride + c * std::ptrdiff_t{sizeof(T)}, &value, sizeof(T));
       }
+    return outcome;
   }
 
  private:
-  template <class T>
-  static const T* at(const T* first, std::ptrdiff_t bytes) {
-    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + bytes);
-  }
-  template <class T>
-  static T* at(T* first, std::ptrdiff_t bytes) {
-    return reinterpret_cast<T*>(reinterpret_cast<char*>(first) + bytes);
-  }
+  /// Whether it can be applied to as many rows, and fills as many.
+  Outcome check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const;
 };
 
 /// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
@@ -11776,20 +11778,26 @@ class EdgePaths {
 
 Attributes Transfer::apply(const Values& values) const {
   Attributes result;
-  if (status != Status::kDone) {
-    detail::fail(result, status, {message});
-  } else if (values.rows() != n_sources) {
-    detail::fail(result, Status::kInvalidAttributes,
-                 {"the attributes have ", static_cast<int>(values.rows()), " rows, but ", n_sources,
-                  " are needed"});
-  } else {
-    const int columns = static_cast<int>(values.cols());
-    const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
-    result.values.setZero(rows(), columns);
-    apply(values.data(), stride, columns, result.values.data(), stride);
-    for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
-  }
+  const int columns = static_cast<int>(values.cols());
+  const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
+  Values filled = Values::Zero(rows(), columns);
+  static_cast<Outcome&>(result) =
+      apply(values.data(), values.rows(), stride, columns, filled.data(), rows(), stride);
+  if (result.status != Status::kDone) return result;
+  result.values.swap(filled);
+  for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
   return result;
+}
+
+Outcome Transfer::check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const {
+  Outcome outcome = *this;
+  const bool fits = n_values == n_sources;
+  if (status == Status::kDone && !(fits && n_results == rows()))
+    detail::fail(outcome, Status::kInvalidAttributes,
+                 {fits ? "the result has " : "the attributes have ",
+                  std::to_string(fits ? n_results : n_values), " rows, but ",
+                  fits ? rows() : n_sources, " are needed"});
+  return outcome;
 }
 
 Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
