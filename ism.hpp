@@ -1436,23 +1436,19 @@ class Crew {
 };
 #endif
 
-/// A lock that is held for a few instructions; it works where there is no <mutex>.
+/// A lock that is held for a few instructions, so nothing is allocated meanwhile. A job system may
+/// have threads where there is no <mutex>.
 class SpinLock {
  public:
-  class Guard {
-   public:
-    explicit Guard(SpinLock& lock) : flag_(lock.flag_) {
-      while (flag_.test_and_set(std::memory_order_acquire)) {
-      }
+  explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
+    while (flag_.test_and_set(std::memory_order_acquire)) {
     }
-    ~Guard() { flag_.clear(std::memory_order_release); }
-
-   private:
-    std::atomic_flag& flag_;
-  };
+  }
+  SpinLock(const SpinLock&) = delete;
+  ~SpinLock() { flag_.clear(std::memory_order_release); }
 
  private:
-  std::atomic_flag flag_ = ATOMIC_FLAG_INIT;
+  std::atomic_flag& flag_;
 };
 
 /// How many threads a call has, that of the caller included, if it has no job system of its own.
@@ -5334,11 +5330,14 @@ inline void set_schur(const DenseBlock& panel, const LowerTriangle& update) {
 /// not.
 class MemoryPool {
  public:
+  /// So that n of them can be given without allocating.
+  void reserve_places(int n) { pieces_.reserve(n); }
+
   /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
   Eigen::VectorXd take(Eigen::Index n) {
     Eigen::VectorXd memory;
     {
-      const SpinLock::Guard guard(lock_);
+      const SpinLock lock(is_locked_);
       int best = 0;
       for (int i = 1; i < pieces_.size(); ++i)
         if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
@@ -5354,7 +5353,7 @@ class MemoryPool {
 
   void give(Eigen::VectorXd& memory) {
     if (memory.size() == 0) return;
-    const SpinLock::Guard guard(lock_);
+    const SpinLock lock(is_locked_);
     pieces_.push_back(std::move(memory));
   }
 
@@ -5364,7 +5363,7 @@ class MemoryPool {
     return size > than;
   }
 
-  SpinLock lock_;
+  std::atomic_flag is_locked_ = ATOMIC_FLAG_INIT;
   Array<Eigen::VectorXd> pieces_;
 };
 
@@ -5463,6 +5462,7 @@ inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& ma
   for (int k : {0, 1}) reserve(factor.updates[k], symbolic.updates_size[k]);
   factor.inner_update.clear();
   factor.inner_update.resize(n);
+  factor.spare.reserve_places(n);  // one per front at most
   factor.negative_pivots.assign(n, 0);
   factor.broken.assign(n, 0);
   for (const Array<FrontGroup>& stage : symbolic.stages)
@@ -7084,6 +7084,7 @@ class Trials {
   void add(const SearchProblem& problem, const Executor& executor,
            const Array<Candidate>& candidates) {
     const double least = found ? best.value() : kInfinity;
+    spare_.reserve(spare_.size() + candidates.size());  // none is allocated while it is locked
     executor.run(candidates.size(), [&](int i) {
       if (executor.is_stopped()) return;
       Trial t = take();
@@ -7096,8 +7097,8 @@ class Trials {
 
  private:
   Trial take() {
-    const SpinLock::Guard guard(lock_);
     Trial t;
+    const SpinLock lock(is_locked_);
     if (!spare_.empty()) {
       std::swap(t, spare_.back());
       spare_.pop_back();
@@ -7106,7 +7107,7 @@ class Trials {
   }
 
   void give(Trial& t, int number) {
-    const SpinLock::Guard guard(lock_);
+    const SpinLock lock(is_locked_);
     collided = collided || t.collides;
     if (t.accepted && (!found || t.value() < best.value() ||
                        (t.value() == best.value() && number < number_of_best_))) {
@@ -7117,7 +7118,7 @@ class Trials {
     spare_.push_back(std::move(t));
   }
 
-  SpinLock lock_;
+  std::atomic_flag is_locked_ = ATOMIC_FLAG_INIT;
   int tried_ = 0, number_of_best_ = 0;
   Array<Trial> spare_;
 };
