@@ -561,8 +561,8 @@ struct Options {
   double tolerance = 3e-4;  // ≥ 0
   /// true: the meshes are in one unit and not scaled to area 1; areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
-  int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
-                    // the most that are used; results do not depend on it
+  int threads = 0;  // ≥ 0; 0: as many as the process may use processors, of which 4 times as many
+                    // are the most that are used; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each step of the embedding and each iteration, and several times a second while
   /// they last, from the calling thread. Return false to cancel.
@@ -1000,6 +1000,11 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#ifdef __linux__
+#include <sched.h>
+
+#include <cstdio>
+#endif
 #endif
 
 // ==== [3] NOTATION ===============================================================================
@@ -1451,6 +1456,34 @@ class SpinLock {
   std::atomic_flag& flag_;
 };
 
+#ifndef ISM_NO_THREADS
+#ifdef __linux__
+/// How many numbers a file begins with, two at most, and which.
+inline int read_numbers(const char* path, double* first, double* second) {
+  std::FILE* const file = std::fopen(path, "r");
+  if (file == nullptr) return 0;
+  const int n = std::fscanf(file, "%lf %lf", first, second);
+  std::fclose(file);
+  return n;
+}
+#endif
+
+/// How many processors there are for this thread and, in a container, for its share of time.
+inline int processor_count() {
+  int n = static_cast<int>(std::thread::hardware_concurrency());
+#ifdef __linux__
+  cpu_set_t allowed;
+  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) n = CPU_COUNT(&allowed);
+  double share = 0, period = 0, none;  // µs; cgroups v2 have them in one file
+  if (read_numbers("/sys/fs/cgroup/cpu.max", &share, &period) < 2 &&
+      read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_period_us", &period, &none) == 1)
+    read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", &share, &none);
+  if (share > 0 && period > 0) n = static_cast<int>((std::min)(std::ceil(share / period), 1.0 * n));
+#endif
+  return (std::max)(1, n);
+}
+#endif
+
 /// How many threads a call has, that of the caller included, if it has no job system of its own.
 inline int thread_count(const Options& options) {
 #ifdef ISM_NO_THREADS
@@ -1458,7 +1491,7 @@ inline int thread_count(const Options& options) {
   return 1;
 #else
   constexpr int kMostPerProcessor = 4;
-  const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int processors = processor_count();
   return options.threads <= 0 ? processors
                               : (std::min)(options.threads, kMostPerProcessor * processors);
 #endif
