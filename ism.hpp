@@ -3996,8 +3996,15 @@ struct alignas(sizeof(P)) Pair {
   Pair() = default;
   Pair(const P& first, const P& second) : a(first), b(second) {}
   Pair(double x) : a(x), b(x) {}
-  double& operator[](int lane) { return reinterpret_cast<double*>(this)[lane]; }
-  double operator[](int lane) const { return reinterpret_cast<const double*>(this)[lane]; }
+  struct Lane {  // a number among the bytes of vectors, where no double is
+    void* at;
+    operator double() const { return number_at<double>(at); }
+    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
+  };
+  Lane operator[](int lane) {
+    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
+  }
+  double operator[](int lane) const { return const_cast<Pair&>(*this)[lane]; }
 
   friend Pair operator+(const Pair& x, const Pair& y) { return {x.a + y.a, x.b + y.b}; }
   friend Pair operator-(const Pair& x, const Pair& y) { return {x.a - y.a, x.b - y.b}; }
