@@ -3105,7 +3105,7 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 // Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
 //             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
 //             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless many boxes
-//             of edges meet that do not, and O(#F) for a loop that lies outside of the other mesh.
+//             of edges meet that do not, and O(#F log a b) where loops are left without polygons.
 
 /// Those of a map between meshes of some five million triangles. Where two vertices of m and n
 /// edges lie over each other, there are m n / 4, so that small meshes can have as many.
@@ -3427,7 +3427,9 @@ struct Overlay {
   Array<Seed> seeds;
   Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
   Array<std::array<int, 2>> uncrossed;  // loops that cross none: the first half-edge, the loop
-  BoxTree boundary_a, boundary_b;
+  /// Loops without polygons: the loop, its first half-edge, the triangle this begins in or -1.
+  Array<std::array<int, 3>> left;
+  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `left` begin
 };
 
 class OverlayBuilder {
@@ -3440,6 +3442,7 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
+    overlay_.left.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
@@ -3530,9 +3533,16 @@ class OverlayBuilder {
       if (!overlay_.is_reached[i]) overlay_.uncrossed.push_back({m_.boundary[m_.loop[i]], i});
     if (overlay_.uncrossed.empty()) return;
     std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
-    for (int i = 0, seen = 0; i < m_.loops(); ++i) {
+    int seen = 0;
+    const auto mark_seen = [&] {
       for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
-      if (!overlay_.is_reached[i]) seed_loop(m_.boundary[m_.loop[i]]);
+    };
+    mark_seen();
+    locate_loops();
+    for (const auto& [loop, h, t] : overlay_.left) {
+      mark_seen();
+      if (overlay_.is_reached[loop] || t < 0) continue;
+      overlay_.seeds.push_back(t < s_.faces_a ? Seed{t, h / 3} : Seed{h / 3, t});
       flood_seeds();
     }
   }
@@ -3548,20 +3558,42 @@ class OverlayBuilder {
     }
   }
 
-  void seed_loop(int h) {
-    const int f = h / 3;
-    const bool of_a = f < s_.faces_a;
-    const LabelledPoint p = label(m_.tail[h]);
-    const int end = of_a ? m_.n_faces : s_.faces_a;
-    for (int t = of_a ? s_.faces_a : 0; t < end; ++t)
-      if (contains(labelled(m_, x_, t), p))
-        return overlay_.seeds.push_back(of_a ? Seed{f, t} : Seed{t, f});
+  /// Finds the triangles that the loops without polygons begin in, in one pass over all.
+  void locate_loops() {
+    for (int i = 0; i < m_.loops(); ++i)
+      if (!overlay_.is_reached[i]) overlay_.left.push_back({i, m_.boundary[m_.loop[i]], -1});
+    if (overlay_.left.empty()) return;
+    build_tree_of_starts();
+    for (int t = 0; t < m_.n_faces; ++t) {
+      const LabelledTriangle f = labelled(m_, x_, t);
+      const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
+      const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
+      const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+      overlay_.starts.find(meets, [&](int i) {
+        const int h = overlay_.left[i][1];
+        const LabelledPoint p = label(m_.tail[h]);
+        if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.left[i][2] < 0 &&
+            oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+          overlay_.left[i][2] = t;
+        return false;
+      });
+    }
+    std::sort(overlay_.left.begin(), overlay_.left.end());
   }
 
-  static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
-    const Vec2 lo = lower(lower(t[0].p, t[1].p), t[2].p), hi = upper(upper(t[0].p, t[1].p), t[2].p);
-    if (p.p.x < lo.x || p.p.y < lo.y || p.p.x > hi.x || p.p.y > hi.y) return false;
-    return oriented(t[0], t[1], p) && oriented(t[1], t[2], p) && oriented(t[2], t[0], p);
+  /// In strips by x, by y within them, so that runs of loops begin close together.
+  void build_tree_of_starts() {
+    const int n = overlay_.left.size(), width = static_cast<int>(std::sqrt(n)) + 1;
+    std::array<int, 3>* const left = overlay_.left.data();
+    const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
+    std::sort(left, left + n,
+              [&](const auto& l, const auto& r) { return start(l).x < start(r).x; });
+    for (int i = 0; i < n; i += width)
+      std::sort(left + i, left + (std::min)(n, i + width),
+                [&](const auto& l, const auto& r) { return start(l).y < start(r).y; });
+    overlay_.starts.reset(n);
+    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(left[i]), start(left[i]));
+    overlay_.starts.join();
   }
 
   LabelledPoint label(int v) const { return {row2(x_, v), v}; }
@@ -9453,10 +9485,9 @@ struct Match {
 /// The arc on B that corresponds to one on A: in proportion between the matches around it, which
 /// are sorted.
 inline double matching_arc(const Array<Match>& matches, double a) {
-  int i = matches.size() - 1;
-  while (i > 0 && matches[i].a > a) --i;
-  if (matches[i].a > a) i = matches.size() - 1;
-  const Match &from = matches[i], &to = matches[(i + 1) % matches.size()];
+  const Match* const above = std::upper_bound(matches.begin(), matches.end(), Match{a, 0});
+  const Match& from = above > matches.begin() ? above[-1] : matches.back();
+  const Match& to = above < matches.end() ? *above : matches[0];
   const double gap_a = fraction(to.a - from.a), gap_b = fraction(to.b - from.b);
   const double t = fraction(a - from.a) / (gap_a > 0 ? gap_a : 1);
   return fraction(from.b + t * (gap_b > 0 ? gap_b : 1));
@@ -10791,8 +10822,9 @@ class CurveMapper {
       for (const Array<SurfacePoint>* ends : {&from, &to})
         for (const SurfacePoint& p : *ends)
           if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
-      if (from[k].face != to[l].face) add_faces_at_boundary(from[k].face, faces);
-      add_segment(pair_.planar_position(from[k]), pair_.planar_position(to[l]), faces);
+      const Vec2 p = pair_.planar_position(from[k]), q = pair_.planar_position(to[l]);
+      if (from[k].face != to[l].face) add_faces_at_boundary(p, q, from[k].face, faces);
+      add_segment(p, q, faces);
     }
     return std::move(polylines_);
   }
@@ -10806,12 +10838,21 @@ class CurveMapper {
 
   void interrupt() { is_open_ = false; }
 
-  /// A segment that leaves the plane of a mesh may come back into it.
-  void add_faces_at_boundary(int face, Array<int>& faces) const {
+  /// A segment that leaves the plane of a mesh may come back into it, where it meets a boundary.
+  void add_faces_at_boundary(Vec2 p, Vec2 q, int face, Array<int>& faces) const {
     const bool of_a = face < pair_.s.faces_a;
-    for (int h : m_.boundary)
-      if ((h / 3 < pair_.s.faces_a) == of_a && pair_.are_in_one_part(h / 3, face))
-        faces.push_back(h / 3);
+    const Vec2 d = q - p, slack = {kTouch * pair_.extent, kTouch * pair_.extent};
+    const auto meets = [&](Vec2 lo, Vec2 hi) {  // pq: along both axes, and across it
+      const Vec2 r = 0.5 * (hi - lo) + slack, c = hi + slack - r;
+      return boxes_meet(lower(p, q), upper(p, q), c - r, c + r) &&
+             std::abs(cross(d, c - p)) <= std::abs(d.x) * r.y + std::abs(d.y) * r.x;
+    };
+    const auto add = [&](int i) {
+      const int f = m_.boundary[of_a ? i : pair_.s.boundary_a + i] / 3;
+      if (pair_.are_in_one_part(f, face)) faces.push_back(f);
+      return false;
+    };
+    (of_a ? pair_.overlay.boundary_a : pair_.overlay.boundary_b).find(meets, add);
   }
 
   /// Narrows a stretch of pq to a triangle; false if nothing is left.
@@ -10833,14 +10874,13 @@ class CurveMapper {
   /// the second one.
   Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
     Array<CurvePart> stretches;
-    Array<int> visited;  // a few, as a rule
+    std::set<int> visited;
     while (!faces.empty()) {
       const int f = faces.back();
       faces.pop_back();
       CurvePart in_from;
       if (!clip(p, q, f, in_from)) continue;
-      if (std::find(visited.begin(), visited.end(), f) != visited.end()) continue;
-      visited.push_back(f);
+      if (!visited.insert(f).second) continue;
       pair_.for_each_target(f, [&](int target) {
         CurvePart part = in_from;
         part.face = target;
