@@ -107,12 +107,15 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 // ==== [2] PUBLIC API =============================================================================
@@ -122,6 +125,29 @@ static_assert(sizeof(Eigen::Index) == sizeof(std::ptrdiff_t),
 
 namespace ism {
 inline namespace ISM_ABI {
+
+namespace detail {
+/// The number at a place, which a stride may leave unaligned.
+template <class T>
+double number_at(const void* place) {
+  T value;
+  std::memcpy(&value, place, sizeof value);
+  return static_cast<double>(value);
+}
+
+/// x as a T, of integers the nearest one.
+template <class T>
+T rounded(double x) {
+  using Limits = std::numeric_limits<T>;
+  if constexpr (!Limits::is_integer)
+    return static_cast<T>(x);
+  else if (!(x > static_cast<double>((Limits::lowest)())))
+    return (Limits::lowest)();
+  else
+    return x < static_cast<double>((Limits::max)()) ? static_cast<T>(std::round(x))
+                                                    : (Limits::max)();
+}
+}  // namespace detail
 
 /// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
 /// comes from malloc whatever instructions a file is compiled for, so that files of one program may
@@ -141,64 +167,60 @@ struct TriangleMesh {
 
 /// #×3 numbers in memory of the caller's, which is read during a call and not kept.
 struct BufferView {
-  enum class Scalar { kFloat, kDouble, kInt16, kUint16, kInt32, kUint32 };
   const void* data = nullptr;
   std::ptrdiff_t rows = 0;
   std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
-  Scalar scalar = Scalar::kFloat;
+  double (*number_at)(const void* place) = nullptr;  // reads one of their type
 
  protected:
   BufferView() = default;
   template <class T>
-  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride, Scalar s)
-      : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), scalar(s) {}
+  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride)
+      : data(first),
+        rows(n),
+        row_stride(stride),
+        column_stride(sizeof(T)),
+        number_at(detail::number_at<T>) {}
   /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
   template <class Matrix>
-  BufferView(const Matrix& m, Scalar s)
-      : BufferView(m.data(), m.cols() == 3 ? m.rows() : 0, m.rowStride() * kSize<Matrix>, s) {
+  BufferView(const Eigen::DenseBase<Matrix>& matrix)
+      : BufferView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0, 0) {
+    constexpr std::ptrdiff_t size = sizeof(typename Matrix::Scalar);
     static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
                   "a view needs a matrix in memory, not an expression");
-    column_stride = m.colStride() * kSize<Matrix>;
+    row_stride = matrix.derived().rowStride() * size;
+    column_stride = matrix.derived().colStride() * size;
   }
-
- private:
-  template <class Matrix>
-  static constexpr std::ptrdiff_t kSize = sizeof(typename Matrix::Scalar);
 };
 
 /// Positions: x, y and z behind each other, the next vertex `stride` bytes behind the last one.
 struct PositionsView : BufferView {
   PositionsView() = default;
-  PositionsView(const float* xyz, std::ptrdiff_t vertices,
-                std::ptrdiff_t stride = 3 * sizeof(float))
-      : BufferView(xyz, vertices, stride, Scalar::kFloat) {}
-  PositionsView(const double* xyz, std::ptrdiff_t vertices,
-                std::ptrdiff_t stride = 3 * sizeof(double))
-      : BufferView(xyz, vertices, stride, Scalar::kDouble) {}
+  template <class Real>
+  PositionsView(const Real* xyz, std::ptrdiff_t vertices, std::ptrdiff_t stride = 3 * sizeof(Real))
+      : BufferView(xyz, vertices, stride) {
+    static_assert(std::is_floating_point<Real>::value, "positions are float or double");
+  }
   template <class Matrix>
-  PositionsView(const Eigen::DenseBase<Matrix>& m)  // #V×3, float or double
-      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
-
- private:
-  static Scalar scalar_of(float) { return Scalar::kFloat; }
-  static Scalar scalar_of(double) { return Scalar::kDouble; }
+  PositionsView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #V×3
+    static_assert(std::is_floating_point<typename Matrix::Scalar>::value,
+                  "they are float or double");
+  }
 };
 
-/// Triangles: three 0-based vertex ids, the next triangle `stride` bytes behind the last one.
+/// Triangles: three 0-based vertex ids of any integer type, the next triangle `stride` bytes behind
+/// the last one.
 struct TrianglesView : BufferView {
   TrianglesView() = default;
   template <class Id>
   TrianglesView(const Id* ids, std::ptrdiff_t triangles, std::ptrdiff_t stride = 3 * sizeof(Id))
-      : BufferView(ids, triangles, stride, scalar_of(Id())) {}
+      : BufferView(ids, triangles, stride) {
+    static_assert(std::is_integral<Id>::value, "ids of vertices are integers");
+  }
   template <class Matrix>
-  TrianglesView(const Eigen::DenseBase<Matrix>& m)  // #F×3, of 16 or 32 bits
-      : BufferView(m.derived(), scalar_of(typename Matrix::Scalar())) {}
-
- private:
-  static Scalar scalar_of(std::int16_t) { return Scalar::kInt16; }
-  static Scalar scalar_of(std::uint16_t) { return Scalar::kUint16; }
-  static Scalar scalar_of(std::int32_t) { return Scalar::kInt32; }
-  static Scalar scalar_of(std::uint32_t) { return Scalar::kUint32; }
+  TrianglesView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #F×3
+    static_assert(std::is_integral<typename Matrix::Scalar>::value, "ids are integers");
+  }
 };
 
 /// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
@@ -558,8 +580,8 @@ struct Options {
   /// both: a part then fits its place on the whole. true: the meshes are in one unit and not scaled;
   /// areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
-  int threads = 0;  // ≥ 0; 0: as many as there are processors, of which 4 times as many are
-                    // the most that are used; results do not depend on it
+  int threads = 0;  // ≥ 0; 0: as many as the process may use processors, of which 4 times as many
+                    // are the most that are used; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each step of the embedding and each iteration, and several times a second while
   /// they last, from the calling thread. Return false to cancel.
@@ -912,29 +934,31 @@ struct Transfer : Outcome {
 
   Attributes apply(const Values& values) const;
 
-  /// The same of arrays of the caller's, where `columns` numbers of an element lie behind each
-  /// other, and the next element's a stride of bytes behind. What is not covered keeps its value.
+  /// The same of arrays of the caller's, for n_sources and rows() elements, where `columns` numbers
+  /// of an element lie behind each other, and the next element's a stride of bytes behind. Integers
+  /// are rounded, and kept within what T can be. What is not covered keeps its value.
+  /// kInvalidAttributes, and nothing is read or written, if there are more or fewer elements.
   template <class T>
-  void apply(const T* values, std::ptrdiff_t stride, int columns, T* result,
-             std::ptrdiff_t result_stride) const {
-    for (int i = 0; i < rows(); ++i)
+  Outcome apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
+                T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
+    const Outcome outcome = check(n_values, n_results);
+    const char* const from = reinterpret_cast<const char*>(values);
+    char* const to = reinterpret_cast<char*>(result);
+    for (int i = 0; i < rows() && outcome.status == Status::kDone; ++i)
       for (int c = 0; c < columns && covers(i); ++c) {
         double sum = 0;
         for (int k = offsets.data()[i]; k < offsets.data()[i + 1]; ++k)
-          sum += weights.data()[k] * double{at(values, sources.data()[k] * stride)[c]};
-        at(result, i * result_stride)[c] = static_cast<T>(sum);
+          sum += weights.data()[k] * detail::number_at<T>(from + sources.data()[k] * stride +
+                                                          c * std::ptrdiff_t{sizeof(T)});
+        const T value = detail::rounded<T>(sum);
+        std::memcpy(to + i * result_stride + c * std::ptrdiff_t{sizeof(T)}, &value, sizeof(T));
       }
+    return outcome;
   }
 
  private:
-  template <class T>
-  static const T* at(const T* first, std::ptrdiff_t bytes) {
-    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(first) + bytes);
-  }
-  template <class T>
-  static T* at(T* first, std::ptrdiff_t bytes) {
-    return reinterpret_cast<T*>(reinterpret_cast<char*>(first) + bytes);
-  }
+  /// Whether it can be applied to as many rows, and fills as many.
+  Outcome check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const;
 };
 
 /// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
@@ -989,8 +1013,6 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <algorithm>
 #include <cfenv>
 #include <chrono>
-#include <cmath>
-#include <cstring>
 #include <exception>
 #include <initializer_list>
 #include <iterator>
@@ -1001,6 +1023,11 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#ifdef __linux__
+#include <sched.h>
+
+#include <cstdio>
+#endif
 #endif
 
 // ==== [3] NOTATION ===============================================================================
@@ -1180,7 +1207,7 @@ class Array {
   const T* end() const { return items_ + size_; }
 
   void push_back(T value) {
-    if (size_ == room_) reserve(size_ < 4 ? 8 : size_ + (std::min)(size_, kMost - size_));
+    if (size_ == room_) grow(size_ < 4 ? 8 : size_ + 1);
     ::new (static_cast<void*>(items_ + size_)) T(std::move(value));
     ++size_;
   }
@@ -1195,7 +1222,7 @@ class Array {
   }
   void resize(int n) {
     while (size_ > n) pop_back();
-    reserve(n);
+    grow(n);
     for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T();
   }
   void reserve(int n) {
@@ -1210,7 +1237,7 @@ class Array {
     room_ = n;
   }
   void append(const T* items, int n) {
-    reserve(size_ + n);
+    grow(size_ + n);
     for (int i = 0; i < n; ++i, ++size_) ::new (static_cast<void*>(items_ + size_)) T(items[i]);
   }
   void swap(Array& other) noexcept {
@@ -1220,7 +1247,11 @@ class Array {
   }
 
  private:
-  static constexpr int kMost = (std::numeric_limits<int>::max)();
+  /// Room for n items, at least twice that which there was, so that many small steps cost little.
+  void grow(int n) {
+    constexpr int kMost = (std::numeric_limits<int>::max)();
+    if (n > room_) reserve((std::max)(n, room_ + (std::min)(room_, kMost - room_)));
+  }
 
   T* items_ = nullptr;
   int size_ = 0, room_ = 0;
@@ -1441,24 +1472,48 @@ class Crew {
 };
 #endif
 
-/// A lock that is held for a few instructions; it works where there is no <mutex>.
+/// A lock that is held for a few instructions, so nothing is allocated meanwhile. A job system may
+/// have threads where there is no <mutex>.
 class SpinLock {
  public:
-  class Guard {
-   public:
-    explicit Guard(SpinLock& lock) : flag_(lock.flag_) {
-      while (flag_.test_and_set(std::memory_order_acquire)) {
-      }
+  explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
+    while (flag_.test_and_set(std::memory_order_acquire)) {
     }
-    ~Guard() { flag_.clear(std::memory_order_release); }
-
-   private:
-    std::atomic_flag& flag_;
-  };
+  }
+  SpinLock(const SpinLock&) = delete;
+  ~SpinLock() { flag_.clear(std::memory_order_release); }
 
  private:
-  std::atomic_flag flag_ = ATOMIC_FLAG_INIT;
+  std::atomic_flag& flag_;
 };
+
+#ifndef ISM_NO_THREADS
+#ifdef __linux__
+/// How many numbers a file begins with, two at most, and which.
+inline int read_numbers(const char* path, double* first, double* second) {
+  std::FILE* const file = std::fopen(path, "r");
+  if (file == nullptr) return 0;
+  const int n = std::fscanf(file, "%lf %lf", first, second);
+  std::fclose(file);
+  return n;
+}
+#endif
+
+/// How many processors there are for this thread and, in a container, for its share of time.
+inline int processor_count() {
+  int n = static_cast<int>(std::thread::hardware_concurrency());
+#ifdef __linux__
+  cpu_set_t allowed;
+  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) n = CPU_COUNT(&allowed);
+  double share = 0, period = 0, none;  // µs; cgroups v2 have them in one file
+  if (read_numbers("/sys/fs/cgroup/cpu.max", &share, &period) < 2 &&
+      read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_period_us", &period, &none) == 1)
+    read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", &share, &none);
+  if (share > 0 && period > 0) n = static_cast<int>((std::min)(std::ceil(share / period), 1.0 * n));
+#endif
+  return (std::max)(1, n);
+}
+#endif
 
 /// How many threads a call has, that of the caller included, if it has no job system of its own.
 inline int thread_count(const Options& options) {
@@ -1467,7 +1522,7 @@ inline int thread_count(const Options& options) {
   return 1;
 #else
   constexpr int kMostPerProcessor = 4;
-  const int processors = (std::max)(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int processors = processor_count();
   return options.threads <= 0 ? processors
                               : (std::min)(options.threads, kMostPerProcessor * processors);
 #endif
@@ -2464,34 +2519,9 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
       Element::kVertex, cycle);
 }
 
-template <class T>
-T number_at(const char* place) {
-  T value;
-  std::memcpy(&value, place, sizeof value);  // a stride may leave it unaligned
-  return value;
-}
-
-template <class T>
-T number_at(BufferView::Scalar scalar, const char* place) {
-  switch (scalar) {
-    case BufferView::Scalar::kFloat:
-      return static_cast<T>(number_at<float>(place));
-    case BufferView::Scalar::kDouble:
-      return static_cast<T>(number_at<double>(place));
-    case BufferView::Scalar::kInt16:
-      return number_at<std::int16_t>(place);
-    case BufferView::Scalar::kUint16:
-      return number_at<std::uint16_t>(place);
-    case BufferView::Scalar::kInt32:
-      return static_cast<T>(number_at<std::int32_t>(place));
-    case BufferView::Scalar::kUint32:
-      return static_cast<T>(number_at<std::uint32_t>(place));
-  }
-  return T();
-}
-
-/// A buffer as a matrix; one without data has no rows, nor has one with too many: the longest lists
-/// have some 50 items per triangle of both meshes.
+/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
+/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
+/// triangle of both meshes.
 template <class T>
 Rows<T, 3> copied(const BufferView& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -2499,9 +2529,8 @@ Rows<T, 3> copied(const BufferView& view) {
   Rows<T, 3> copy(is_there ? view.rows : 0, 3);
   for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
     for (int c = 0; c < 3; ++c)
-      copy.data()[3 * i + c] =
-          number_at<T>(view.scalar, static_cast<const char*>(view.data) + i * view.row_stride +
-                                        c * view.column_stride);
+      copy.data()[3 * i + c] = rounded<T>(view.number_at(
+          static_cast<const char*>(view.data) + i * view.row_stride + c * view.column_stride));
   return copy;
 }
 
@@ -3245,7 +3274,7 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 // Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
 //             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
 //             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless many boxes
-//             of edges meet that do not, and O(#F) for a loop that lies outside of the other mesh.
+//             of edges meet that do not, and O(#F log a b) where loops are left without polygons.
 
 /// Those of a map between meshes of some five million triangles. Where two vertices of m and n
 /// edges lie over each other, there are m n / 4, so that small meshes can have as many.
@@ -3567,7 +3596,9 @@ struct Overlay {
   Array<Seed> seeds;
   Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
   Array<std::array<int, 2>> uncrossed;  // loops that cross none: the first half-edge, the loop
-  BoxTree boundary_a, boundary_b;
+  /// Loops without polygons: the loop, its first half-edge, the triangle this begins in or -1.
+  Array<std::array<int, 3>> left;
+  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `left` begin
 };
 
 class OverlayBuilder {
@@ -3580,6 +3611,7 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
+    overlay_.left.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
@@ -3670,9 +3702,16 @@ class OverlayBuilder {
       if (!overlay_.is_reached[i]) overlay_.uncrossed.push_back({m_.boundary[m_.loop[i]], i});
     if (overlay_.uncrossed.empty()) return;
     std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
-    for (int i = 0, seen = 0; i < m_.loops(); ++i) {
+    int seen = 0;
+    const auto mark_seen = [&] {
       for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
-      if (!overlay_.is_reached[i]) seed_loop(m_.boundary[m_.loop[i]]);
+    };
+    mark_seen();
+    locate_loops();
+    for (const auto& [loop, h, t] : overlay_.left) {
+      mark_seen();
+      if (overlay_.is_reached[loop] || t < 0) continue;
+      overlay_.seeds.push_back(t < s_.faces_a ? Seed{t, h / 3} : Seed{h / 3, t});
       flood_seeds();
     }
   }
@@ -3688,20 +3727,42 @@ class OverlayBuilder {
     }
   }
 
-  void seed_loop(int h) {
-    const int f = h / 3;
-    const bool of_a = f < s_.faces_a;
-    const LabelledPoint p = label(m_.tail[h]);
-    const int end = of_a ? m_.n_faces : s_.faces_a;
-    for (int t = of_a ? s_.faces_a : 0; t < end; ++t)
-      if (contains(labelled(m_, x_, t), p))
-        return overlay_.seeds.push_back(of_a ? Seed{f, t} : Seed{t, f});
+  /// Finds the triangles that the loops without polygons begin in, in one pass over all.
+  void locate_loops() {
+    for (int i = 0; i < m_.loops(); ++i)
+      if (!overlay_.is_reached[i]) overlay_.left.push_back({i, m_.boundary[m_.loop[i]], -1});
+    if (overlay_.left.empty()) return;
+    build_tree_of_starts();
+    for (int t = 0; t < m_.n_faces; ++t) {
+      const LabelledTriangle f = labelled(m_, x_, t);
+      const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
+      const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
+      const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+      overlay_.starts.find(meets, [&](int i) {
+        const int h = overlay_.left[i][1];
+        const LabelledPoint p = label(m_.tail[h]);
+        if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.left[i][2] < 0 &&
+            oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+          overlay_.left[i][2] = t;
+        return false;
+      });
+    }
+    std::sort(overlay_.left.begin(), overlay_.left.end());
   }
 
-  static bool contains(const LabelledTriangle& t, const LabelledPoint& p) {
-    const Vec2 lo = lower(lower(t[0].p, t[1].p), t[2].p), hi = upper(upper(t[0].p, t[1].p), t[2].p);
-    if (p.p.x < lo.x || p.p.y < lo.y || p.p.x > hi.x || p.p.y > hi.y) return false;
-    return oriented(t[0], t[1], p) && oriented(t[1], t[2], p) && oriented(t[2], t[0], p);
+  /// In strips by x, by y within them, so that runs of loops begin close together.
+  void build_tree_of_starts() {
+    const int n = overlay_.left.size(), width = static_cast<int>(std::sqrt(n)) + 1;
+    std::array<int, 3>* const left = overlay_.left.data();
+    const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
+    std::sort(left, left + n,
+              [&](const auto& l, const auto& r) { return start(l).x < start(r).x; });
+    for (int i = 0; i < n; i += width)
+      std::sort(left + i, left + (std::min)(n, i + width),
+                [&](const auto& l, const auto& r) { return start(l).y < start(r).y; });
+    overlay_.starts.reset(n);
+    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(left[i]), start(left[i]));
+    overlay_.starts.join();
   }
 
   LabelledPoint label(int v) const { return {row2(x_, v), v}; }
@@ -4136,8 +4197,15 @@ struct alignas(sizeof(P)) Pair {
   Pair() = default;
   Pair(const P& first, const P& second) : a(first), b(second) {}
   Pair(double x) : a(x), b(x) {}
-  double& operator[](int lane) { return reinterpret_cast<double*>(this)[lane]; }
-  double operator[](int lane) const { return reinterpret_cast<const double*>(this)[lane]; }
+  struct Lane {  // a number among the bytes of vectors, where no double is
+    void* at;
+    operator double() const { return number_at<double>(at); }
+    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
+  };
+  Lane operator[](int lane) {
+    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
+  }
+  double operator[](int lane) const { return const_cast<Pair&>(*this)[lane]; }
 
   friend Pair operator+(const Pair& x, const Pair& y) { return {x.a + y.a, x.b + y.b}; }
   friend Pair operator-(const Pair& x, const Pair& y) { return {x.a - y.a, x.b - y.b}; }
@@ -5503,11 +5571,14 @@ inline void set_schur(const DenseBlock& panel, const LowerTriangle& update) {
 /// not.
 class MemoryPool {
  public:
+  /// So that n of them can be given without allocating.
+  void reserve_places(int n) { pieces_.reserve(n); }
+
   /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
   Eigen::VectorXd take(Eigen::Index n) {
     Eigen::VectorXd memory;
     {
-      const SpinLock::Guard guard(lock_);
+      const SpinLock lock(is_locked_);
       int best = 0;
       for (int i = 1; i < pieces_.size(); ++i)
         if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
@@ -5523,7 +5594,7 @@ class MemoryPool {
 
   void give(Eigen::VectorXd& memory) {
     if (memory.size() == 0) return;
-    const SpinLock::Guard guard(lock_);
+    const SpinLock lock(is_locked_);
     pieces_.push_back(std::move(memory));
   }
 
@@ -5533,7 +5604,7 @@ class MemoryPool {
     return size > than;
   }
 
-  SpinLock lock_;
+  std::atomic_flag is_locked_ = ATOMIC_FLAG_INIT;
   Array<Eigen::VectorXd> pieces_;
 };
 
@@ -5632,6 +5703,7 @@ inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& ma
   for (int k : {0, 1}) reserve(factor.updates[k], symbolic.updates_size[k]);
   factor.inner_update.clear();
   factor.inner_update.resize(n);
+  factor.spare.reserve_places(n);  // one per front at most
   factor.negative_pivots.assign(n, 0);
   factor.broken.assign(n, 0);
   for (const Array<FrontGroup>& stage : symbolic.stages)
@@ -7266,6 +7338,7 @@ class Trials {
   void add(const SearchProblem& problem, const Executor& executor,
            const Array<Candidate>& candidates) {
     const double least = found ? best.value() : kInfinity;
+    spare_.reserve(spare_.size() + candidates.size());  // none is allocated while it is locked
     executor.run(candidates.size(), [&](int i) {
       if (executor.is_stopped()) return;
       Trial t = take();
@@ -7278,8 +7351,8 @@ class Trials {
 
  private:
   Trial take() {
-    const SpinLock::Guard guard(lock_);
     Trial t;
+    const SpinLock lock(is_locked_);
     if (!spare_.empty()) {
       std::swap(t, spare_.back());
       spare_.pop_back();
@@ -7288,7 +7361,7 @@ class Trials {
   }
 
   void give(Trial& t, int number) {
-    const SpinLock::Guard guard(lock_);
+    const SpinLock lock(is_locked_);
     collided = collided || t.collides;
     if (t.accepted && (!found || t.value() < best.value() ||
                        (t.value() == best.value() && number < number_of_best_))) {
@@ -7299,7 +7372,7 @@ class Trials {
     spare_.push_back(std::move(t));
   }
 
-  SpinLock lock_;
+  std::atomic_flag is_locked_ = ATOMIC_FLAG_INIT;
   int tried_ = 0, number_of_best_ = 0;
   Array<Trial> spare_;
 };
@@ -7866,7 +7939,7 @@ class Optimizer {
   }
 
   void accept(Result& result) {
-    result.log.reserve(result.log.size() + 1);
+    if (result.log.size() == result.log.capacity()) result.log.reserve(2 * result.log.size() + 1);
     const Trial& best = trials_.best;
     std::swap(x_, trials_.best.x);
     omega_ = best.omega;
@@ -9594,10 +9667,9 @@ struct Match {
 /// The arc on B that corresponds to one on A: in proportion between the matches around it, which
 /// are sorted.
 inline double matching_arc(const Array<Match>& matches, double a) {
-  int i = matches.size() - 1;
-  while (i > 0 && matches[i].a > a) --i;
-  if (matches[i].a > a) i = matches.size() - 1;
-  const Match &from = matches[i], &to = matches[(i + 1) % matches.size()];
+  const Match* const above = std::upper_bound(matches.begin(), matches.end(), Match{a, 0});
+  const Match& from = above > matches.begin() ? above[-1] : matches.back();
+  const Match& to = above < matches.end() ? *above : matches[0];
   const double gap_a = fraction(to.a - from.a), gap_b = fraction(to.b - from.b);
   const double t = fraction(a - from.a) / (gap_a > 0 ? gap_a : 1);
   return fraction(from.b + t * (gap_b > 0 ? gap_b : 1));
@@ -11152,8 +11224,9 @@ class CurveMapper {
       for (const Array<SurfacePoint>* ends : {&from, &to})
         for (const SurfacePoint& p : *ends)
           if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
-      if (from[k].face != to[l].face) add_faces_at_boundary(from[k].face, faces);
-      add_segment(pair_.planar_position(from[k]), pair_.planar_position(to[l]), faces);
+      const Vec2 p = pair_.planar_position(from[k]), q = pair_.planar_position(to[l]);
+      if (from[k].face != to[l].face) add_faces_at_boundary(p, q, from[k].face, faces);
+      add_segment(p, q, faces);
     }
     return std::move(polylines_);
   }
@@ -11167,12 +11240,21 @@ class CurveMapper {
 
   void interrupt() { is_open_ = false; }
 
-  /// A segment that leaves the plane of a mesh may come back into it.
-  void add_faces_at_boundary(int face, Array<int>& faces) const {
+  /// A segment that leaves the plane of a mesh may come back into it, where it meets a boundary.
+  void add_faces_at_boundary(Vec2 p, Vec2 q, int face, Array<int>& faces) const {
     const bool of_a = face < pair_.s.faces_a;
-    for (int h : m_.boundary)
-      if ((h / 3 < pair_.s.faces_a) == of_a && pair_.are_in_one_part(h / 3, face))
-        faces.push_back(h / 3);
+    const Vec2 d = q - p, slack = {kTouch * pair_.extent, kTouch * pair_.extent};
+    const auto meets = [&](Vec2 lo, Vec2 hi) {  // pq: along both axes, and across it
+      const Vec2 r = 0.5 * (hi - lo) + slack, c = hi + slack - r;
+      return boxes_meet(lower(p, q), upper(p, q), c - r, c + r) &&
+             std::abs(cross(d, c - p)) <= std::abs(d.x) * r.y + std::abs(d.y) * r.x;
+    };
+    const auto add = [&](int i) {
+      const int f = m_.boundary[of_a ? i : pair_.s.boundary_a + i] / 3;
+      if (pair_.are_in_one_part(f, face)) faces.push_back(f);
+      return false;
+    };
+    (of_a ? pair_.overlay.boundary_a : pair_.overlay.boundary_b).find(meets, add);
   }
 
   /// Narrows a stretch of pq to a triangle; false if nothing is left.
@@ -11194,14 +11276,13 @@ class CurveMapper {
   /// the second one.
   Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
     Array<CurvePart> stretches;
-    Array<int> visited;  // a few, as a rule
+    std::set<int> visited;
     while (!faces.empty()) {
       const int f = faces.back();
       faces.pop_back();
       CurvePart in_from;
       if (!clip(p, q, f, in_from)) continue;
-      if (std::find(visited.begin(), visited.end(), f) != visited.end()) continue;
-      visited.push_back(f);
+      if (!visited.insert(f).second) continue;
       pair_.for_each_target(f, [&](int target) {
         CurvePart part = in_from;
         part.face = target;
@@ -12098,20 +12179,26 @@ inline void share_integral(const MetaSide& side, int f, int first, int last, Arr
 
 Attributes Transfer::apply(const Values& values) const {
   Attributes result;
-  if (status != Status::kDone) {
-    detail::fail(result, status, {message});
-  } else if (values.rows() != n_sources) {
-    detail::fail(result, Status::kInvalidAttributes,
-                 {"the attributes have ", static_cast<int>(values.rows()), " rows, but ", n_sources,
-                  " are needed"});
-  } else {
-    const int columns = static_cast<int>(values.cols());
-    const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
-    result.values.setZero(rows(), columns);
-    apply(values.data(), stride, columns, result.values.data(), stride);
-    for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
-  }
+  const int columns = static_cast<int>(values.cols());
+  const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
+  Values filled = Values::Zero(rows(), columns);
+  static_cast<Outcome&>(result) =
+      apply(values.data(), values.rows(), stride, columns, filled.data(), rows(), stride);
+  if (result.status != Status::kDone) return result;
+  result.values.swap(filled);
+  for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
   return result;
+}
+
+Outcome Transfer::check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const {
+  Outcome outcome = *this;
+  const bool fits = n_values == n_sources;
+  if (status == Status::kDone && !(fits && n_results == rows()))
+    detail::fail(outcome, Status::kInvalidAttributes,
+                 {fits ? "the result has " : "the attributes have ",
+                  std::to_string(fits ? n_results : n_values), " rows, but ",
+                  fits ? rows() : n_sources, " are needed"});
+  return outcome;
 }
 
 Transfer to_meta(const MetaMesh& meta, Side side, Element element) {

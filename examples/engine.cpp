@@ -107,7 +107,9 @@ bool solve(ism::Solver& solver, std::atomic<bool>& stop) {
 
 /// What of A its skin and its morph target are on B.
 void carry(const Character& a, const ism::Transfer& transfer, Character& b) {
-  transfer.apply(a.blink.data(), 3 * sizeof(float), 3, b.blink.data(), 3 * sizeof(float));
+  constexpr std::ptrdiff_t stride = 3 * sizeof(float);
+  transfer.apply(a.blink.data(), std::ptrdiff_t(a.vertices.size()), stride, 3, b.blink.data(),
+                 std::ptrdiff_t(b.vertices.size()), stride);
   for (std::size_t v = 0; v < b.vertices.size(); ++v) {
     float weight[kJoints * kJoints] = {};
     for (auto k = std::size_t(transfer.offsets[v]); k < std::size_t(transfer.offsets[v + 1]); ++k) {

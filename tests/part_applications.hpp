@@ -15,7 +15,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -507,7 +510,9 @@ TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weight
       for (std::size_t i = 0; i < in.size(); ++i)
         for (int c = 0; c < 2; ++c)
           in[i].value[c] = static_cast<float>(values(static_cast<Eigen::Index>(i), c));
-      transfer.apply(in[0].value, sizeof(Item), 2, out[0].value, sizeof(Item));
+      const ism::Outcome outcome = transfer.apply(in[0].value, transfer.n_sources, sizeof(Item), 2,
+                                                  out[0].value, transfer.rows(), sizeof(Item));
+      CHECK(outcome.status == Status::kDone);
       int covered = 0;
       for (int i = 0; i < transfer.rows(); ++i) {
         const std::size_t row = static_cast<std::size_t>(i);
@@ -531,6 +536,59 @@ TEST_CASE("a transfer applies to arrays of floats as to matrices, and its weight
       CHECK(covered > 10);
       CHECK(covered < transfer.rows());
     }
+}
+
+/// Values of three sources become their mean, and the second one.
+ism::Transfer mean_of_three() {
+  ism::Transfer transfer;
+  transfer.n_sources = 3;
+  transfer.offsets = {0, 3, 4};
+  transfer.sources = {0, 1, 2, 1};
+  transfer.weights = {0.25, 0.25, 0.5, 1.5};  // the latter as no transfer has, to leave the range
+  return transfer;
+}
+
+TEST_CASE_TEMPLATE("integers of a transfer are rounded, and kept within their range", T,
+                   std::int8_t, std::uint8_t, std::int16_t, std::uint16_t, std::int32_t,
+                   std::uint32_t, std::int64_t, std::uint64_t) {
+  const ism::Transfer transfer = mean_of_three();
+  const auto applied = [&](T x, T y, T z) {
+    const T values[] = {x, y, z};
+    std::array<T, 2> result = {7, 7};
+    CHECK(transfer.apply(values, 3, sizeof(T), 1, result.data(), 2, sizeof(T)).status ==
+          Status::kDone);
+    return result;
+  };
+  using Limits = std::numeric_limits<T>;
+  const T most = Limits::max(), least = Limits::lowest();
+  CHECK(applied(1, 2, 2) == std::array<T, 2>{2, 3});  // 1.75
+  CHECK(applied(2, 1, 1) == std::array<T, 2>{1, 2});  // 1.25, 1.5
+  CHECK(applied(most, most, most) == std::array<T, 2>{most, most});
+  CHECK(applied(least, least, least) == std::array<T, 2>{least, least});
+}
+
+TEST_CASE(
+    "a transfer reads and writes nothing if numbers of elements do not fit, or it has failed") {
+  ism::Transfer transfer = mean_of_three();
+  float result[] = {5, 5};
+  const auto refused = [&](std::ptrdiff_t n_values, std::ptrdiff_t n_results) {
+    const float* const nothing = nullptr;
+    const ism::Outcome outcome = transfer.apply(nothing, n_values, 4, 1, result, n_results, 4);
+    CHECK(result[0] == 5);
+    CHECK(result[1] == 5);
+    return outcome;
+  };
+  for (std::ptrdiff_t n : {std::ptrdiff_t{-1}, std::ptrdiff_t{2}, std::ptrdiff_t{1} << 40}) {
+    CHECK(refused(n, 2).status == Status::kInvalidAttributes);
+    CHECK(refused(n, 2).message ==
+          "the attributes have " + std::to_string(n) + " rows, but 3 are needed");
+    CHECK(refused(3, n - 1).message ==
+          "the result has " + std::to_string(n - 1) + " rows, but 2 are needed");
+  }
+  transfer.status = Status::kCancelled;
+  transfer.message = "why";
+  CHECK(refused(3, 2).status == Status::kCancelled);
+  CHECK(refused(3, 2).message == "why");
 }
 
 TEST_CASE("of an empty meta mesh nothing is transferred") {

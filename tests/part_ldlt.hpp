@@ -3,6 +3,7 @@
 #ifndef ISM_TESTS_PART_LDLT_HPP
 #define ISM_TESTS_PART_LDLT_HPP
 
+#include "allocations.hpp"
 #include "dense.hpp"
 #include "ism.hpp"
 #include "shapes.hpp"
@@ -15,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -554,6 +556,16 @@ TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wante
     }
   const Array<Vec2> zero(n * n);
   CHECK(dense(solve_with_neighbour(symbolic, factor, {&H, &Q, 2}, zero, 0, run)).isZero(0));
+}
+
+TEST_CASE("a pool of memory with places for all pieces allocates nothing while it is locked") {
+  MemoryPool pool;
+  Array<Eigen::VectorXd> pieces(40, Eigen::VectorXd::Zero(3));
+  pool.reserve_places(pieces.size());
+  const std::size_t before = allocations();
+  for (Eigen::VectorXd& piece : pieces) pool.give(piece);
+  CHECK(allocations() == before);
+  CHECK(pool.take(2).size() == 3);
 }
 
 }  // namespace ldlt_tests

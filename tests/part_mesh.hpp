@@ -669,7 +669,15 @@ TEST_CASE("a view of any buffer is the mesh that lies in it") {
   check({floats, Eigen::Matrix<std::uint16_t, Eigen::Dynamic, 3>(ids.cast<std::uint16_t>())});
 }
 
-TEST_CASE("interleaved buffers with ids of 16 or 32 bits, at any address") {
+/// Calls what(T()) for every type of integers.
+template <class What>
+void for_each_integer(const What& what) {
+  what(char()), what(std::int8_t()), what(std::uint8_t());
+  what(short()), what(static_cast<unsigned short>(0));
+  what(0), what(0u), what(0l), what(0ul), what(0ll), what(0ull);
+}
+
+TEST_CASE("interleaved buffers with ids of any integer type, at any address") {
 #pragma pack(push, 1)
   struct Vertex {
     char tag;
@@ -699,10 +707,39 @@ TEST_CASE("interleaved buffers with ids of 16 or 32 bits, at any address") {
     CHECK(copy.vertices == mesh.vertices);
     CHECK(copy.triangles == mesh.triangles);
   };
-  check(std::int16_t());
-  check(std::uint16_t());
-  check(std::int32_t());
-  check(std::uint32_t());
+  for_each_integer(check);
+}
+
+TEST_CASE("matrices of ids of any integer type, by rows and by columns") {
+  const TriangleMesh mesh = shapes::grid(2, 3).mesh;
+  for_each_integer([&](auto id) {
+    using Id = decltype(id);
+    const ism::Rows<Id, 3> by_rows = mesh.triangles.cast<Id>();
+    const Eigen::Matrix<Id, Eigen::Dynamic, Eigen::Dynamic> by_columns = by_rows;
+    CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, by_rows)).triangles == mesh.triangles);
+    CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, by_columns)).triangles ==
+          mesh.triangles);
+  });
+}
+
+TEST_CASE("ids that are no int are out of range, whatever an int would make of them") {
+  const TriangleMesh mesh = shapes::grid(1, 1).mesh;
+  for_each_integer([&](auto id) {
+    using Limits = std::numeric_limits<decltype(id)>;
+    for (const auto bad : {Limits::lowest(), Limits::max()}) {
+      if (bad == 0) continue;
+      decltype(id) ids[] = {0, 1, bad, 0, 1, 3};
+      CAPTURE(sizeof id);
+      const std::vector<Problem> problems = ism::validate({mesh.vertices, {ids, 2}});
+      REQUIRE(problems.size() == 1);
+      CHECK(problems[0].kind == Kind::kIndexOutOfRange);
+      CHECK(ism::prepare({mesh.vertices, {ids, 2}}).problems.size() == 1);
+    }
+  });
+  const std::int64_t wraps[] = {0, 1, (std::int64_t{1} << 32) + 2};  // 2, in the lower 32 bits
+  CHECK(ism::validate({mesh.vertices, {wraps, 1}}).size() == 1);
+  CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, {wraps, 1})).triangles(0, 2) ==
+        std::numeric_limits<int>::max());
 }
 
 TEST_CASE("views without a mesh are refused") {
@@ -725,7 +762,7 @@ TEST_CASE("views without a mesh are refused") {
   const std::uint32_t restart[] = {0, 1, 0xFFFFFFFFu};
   const std::vector<Problem> problems = ism::validate({mesh.vertices, {restart, 1}});
   REQUIRE(problems.size() == 1);
-  CHECK(problems[0].message == "triangle 0 refers to vertex -1, but there are 4 vertices");
+  CHECK(problems[0].message == "triangle 0 refers to vertex 2147483647, but there are 4 vertices");
 }
 
 }  // namespace mesh_tests

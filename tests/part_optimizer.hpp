@@ -16,12 +16,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <functional>
 #include <limits>
 #include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
+
+#ifdef __linux__
+#include <sched.h>
+#endif
 
 namespace optimizer_tests {
 namespace {
@@ -643,6 +648,26 @@ TEST_CASE("results are the same bits for any number of threads and order of task
   CHECK(calls > 0);
   CHECK(empty_calls == 0);
 }
+
+#if defined(__linux__) && !defined(ISM_NO_THREADS)
+TEST_CASE("there are as many threads as processors that may be used") {
+  cpu_set_t before, one;
+  REQUIRE(sched_getaffinity(0, sizeof before, &before) == 0);
+  Options options;
+  CHECK(thread_count(options) <= CPU_COUNT(&before));
+  std::size_t first = 0;
+  while (!CPU_ISSET(first, &before)) ++first;
+  CPU_ZERO(&one);
+  CPU_SET(first, &one);
+  REQUIRE(sched_setaffinity(0, sizeof one, &one) == 0);
+  CHECK(thread_count(options) == 1);
+  options.threads = 3;
+  CHECK(thread_count(options) == 3);
+  options.threads = 100;
+  CHECK(thread_count(options) == 4);
+  REQUIRE(sched_setaffinity(0, sizeof before, &before) == 0);
+}
+#endif
 
 TEST_CASE("every iterate is injective, whatever the limit of iterations") {
   const auto [a, b] = random_pair(21);

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,37 @@ Disk comb(int n) { return shapes::comb(n / 20, 9); }
 Disk turned(Disk disk, double angle) {
   disk.plane = shapes::moved(disk.plane, shapes::rotation(angle), {0, 0});
   return disk;
+}
+
+/// Seconds of the processor since the program began: others may be at work beside.
+double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// How many times as long a problem of size 4 n takes as one of size n, at best.
+template <class Seconds>
+double growth(int n, const Seconds& seconds) {
+  double least[] = {kInfinity, kInfinity};
+  for (int i = 0; i < 6; ++i) least[i % 2] = std::min(least[i % 2], seconds(i % 2 ? 4 * n : n));
+  return least[1] / least[0];
+}
+constexpr double kNearLinear = 6;  // growth; quadratic is 16
+
+/// Triangles in another order, in which neighbours lie anywhere.
+Disk shuffled(Disk disk) {
+  shapes::Rng rng(1);
+  for (int f = static_cast<int>(disk.mesh.triangles.rows()) - 1; f > 0; --f)
+    disk.mesh.triangles.row(f).swap(disk.mesh.triangles.row(rng.below(f)));
+  return disk;
+}
+
+/// Seconds to map a curve through points in every k-th triangle of A.
+double seconds_of_curve(const Disk& a, const Disk& b, int k) {
+  const ism::SurfaceMap map = runs::good_map(a, b);
+  ism::Polyline points;
+  for (int f = 0; f < a.mesh.triangles.rows(); f += k)
+    points.push_back({f, Eigen::Vector3d(0.3, 0.3, 0.4)});
+  const double start = processor_seconds();
+  CHECK(!map.forward_curve(points).empty());
+  return processor_seconds() - start;
 }
 
 void check_run(const ism::Result& result, int least_iterations) {
@@ -120,6 +152,60 @@ TEST_CASE("the overlay of a plate with 40,000 openings and a square is the plate
     area += polygon_area(polygon_shape(p, corners), corners);
   }
   CHECK(area == doctest::Approx(401 * 401 - 200 * 200));
+}
+
+TEST_CASE("openings outside of the overlap are located in near-linear time") {
+  bool is_shuffled = false;
+  const auto seconds = [&](int n) {  // with n openings and about 16 n triangles
+    const int side = static_cast<int>(std::sqrt(n));
+    Disk plate = large::grate(side, side);
+    Disk patch = shapes::grid(2 * side, 2 * side);  // in one of the openings
+    if (is_shuffled) plate = shuffled(plate);
+    patch.plane = (0.4 / side * patch.plane).rowwise() + Eigen::RowVector2d(1.1, 1.1);
+    const JointSurface s =
+        join({build_surface(plate.mesh, false), build_surface(patch.mesh, false)});
+    const Points2 x = stacked(plate.plane, patch.plane);
+    Overlay overlay;
+    const double start = processor_seconds();
+    compute_overlay(s, x, overlay);
+    CHECK(overlay.polygons.empty());
+    return processor_seconds() - start;
+  };
+  CHECK(growth(2500, seconds) < kNearLinear);
+  is_shuffled = true;
+  CHECK(growth(2500, seconds) < 2 * kNearLinear);  // what is read lies all over the memory
+}
+
+TEST_CASE("a long segment is mapped in near-linear time") {
+  const auto seconds = [](int n) {
+    Disk b = shapes::strip(3);
+    b.plane.col(0) *= n / 3.0;
+    return seconds_of_curve(shapes::strip(n), b, 2 * n - 1);  // from one end to the other
+  };
+  CHECK(growth(10000, seconds) < kNearLinear);
+}
+
+TEST_CASE("segments across gaps of the boundary are mapped in near-linear time") {
+  const auto seconds = [](int n) {  // three per tooth, most of which leave it
+    const Disk a = shapes::comb(n, 9);
+    Disk b = a;
+    b.plane.rowwise() += Eigen::RowVector2d(0.3, 0.2);
+    return seconds_of_curve(a, b, 7);
+  };
+  CHECK(growth(400, seconds) < kNearLinear);
+}
+
+TEST_CASE("arrays grow by a few items in near-linear time") {
+  Array<int> appended, resized;
+  const int three[] = {1, 2, 3};
+  const double start = processor_seconds();
+  for (int i = 1; i <= 1000000; ++i) {
+    appended.append(three, 3);
+    resized.resize(i);
+  }
+  CHECK(processor_seconds() - start < 1);
+  CHECK(appended.size() == 3000000);
+  CHECK(resized.size() == 1000000);
 }
 
 TEST_CASE("every edge of a mesh of 80,000 triangles is drawn on another one") {

@@ -64,6 +64,19 @@ by_hand() {
   run "$name" "$folder/app"
 }
 
+# What users compile has no warnings, whatever they ask their compilers for.
+warnings() {
+  local other
+  for other in "$compiler" g++ clang++; do
+    command -v "$other" > /dev/null || continue
+    "$other" -std=c++17 -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion \
+      -Wfloat-conversion -Wold-style-cast -Werror "${eigen[@]}" -I "$project" -O2 \
+      -c "$consumers/main.cpp" -o "$work/warnings.o" > "$work/warnings.log" 2>&1 ||
+      fail warnings "of $other"
+  done
+  echo "warnings: none"
+}
+
 # Files with other containers must not link.
 mixed_containers() {
   cd "$work/copy"
@@ -140,6 +153,7 @@ others=$!
   install_package
   by_hand copy "${eigen[@]}"
   mixed_containers
+  warnings
   with_cmake find_package "app app_header" -DCMAKE_PREFIX_PATH="$work/moved"
   with_pkg_config
 ) &
