@@ -282,8 +282,8 @@ enum class Status {
                       // constraint, is uncovered, or in a chain
   kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
   kNoOverlap,          // f(A) and g(B) do not overlap at the start
-  kNumericalFailure    // an embedding failed, please report the mesh; or E is not finite at its
-                       // start, or the arithmetic is not IEEE's
+  kNumericalFailure    // an embedding failed, please report the mesh; or at the start, E or its
+                       // derivatives are not finite; or the arithmetic is not IEEE's
 };
 
 /// True for the statuses under which there is what was asked for, of compute_map() a valid
@@ -8241,6 +8241,8 @@ class Optimizer {
   /// not fall, so where it hardly fell before either, the run has arrived.
   Status status_without_step(const Result& result) const {
     if (is_stationary_) return Status::kConverged;
+    const bool is_first = result.log.empty() && result.coarse.empty();
+    if (!factor_.ok && is_first) return Status::kNumericalFailure;
     const int before = (std::max)(1, window(result) - 1);
     return has_settled(result, before) ? Status::kConverged : Status::kStalled;
   }
@@ -14657,6 +14659,8 @@ class Run {
       close();
     else if (optimizer_)
       optimizer_->iterate(result_);
+    if (result_.status == Status::kNumericalFailure && before_change_.f.size() > 0)
+      stall(result_);
     tell_iteration();
     const bool is_stopped = executor_.is_stopped();
     if (is_embedding()) wait();
@@ -14867,7 +14871,7 @@ class Run {
       optimizer_.reset();
       result_.f = start.f;
       result_.g = start.g;
-      return stall(Outcome(result_));
+      return stall(result_);
     }
     if (memory.x.rows() != s_.mesh.n_vertices) memory.visited.clear();  // vertices were added
     optimizer_->keep(memory);
@@ -14875,7 +14879,8 @@ class Run {
 
   /// There is a map, but what was asked for cannot be met from here on.
   void stall(const Outcome& why) {
-    fail(result_, Status::kStalled, {why.message}, why.ids);
+    const std::string message = why.message;
+    fail(result_, Status::kStalled, {message}, std::vector<ElementId>(why.ids));
     has_reason_ = true;
   }
 

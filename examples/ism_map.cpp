@@ -75,6 +75,7 @@ printed.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale both meshes to area 1 first; for meshes in one unit
   --no-prepare       refuse meshes with defects
+  --no-weld          keep vertices apart that are at one place
   --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
                      false and true; can be repeated
   --picture          draw both surfaces with a texture, that of --texture or coloured squares,
@@ -174,6 +175,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("window", o.tuning.window);
   visit("keep_scale", o.keep_scale);
   visit("prepare", o.prepare);
+  visit("weld", o.weld);
   visit("close", o.close);
   visit("exact_landmarks", o.exact_landmarks);
   visit("scaffold", o.tuning.scaffold);
@@ -248,6 +250,7 @@ bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--exact-landmarks") return args.options.exact_landmarks = true;
   if (flag == "--keep-scale") return args.options.keep_scale = true;
   if (flag == "--no-prepare") return args.options.prepare = false, true;
+  if (flag == "--no-weld") return args.options.weld = false, true;
   if (flag == "--picture") return args.picture = true;
   if (flag == "--heat") return args.heat = true;
   if (flag == "--transfer-uv") return args.transfer_uv = true;
@@ -335,9 +338,10 @@ struct Input {
 
 /// Every function of this part returns an error sentence, or an empty string.
 std::string check_surface(const std::string& path, const ism::TriangleMesh& mesh,
-                          const std::vector<ism::LandmarkPoint>& landmarks, bool prepare) {
+                          const std::vector<ism::LandmarkPoint>& landmarks,
+                          const ism::Options& options) {
   const std::vector<ism::Problem> problems =
-      prepare ? ism::prepare(mesh, landmarks).problems : ism::validate(mesh);
+      options.prepare ? ism::prepare(mesh, landmarks, options.weld).problems : ism::validate(mesh);
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
   if (problems.size() > 1) error += " (problem 1 of " + std::to_string(problems.size()) + ")";
@@ -379,9 +383,9 @@ std::string read_meshes(const Arguments& args, Input& input) {
 std::string check_surfaces(const Arguments& args, const Input& input) {
   std::vector<ism::LandmarkPoint> ends_a, ends_b;
   for (const ism::Landmark& l : input.landmarks) ends_a.push_back(l.a), ends_b.push_back(l.b);
-  const std::string error = check_surface(args.a, input.a, ends_a, args.options.prepare);
+  const std::string error = check_surface(args.a, input.a, ends_a, args.options);
   if (!error.empty()) return error;
-  return check_surface(args.b, input.b, ends_b, args.options.prepare);
+  return check_surface(args.b, input.b, ends_b, args.options);
 }
 
 std::string read_texture(const std::string& path, render::Image& texture) {
@@ -713,13 +717,16 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   const ism::Embedding& e = result.start;
   Json start = {{"landmark_distance", e.landmark_distance}};
   Json final = {{"iterations", result.log.size()}, {"landmark_distance", found.landmarks.largest}};
-  start.update(json_state(result.initial));
+  start.update(json_state(result.at_start));
   final.update(json_state(result.final_state()));
+  Json warnings = Json::array();
+  for (const ism::Warning& w : result.warnings) warnings.push_back(w.message);
   Json iterations = json_list(result.log, json_iteration);
   iterations.insert(iterations.begin(), json_iteration(result.initial));
   const Json report = {
       {"status", ism::to_string(result.status)},
       {"message", result.message},
+      {"warnings", warnings},
       {"a", json_mesh(args.a, input.notes_a, *e.a, *e.prepared_a, e.added_a, e.opening_a)},
       {"b", json_mesh(args.b, input.notes_b, *e.b, *e.prepared_b, e.added_b, e.opening_b)},
       {"landmarks", input.landmarks.size()},
@@ -1014,7 +1021,7 @@ int count_added(const std::vector<ism::AddedVertex>& added) {
 
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
                    const Findings& found, const Seconds& s) {
-  const ism::IterationLog &first = result.initial, &last = result.final_state();
+  const ism::IterationLog &first = result.at_start, &last = result.final_state();
   const auto size = [](const ism::TriangleMesh& m) {
     return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
            " triangles";
@@ -1117,6 +1124,8 @@ int run(Arguments& args) {
   const ism::Result result = compute(args, input);
   if (!ism::is_usable(result.status))
     return fail(exit_code(result.status, !args.initial.empty()), result.message);
+  for (const ism::Warning& w : result.warnings)
+    std::fprintf(stderr, "ism_map: warning: %s\n", w.message.c_str());
   seconds.add(result);
 
   start = Clock::now();

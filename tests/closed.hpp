@@ -135,7 +135,7 @@ struct SeamDistortion {
 };
 
 inline SeamDistortion seam_distortion(const ism::Result& result, const ism::SurfaceMap& map) {
-  const ism::MetaMesh meta = map.meta_mesh();
+  const ism::MetaMesh meta = map.meta_mesh(ism::Ids::kEmbedded);
   const std::vector<ism::PolygonDistortion> polygons = map.distortion();
   const std::vector<char> at_a = near_seam(*result.start.a, result.start.added_a, 1);
   const std::vector<char> at_b = near_seam(*result.start.b, result.start.added_b, 1);

@@ -825,6 +825,12 @@ inline void check_log(const ism::Result& r, Verdict& verdict) {
 
 inline void check_meta(const ism::SurfaceMap& map, Verdict& verdict) {
   const ism::MetaMesh meta = map.meta_mesh();
+  for (ism::Element e : {ism::Element::kVertex, ism::Element::kCorner}) {
+    const ism::Transfer t = ism::transfer(meta, Side::kA, e, ism::Element::kVertex);
+    verdict.expect(t.n_sources == ism::to_meta(meta, Side::kA, e).n_sources &&
+                       t.rows() == map.mesh(Side::kB).vertices.rows(),
+                   "a transfer is not of the meshes given");
+  }
   verdict.expect(meta.on_a.allFinite() && meta.on_b.allFinite() && meta.plane.allFinite() &&
                      meta.corner_a.allFinite() && meta.corner_b.allFinite(),
                  "the meta mesh is not finite");
@@ -907,7 +913,9 @@ inline void check_map(const ism::Result& r, Verdict& verdict) {
   verdict.expect(map.status() == ism::Status::kDone, "SurfaceMap: " + map.message());
   if (map.status() != ism::Status::kDone) return;
   check_meta(map, verdict);
-  check_round_trips(r, map, verdict);
+  ism::Result embedded = r;  // whose ids are those of positions
+  embedded.start.prepared_a = embedded.start.prepared_b = std::make_shared<ism::Prepared>();
+  check_round_trips(r, ism::SurfaceMap(embedded), verdict);
 }
 
 /// How long a pair may take. Large fans on each other have polygons by the hundred thousand.

@@ -235,7 +235,7 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
         const SurfaceMap map(r);
         REQUIRE(map.status() == Status::kDone);
         const HalfEdgeMesh m = half_edges(*r.start.a);
-        for (int v = 0; v < m.n_vertices; ++v)
+        for (int v = 0; v < disk.mesh.vertices.rows(); ++v)
           if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).covered);
       }
 }
@@ -257,9 +257,9 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
   REQUIRE(is_valid(r));
   const SurfaceMap map(r);
-  for (int v = 0; v < r.f.rows(); ++v) CHECK(map.forward_vertex(v).covered);
-  for (int v = 0; v < r.g.rows(); ++v) CHECK(map.backward_vertex(v).covered);
-  const HalfEdgeMesh m = half_edges(*r.start.a);
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).covered);
+  for (int v = 0; v < b.mesh.vertices.rows(); ++v) CHECK(map.backward_vertex(v).covered);
+  const HalfEdgeMesh m = half_edges(a.mesh);
   for (int h = 0; h < m.tail.size(); ++h) {
     const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);

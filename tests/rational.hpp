@@ -282,8 +282,10 @@ struct MapData {
 };
 
 inline MapData data_of(const ism::SurfaceMap& map) {
-  return {map.mesh(ism::Side::kA), map.mesh(ism::Side::kB), map.planar_positions(ism::Side::kA),
-          map.planar_positions(ism::Side::kB), map.meta_mesh()};
+  constexpr ism::Ids kEmbedded = ism::Ids::kEmbedded;
+  return {map.mesh(ism::Side::kA, kEmbedded), map.mesh(ism::Side::kB, kEmbedded),
+          map.planar_positions(ism::Side::kA), map.planar_positions(ism::Side::kB),
+          map.meta_mesh(kEmbedded)};
 }
 
 struct Counts {

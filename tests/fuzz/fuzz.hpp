@@ -506,7 +506,8 @@ inline void ask(const ism::SurfaceMap& map, Bytes& bytes) {
 
 inline void require_distortion(const ism::SurfaceMap& map, const ism::Points2& f,
                                const ism::Points2& g) {
-  const ism::TriangleMesh &a = map.mesh(ism::Side::kA), &b = map.mesh(ism::Side::kB);
+  const ism::TriangleMesh& a = map.mesh(ism::Side::kA, ism::Ids::kEmbedded);
+  const ism::TriangleMesh& b = map.mesh(ism::Side::kB, ism::Ids::kEmbedded);
   if (!well_shaped(f, a.triangles) || !well_shaped(g, b.triangles)) return;
   if (!well_shaped(a.vertices, a.triangles) || !well_shaped(b.vertices, b.triangles)) return;
   require_distortion(map, false);
@@ -520,6 +521,7 @@ inline void require_map(const ism::SurfaceMap& map, const ism::Points2& f, const
   require_distortion(map, f, g);
   const ism::MetaMesh meta = map.meta_mesh();
   require_meta_mesh(meta);
+  require_meta_mesh(map.meta_mesh(ism::Ids::kEmbedded));
   using ism::Element;
   for (const ism::Side side : {ism::Side::kA, ism::Side::kB}) {
     ism::remesh(map, side);
