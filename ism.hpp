@@ -668,15 +668,16 @@ struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // what the optimisation started from
-  IterationLog at_start;  // the energies of the start (iteration 0, no step),
-  IterationLog initial;   // and those at which the log begins: the same, or of the coarse map
+  IterationLog initial;  // the energies of the start (iteration 0, no step)
   std::vector<CoarseLevel> coarse;  // the levels before the log, coarsest first
+  /// What the log goes on from: the start, or the map of the coarse levels, whose E may be higher.
+  IterationLog log_begin;
   /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
   /// is an entry, too; E is from there on that of the whole, and may begin higher.
   std::vector<IterationLog> log;
   double seconds = 0;  // of the optimisation; those of the start are in start.seconds
-  /// The last state, for a summary: log.back(), or the start when there was no iteration.
-  const IterationLog& final_state() const { return log.empty() ? initial : log.back(); }
+  /// The last state, for a summary: log.back(), or what it would go on from.
+  const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
@@ -7568,6 +7569,7 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
     result.initial.omega = omega_;
+    result.log_begin = result.initial;
     result.status = Status::kUnfinished;
     if (!(x_.area_a > 0 && x_.area_b > 0)) result.status = Status::kNoOverlap;
     if (!std::isfinite(x_.energy)) result.status = Status::kNumericalFailure;
@@ -7585,7 +7587,7 @@ class Optimizer {
     evaluate(s_, weights_, other);
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
-    describe(s_, followers_, x_, result.initial);
+    describe(s_, followers_, x_, result.log_begin);
     return true;
   }
 
@@ -8214,7 +8216,7 @@ class Optimizer {
   /// What the log says of so many entries ago.
   static const IterationLog& state_before(const Result& result, int entries) {
     const int n = static_cast<int>(result.log.size());
-    return n == entries ? result.initial : result.log[static_cast<std::size_t>(n - 1 - entries)];
+    return n == entries ? result.log_begin : result.log[static_cast<std::size_t>(n - 1 - entries)];
   }
 
   /// That of the stopping rule; what begins near its end makes shorter pauses.
@@ -14457,6 +14459,7 @@ struct SavedRun {
   std::vector<CoarseLevel> coarse;
   bool is_changed = false;  // landmarks or options; what follows from that is yet to be done:
   Array<int> pulled;        // these landmarks are to be brought together
+  IterationLog log_begin;
   std::vector<IterationLog> log;
   Optimizer::Memory memory;
 };
@@ -14473,6 +14476,7 @@ void exchange(Archive& io, SavedRun& run) {
   exchange_list(io, run.coarse);
   exchange(io, run.is_changed);
   exchange_list(io, run.pulled);
+  exchange(io, run.log_begin);
   exchange_list(io, run.log);
   exchange_list(io, run.memory.visited);
   Optimizer::QuickSteps& quick = run.memory.quick;
@@ -14707,6 +14711,7 @@ class Run {
     run.seconds = result_.seconds;
     run.is_coarse = coarse_ != nullptr;
     run.coarse = result_.coarse;
+    run.log_begin = result_.log_begin;
     run.log = result_.log;
     run.memory = optimizer_->memory();
     return run;
@@ -14747,6 +14752,7 @@ class Run {
       optimizer_->restore(memory);
       if (saved.is_coarse) begin_coarse();
       result_.coarse = std::move(saved.coarse);
+      result_.log_begin = saved.log_begin;
       result_.log = std::move(saved.log);
       told_ = result_.log.size();
       result_.status = static_cast<Status>(saved.status);
@@ -15018,7 +15024,6 @@ class Run {
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
     optimizer_->start(x, result_);
-    result_.at_start = result_.initial;
   }
 
   void begin_coarse() {
@@ -15114,8 +15119,8 @@ class Run {
     r.g = rows_between(x, pair.a.mesh.n_vertices, rows_of(x));
     if (!is_first) return;
     r.warnings = result_.warnings;
-    r.at_start = result_.at_start;
     r.initial = result_.initial;
+    r.log_begin = result_.log_begin;
     r.coarse = result_.coarse;
     r.start = result_.start;
     r.start.f = r.f;
@@ -15125,7 +15130,7 @@ class Run {
 
   /// A map that is bent too much to be of use is no success, whatever its status.
   void warn_of_distortion(Result& r) {
-    const double mean = r.final_state().mean_distortion, before = r.at_start.mean_distortion;
+    const double mean = r.final_state().mean_distortion, before = r.initial.mean_distortion;
     const bool is_poor = mean > kMostDistortion || mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;

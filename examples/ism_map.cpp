@@ -717,7 +717,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   const ism::Embedding& e = result.start;
   Json start = {{"landmark_distance", e.landmark_distance}};
   Json final = {{"iterations", result.log.size()}, {"landmark_distance", found.landmarks.largest}};
-  start.update(json_state(result.at_start));
+  start.update(json_state(result.initial));
   final.update(json_state(result.final_state()));
   Json warnings = Json::array();
   for (const ism::Warning& w : result.warnings) warnings.push_back(w.message);
@@ -1021,7 +1021,7 @@ int count_added(const std::vector<ism::AddedVertex>& added) {
 
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
                    const Findings& found, const Seconds& s) {
-  const ism::IterationLog &first = result.at_start, &last = result.final_state();
+  const ism::IterationLog &first = result.initial, &last = result.final_state();
   const auto size = [](const ism::TriangleMesh& m) {
     return std::to_string(m.vertices.rows()) + " vertices, " + std::to_string(m.triangles.rows()) +
            " triangles";

@@ -133,11 +133,11 @@ TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations
   for (const ism::CoarseLevel& level : coarse.coarse) {
     CHECK(level.iterations > 0);
     CHECK(level.mean_distortion > 2);
-    CHECK(level.mean_distortion < coarse.at_start.mean_distortion);
+    CHECK(level.mean_distortion < coarse.initial.mean_distortion);
   }
-  CHECK(coarse.at_start.energy == plain.initial.energy);
-  CHECK(coarse.initial.energy < coarse.at_start.energy);
-  CHECK(coarse.log[0].energy <= coarse.initial.energy);
+  CHECK(coarse.initial.energy == plain.initial.energy);
+  CHECK(coarse.log_begin.energy < coarse.initial.energy);
+  CHECK(coarse.log[0].energy <= coarse.log_begin.energy);
   CHECK(coarse.start.f == plain.start.f);
   const auto full = [](const Result& r) {
     int n = 0;
@@ -213,7 +213,7 @@ TEST_CASE("nothing is lost where the start is the end already") {
   options.initial_g = first.g;
   const Result again = map_of(a, b, {}, options);
   CHECK_FALSE(again.coarse.empty());
-  CHECK(again.at_start.energy == doctest::Approx(first.final_state().energy).epsilon(1e-9));
+  CHECK(again.initial.energy == doctest::Approx(first.final_state().energy).epsilon(1e-9));
   CHECK(again.final_state().energy < first.final_state().energy + 1e-4);
 }
 
