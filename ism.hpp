@@ -6760,12 +6760,13 @@ inline Vec2 centroid(const Points2& x) {
 /// the two sets.
 inline Vec2 correlation(const Points2& from, const Points2& to) {
   const Vec2 c0 = centroid(from), c1 = centroid(to);
-  Vec2 sum;
+  double along = 0, across = 0;
   for (int i = 0; i < from.rows(); ++i) {
     const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
-    sum += {dot(p, q), cross(p, q)};
+    along += dot(p, q);
+    across += cross(p, q);
   }
-  return sum;
+  return {along, across};
 }
 
 /// The motion that brings the rows of `from` closest to those of `to`.

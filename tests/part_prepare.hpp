@@ -14,7 +14,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -505,6 +507,195 @@ TEST_CASE("meshes that were damaged in many ways are mended") {
     CHECK(n_vertices(*p.mesh) == n_vertices(disk.mesh));
     CHECK(area(*p.mesh) == doctest::Approx(area(disk.mesh)));
   }
+}
+
+// ---- orientation, closed lips, doubled surfaces ----
+
+TEST_CASE("a closed surface gets the orientation of positive volume, whatever most of it has") {
+  const TriangleMesh ball = shapes::blob(3, 0.3, 1);
+  const int n = n_triangles(ball);
+  for (int turned : {n, 6 * n / 10, n / 10}) {
+    TriangleMesh mesh = ball;
+    for (int f = 0; f < turned; ++f) turn(mesh, f);
+    const Prepared p = checked(mesh);
+    REQUIRE(p.repairs.size() == 1);
+    CHECK(p.repairs[0].kind == Repair::Kind::kTurnedTriangles);
+    CHECK(p.repairs[0].ids.size() == static_cast<std::size_t>(turned));
+    const bool tells = p.repairs[0].message.find("inside out") != std::string::npos;
+    CHECK(tells == (turned == n));
+    for (int f = 0; f < n; ++f) {  // with the first corner it had
+      CHECK(p.mesh->triangles(f, 0) == ball.triangles(f, 0));
+      CHECK(p.mesh->triangles(f, 1) == ball.triangles(f, 1));
+    }
+  }
+  const Prepared p = checked(soup(ball));
+  CHECK(p.mesh->triangles.rows() == n);
+}
+
+namespace {
+
+/// A square with a mouth that is closed: a slit of pairs of vertices at equal places.
+TriangleMesh with_lips() {
+  TriangleMesh mesh = shapes::grid(10, 10).mesh;
+  const auto is_on_slit = [&](int v) {
+    const Eigen::RowVector3d p = mesh.vertices.row(v);
+    return p.y() == 5 && p.x() > 2.5 && p.x() < 7.5;
+  };
+  const int n = n_vertices(mesh);
+  Ids lower(static_cast<std::size_t>(n), -1);
+  for (int f = 0; f < n_triangles(mesh); ++f) {
+    double y = 0;
+    for (int k = 0; k < 3; ++k) y += mesh.vertices(mesh.triangles(f, k), 1) / 3;
+    for (int k = 0; k < 3 && y < 5; ++k) {
+      const int v = mesh.triangles(f, k);
+      if (!is_on_slit(v)) continue;
+      int& copy = lower[static_cast<std::size_t>(v)];
+      if (copy < 0) {
+        copy = n_vertices(mesh);
+        add_vertex(mesh, mesh.vertices(v, 0), mesh.vertices(v, 1), mesh.vertices(v, 2));
+      }
+      mesh.triangles(f, k) = copy;
+    }
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("closed lips stay apart, whatever is wrong elsewhere") {
+  const TriangleMesh lips = with_lips();
+  REQUIRE(ism::validate(lips).empty());
+  REQUIRE(shapes::half_edges(lips).loops() == 2);
+  const int last = n_triangles(lips) - 1, n = n_vertices(lips);
+  const std::vector<std::function<void(TriangleMesh&)>> defects = {
+      [&](TriangleMesh& m) { add_vertex(m, 1, 1, 1); },
+      [&](TriangleMesh& m) { turn(m, last); },
+      [&](TriangleMesh& m) {  // a triangle once more,
+        add_triangle(m, m.triangles(0, 1), m.triangles(0, 2), m.triangles(0, 0));
+      },
+      [&](TriangleMesh& m) {  // with vertices of its own,
+        for (int k = 0; k < 3; ++k) {
+          const Eigen::RowVector3d p = m.vertices.row(m.triangles(0, k));
+          add_vertex(m, p.x(), p.y(), p.z());
+        }
+        add_triangle(m, n, n + 1, n + 2);
+      },
+      [&](TriangleMesh& m) {  // and one at the lips
+        int f = 0;
+        while (m.triangles.row(f).maxCoeff() < n - 2) ++f;
+        for (int k = 0; k < 3; ++k) {
+          const Eigen::RowVector3d p = m.vertices.row(m.triangles(f, k));
+          add_vertex(m, p.x(), p.y(), p.z());
+        }
+        add_triangle(m, n, n + 1, n + 2);
+      },
+      [&](TriangleMesh& m) {  // a loose part
+        for (int k = 0; k < 3; ++k) add_vertex(m, 20 + k % 2, k, 3);
+        add_triangle(m, n, n + 1, n + 2);
+      },
+      [&](TriangleMesh& m) {  // a flap on an inner edge
+        add_vertex(m, 0.5, 0.5, 3);
+        add_triangle(m, m.triangles(0, 0), m.triangles(0, 2), n);
+      },
+      [&](TriangleMesh& m) { add_triangle(m, 0, 0, 1); }};
+  for (std::size_t i = 0; i < defects.size(); ++i) {
+    CAPTURE(i);
+    TriangleMesh mesh = lips;
+    defects[i](mesh);
+    REQUIRE_FALSE(ism::validate(mesh).empty());
+    const Prepared p = checked(mesh);
+    CHECK(n_vertices(*p.mesh) == n);
+    CHECK(n_triangles(*p.mesh) == n_triangles(lips));
+    CHECK(shapes::half_edges(*p.mesh).loops() == 2);
+    CHECK(p.mesh->vertices == lips.vertices);
+  }
+}
+
+TEST_CASE("parts are welded along their seams, also where one meets itself there; lips are not") {
+  // The square in two halves, x < 5 and x > 5 with vertices of their own; and the right one is cut
+  // along y = 5 from the seam to the rim, which is a part of that seam.
+  const TriangleMesh whole = with_lips();
+  TriangleMesh mesh = shapes::grid(10, 10).mesh;
+  const auto split = [](const TriangleMesh& given, const auto& side_of) {
+    TriangleMesh result;
+    std::map<std::pair<int, int>, int> id;
+    for (int f = 0; f < n_triangles(given); ++f) {
+      Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+      for (int k = 0; k < 3; ++k) middle += given.vertices.row(given.triangles(f, k)) / 3;
+      int v[3];
+      for (int k = 0; k < 3; ++k) {
+        const auto [place, is_new] =
+            id.insert({{given.triangles(f, k), side_of(middle)}, n_vertices(result)});
+        const Eigen::RowVector3d p = given.vertices.row(given.triangles(f, k));
+        if (is_new) add_vertex(result, p.x(), p.y(), p.z());
+        v[k] = place->second;
+      }
+      add_triangle(result, v[0], v[1], v[2]);
+    }
+    return result;
+  };
+  const auto halves = [](const Eigen::RowVector3d& p) { return p.x() < 5 ? 0 : 1; };
+  const Prepared two = checked(split(mesh, halves));
+  CHECK(n_vertices(*two.mesh) == n_vertices(mesh));
+  const Prepared with_mouth = checked(split(whole, [](const Eigen::RowVector3d& p) {
+    return p.y() < 2 ? 0 : 1;  // the lips are in one part
+  }));
+  CHECK(n_vertices(*with_mouth.mesh) == n_vertices(whole));
+  CHECK(shapes::half_edges(*with_mouth.mesh).loops() == 2);
+  const TriangleMesh slit = split(mesh, [](const Eigen::RowVector3d& p) {
+    return p.x() < 5 ? 0 : 1;
+  });
+  const Prepared apart = ism::prepare(slit, {}, false);
+  CHECK(apart.problems.empty());
+  CHECK(n_triangles(*apart.mesh) == n_triangles(mesh) / 2);  // a half, of which none was welded
+}
+
+TEST_CASE("of the two sides of a doubled surface the one with the landmarks stays") {
+  const TriangleMesh front = shapes::grid(5, 5).mesh;
+  const int n = n_vertices(front), faces = n_triangles(front);
+  TriangleMesh both = front;  // the back, with vertices of its own, comes first
+  for (int f = 0; f < faces; ++f) turn(both, f);
+  both.vertices.conservativeResize(2 * n, Eigen::NoChange);
+  both.vertices.bottomRows(n) = front.vertices;
+  for (int f = 0; f < faces; ++f)
+    add_triangle(both, n + front.triangles(f, 0), n + front.triangles(f, 1),
+                 n + front.triangles(f, 2));
+  const Prepared at_front = checked(both, {n + 3, n + 20});
+  CHECK(at_front.mesh->triangles == front.triangles);
+  CHECK(at_front.new_vertex[3] == 3);  // copies are where those that stay are
+  CHECK(at_front.new_vertex[static_cast<std::size_t>(n + 3)] == 3);
+  CHECK(at_front.new_triangle[0] == -1);
+  const Prepared at_back = checked(both, {3, 20});
+  CHECK(at_back.given_triangle[0] == 0);
+  const Prepared in_a_triangle =
+      checked(both, {ism::SurfacePoint{faces + 2, Eigen::Vector3d(0.2, 0.3, 0.5)}});
+  CHECK(in_a_triangle.mesh->triangles == front.triangles);
+}
+
+TEST_CASE("a landmark on what was dropped goes to the surface that is kept, if that is near") {
+  const Disk a = shapes::grid(6, 6), b = shapes::grid(6, 6);
+  TriangleMesh mesh = a.mesh;  // with a part that has one vertex near the surface, and others far
+  const int n = n_vertices(mesh);
+  add_vertex(mesh, 2.3, 2.2, 0.01);
+  add_vertex(mesh, 2.3, 2.2, 9);
+  add_vertex(mesh, 3.3, 2.2, 9);
+  add_triangle(mesh, n, n + 1, n + 2);
+  ism::Options options;
+  options.threads = 1;
+  options.max_iterations = 0;
+  const ism::Embedding near = ism::initial_embedding(mesh, b.mesh, {{n, 16}, {40, 40}, {8, 8}}, options);
+  CHECK(near.status == ism::Status::kDone);
+  CHECK(near.warnings.empty());
+  const ism::Embedding far =
+      ism::initial_embedding(mesh, b.mesh, {{n + 1, 16}, {40, 40}, {8, 8}}, options);
+  CHECK(far.status == ism::Status::kDone);
+  REQUIRE(far.warnings.size() == 1);
+  CHECK(far.warnings[0].ids == shapes::Ids{shapes::of_a(n + 1)});
+  options.exact_landmarks = true;
+  const ism::Embedding exact =
+      ism::initial_embedding(mesh, b.mesh, {{n + 1, 16}, {40, 40}}, options);
+  CHECK(exact.status == ism::Status::kInvalidLandmarks);
+  CHECK(exact.ids == shapes::Ids{shapes::of_a(n + 1)});
 }
 
 // ---- maps of what was prepared ----

@@ -208,6 +208,109 @@ TEST_CASE("arrays grow by a few items in near-linear time") {
   CHECK(resized.size() == 1000000);
 }
 
+namespace {
+
+using Defect = void (*)(ism::TriangleMesh&);
+
+void append_vertex(ism::TriangleMesh& m, const Eigen::RowVector3d& p) {
+  m.vertices.conservativeResize(m.vertices.rows() + 1, Eigen::NoChange);
+  m.vertices.bottomRows(1) = p;
+}
+
+/// Every tenth triangle once more, changed.
+template <class Change>
+void add_changed(ism::TriangleMesh& m, const Change& change) {
+  const Eigen::Index n = m.triangles.rows();
+  ism::Triangles more(n / 10, 3);
+  for (Eigen::Index i = 0; i < more.rows(); ++i) {
+    more.row(i) = m.triangles.row(10 * i);
+    change(more, i);
+  }
+  m.triangles.conservativeResize(n + more.rows(), Eigen::NoChange);
+  m.triangles.bottomRows(more.rows()) = more;
+}
+
+void make_soup(ism::TriangleMesh& m) {
+  ism::Points3 x(m.triangles.size(), 3);
+  for (int i = 0; i < m.triangles.size(); ++i) {
+    x.row(i) = m.vertices.row(m.triangles.data()[i]);
+    m.triangles.data()[i] = i;
+  }
+  m.vertices = x;
+}
+
+void repeat(ism::TriangleMesh& m) {
+  add_changed(m, [](ism::Triangles&, Eigen::Index) {});
+}
+
+void collapse(ism::TriangleMesh& m) {
+  add_changed(m, [](ism::Triangles& t, Eigen::Index i) { t(i, 1) = t(i, 0); });
+}
+
+/// Flaps, all on other edges.
+void add_flaps(ism::TriangleMesh& m) {
+  append_vertex(m, {0.1, 0.2, 9});
+  const int tip = static_cast<int>(m.vertices.rows()) - 1;
+  add_changed(m, [&](ism::Triangles& t, Eigen::Index i) { t(i, 2) = tip; });
+}
+
+void turn_half(ism::TriangleMesh& m) {
+  for (Eigen::Index f = 0; f < m.triangles.rows(); f += 2)
+    std::swap(m.triangles(f, 0), m.triangles(f, 1));
+}
+
+/// A second layer with vertices of its own.
+void double_up(ism::TriangleMesh& m) {
+  const Eigen::Index n = m.vertices.rows(), f = m.triangles.rows();
+  ism::TriangleMesh both = {ism::Points3(2 * n, 3), ism::Triangles(2 * f, 3)};
+  both.vertices << m.vertices, m.vertices;
+  both.triangles << m.triangles, m.triangles.array() + static_cast<int>(n);
+  m = both;
+}
+
+/// Corners that lie on the long side of a neighbour: each third triangle has no area.
+void flatten(ism::TriangleMesh& m) {
+  const int n = static_cast<int>(m.vertices.rows());
+  const Eigen::Index f = m.triangles.rows() / 20;
+  ism::Points3 x(n + f, 3);
+  x.topRows(n) = m.vertices;
+  ism::Triangles more(2 * f, 3);
+  for (Eigen::Index i = 0; i < f; ++i) {
+    const Eigen::RowVector3i t = m.triangles.row(20 * i);
+    const int middle = n + static_cast<int>(i);
+    x.row(middle) = 0.5 * (x.row(t[0]) + x.row(t[1]));
+    m.triangles.row(20 * i) << middle, t[1], t[2];
+    more.row(2 * i) << t[0], middle, t[2];
+    more.row(2 * i + 1) << t[1], middle, t[0];
+  }
+  m.vertices = x;
+  m.triangles.conservativeResize(m.triangles.rows() + more.rows(), Eigen::NoChange);
+  m.triangles.bottomRows(more.rows()) = more;
+}
+
+}  // namespace
+
+TEST_CASE("meshes with every kind of defect are prepared in near-linear time") {
+  const Defect defects[] = {make_soup, repeat,    collapse, add_flaps,
+                            turn_half, double_up, flatten};
+  int kind = 0;
+  for (Defect defect : defects) {
+    CAPTURE(kind++);
+    const double ratio = growth(60, [&](int n) {  // 7,200 triangles, and four times as many
+      const int side = n == 60 ? 60 : 120;
+      ism::TriangleMesh mesh = shapes::grid(side, side).mesh;
+      defect(mesh);
+      const double before = processor_seconds();
+      const ism::Prepared p = ism::prepare(mesh);
+      const double seconds = processor_seconds() - before;
+      CHECK(p.problems.empty());
+      CHECK(!p.repairs.empty());
+      return seconds;
+    });
+    CHECK(ratio < 6);
+  }
+}
+
 TEST_CASE("every edge of a mesh of 80,000 triangles is drawn on another one") {
   const Disk a = shapes::grid(200, 200);
   const Disk b = turned(shapes::grid(200, 200), 0.1);

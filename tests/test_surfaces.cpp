@@ -8,6 +8,7 @@
 #include "part_closed.hpp"
 #include "part_coarse.hpp"
 #include "part_embedding.hpp"
+#include "part_ids.hpp"
 #include "part_landmarks.hpp"
 #include "part_map.hpp"
 #include "part_openings.hpp"
