@@ -370,9 +370,9 @@ struct Repair {
 
 /// A mesh made clean, and where its elements come from.
 struct Prepared {
-  SharedMesh given = std::make_shared<TriangleMesh>();
-  SharedMesh mesh = given;                             // the same one, if nothing was wrong
-  std::vector<Repair> repairs;                         // what was done
+  SharedMesh given = std::make_shared<TriangleMesh>();  // a copy of it
+  SharedMesh mesh = given;                              // the same one, if nothing was wrong
+  std::vector<Repair> repairs;                          // what was done
   std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
   /// first; corner k of triangle f is 3 f + k.
@@ -393,12 +393,16 @@ struct Prepared {
 /// and keeps the component that has most landmarks, of several the largest. What is valid stays as
 /// it is, to the last id; a boundary loop that lies on itself only, as closed lips do, stays apart.
 /// Surfaces with handles or without orientation stay invalid. Cost O(#F log #F). Thread-safe.
-/// `weld`: false keeps all vertices apart that the mesh has apart.
+/// `weld`: false keeps all vertices apart that the mesh has apart, but for the ends of short edges
+/// of degenerate triangles.
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {},
                  bool weld = true);
 
 /// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
-/// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B.
+/// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B. An
+/// end on what prepare() dropped goes to the nearest point of the surface that is kept, within 1%
+/// of its size; where there is none, the landmark is left out with a warning, or, if landmarks are
+/// exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
 };
@@ -418,7 +422,7 @@ enum class Boundary {
 };
 
 /// What the optimiser did in one iteration. Energies are those after the step; areas and energies
-/// are in units of the scaled meshes (each mesh has area 1 unless Options::keep_scale).
+/// are in units of the scaled meshes, see Options::keep_scale.
 struct IterationLog {
   int iteration = 0;
   double energy = 0;           // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
@@ -577,11 +581,11 @@ struct Options {
   double tolerance = 3e-4;  // ≥ 0
   /// false: both meshes are scaled to area 1; or, where one has a boundary that is free and
   /// landmarks, three or more, agree that sizes differ, so that landmarks are equally far apart on
-  /// both: a part then fits its place on the whole. true: the meshes are in one unit and not scaled;
-  /// areas of 1e-50 to 1e50 work.
+  /// both: a part then fits its place on the whole. true: the meshes are in one unit and not
+  /// scaled; areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
-  int threads = 0;  // ≥ 0; 0: as many as the process may use processors, of which 4 times as many
-                    // are the most that are used; results do not depend on it
+  int threads = 0;  // ≥ 0; 0: as many as processors that the process may use, at most 4 times as
+                    // many; results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called after each step of the embedding and each iteration, and several times a second while
   /// they last, from the calling thread. Return false to cancel.
@@ -654,7 +658,7 @@ struct Embedding : Outcome {
   std::vector<AddedVertex> added_a, added_b;
   /// Where closed surfaces were cut open, vertices given; -1: the surface has a boundary.
   int opening_a = -1, opening_b = -1;
-  /// By what the meshes were multiplied, see Options::keep_scale.
+  /// By what the coordinates given were multiplied for the run, see Options::keep_scale.
   double scale_a = 1, scale_b = 1;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
   Points2 g;  // of the vertices of `b`
@@ -696,8 +700,9 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
 ///
 /// Look at Outcome::warnings: sizes that were taken from landmarks, landmarks that were left out or
-/// fit the mirror image only, and maps that end with a mean distortion above 6, or above 1.5 times
-/// that of the start.
+/// fit the mirror image only, and maps that end, not stopped before, with a mean distortion (of
+/// symmetric_dirichlet()) above 6, as if all were stretched 2.4 times, or above 1.5 times that of
+/// the start.
 ///
 /// Two closed surfaces are cut open, mapped, and then cut in two along a curve on either, the seam:
 /// what is inside is mapped as it was, and what is outside, a small part, anew, with the seam held.
@@ -749,8 +754,8 @@ class Solver {
   bool advance(double seconds);
 
   /// What compute_map() would return if it ended here: a status, and once there is a map, the last
-  /// injective iterate; on coarse levels, the map with which a level began, until the run is
-  /// stopped. Valid until the next call of another function.
+  /// injective iterate; on each coarse level, the one when it was first asked for there, until the
+  /// run is stopped. Valid until the next call of another function.
   const Result& result() const;
   Phase phase() const;
   double fraction() const;  // of all there is to do, an estimate that never falls in between
@@ -789,8 +794,8 @@ using Polyline = std::vector<SurfacePoint>;
 struct MetaMesh {
   /// What it refines, the meshes given or as they were embedded; so do ids.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  /// Per vertex of `a` and of `b`, the first one that is the same vertex of the surface: those that
-  /// were welded have one. -1: it was dropped. Empty: each has itself.
+  /// Per vertex of `a` and of `b`, the one that stands for all that are the same vertex of the
+  /// surface, as those that were welded. -1: it was dropped. Empty: each stands for itself.
   std::vector<int> same_a, same_b;
   Points3 on_a, on_b;               // #M×3, the vertices on either surface
   Points2 plane;                    // #M×2, the vertices in the common plane
@@ -830,7 +835,7 @@ struct Remesh {
 /// An opening of a surface: a boundary loop that is not the outer one.
 struct Opening {
   Side side = Side::kA;
-  int vertex = -1;  // the first one of its loop
+  int vertex = -1;  // the first one given of its loop; see Options::outer_a
   int edges = 0;    // of its loop
   double over = 0;  // the part of the other surface that lies over it, from 0 to 1; not covered
 };
@@ -882,9 +887,9 @@ class SurfaceMap {
   /// (§6.3), ask for the edges of its polygons.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
-  /// The same of a curve, given by points of A. Points without a common triangle are joined by a
-  /// straight line of the plane, and not at all across the seam of closed surfaces. A point whose
-  /// face is out of range interrupts the curve.
+  /// The same of a curve, given by points of A. Points without a common triangle of the embedded
+  /// mesh are joined by a straight line of the plane, and not at all across the seam of closed
+  /// surfaces. A point whose face is out of range interrupts the curve.
   std::vector<Polyline> forward_curve(const Polyline& points) const;
   std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the unit of its mesh; NaN if there is no such face, as for the
@@ -892,8 +897,8 @@ class SurfaceMap {
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
-  /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1 if
-  /// the map is not its own; not scaled if keep_scale.
+  /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1
+  /// if the map is not its own; not scaled if keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
   /// The openings of both surfaces, those of A first. Costs an overlay for each that has some.
   std::vector<Opening> openings() const;
@@ -2526,7 +2531,8 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
 template <class T>
 Rows<T, 3> copied(const BufferView& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
-  const bool is_there = view.data != nullptr && view.rows > 0 && view.rows <= kMost;
+  const bool is_there =
+      view.data != nullptr && view.number_at != nullptr && view.rows > 0 && view.rows <= kMost;
   Rows<T, 3> copy(is_there ? view.rows : 0, 3);
   for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
     for (int c = 0; c < 3; ++c)
@@ -2631,6 +2637,7 @@ class Preparer {
     const int n = static_cast<int>(given.vertices.rows());
     is_used_.assign(n, 0);
     places_ = DisjointSets(n);
+    for (int v = 0; v < n; ++v) kept_copy_.push_back(v);
     double largest = 0;
     for (int i = 0; i < F_.size(); ++i) {
       const Vec3 p = row3(given.vertices, F_.data()[i]);
@@ -2658,7 +2665,7 @@ class Preparer {
     const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
     for (int f : members_[kept]) turned_[f] ^= is_turned;
     if (is_turned) build(kept);
-    tell_rest(kept);
+    tell_rest(kept, is_turned);
     place_copies();
   }
 
@@ -2702,8 +2709,8 @@ class Preparer {
       if (i > 0 && before(order[i - 1], order[i])) first = i;
       spot_[order[i]] = order[first];
     }
-    place_ = spot_;
-    for (int v = 0; v < n; ++v) place_[v] = v;
+    place_.resize(n);
+    update_places();
   }
 
   /// The parts of the mesh as it was given, connected by common vertices, in the order in which
@@ -2779,7 +2786,9 @@ class Preparer {
       std::array<int, 3> at, place;
       int part, triangle;
       bool operator<(const Copy& o) const {
-        return at != o.at ? at < o.at : part != o.part ? part < o.part : triangle < o.triangle;
+        if (at != o.at) return at < o.at;
+        if (part != o.part) return part < o.part;
+        return place != o.place ? place < o.place : triangle < o.triangle;
       }
     };
     Array<Copy> copies;
@@ -2802,20 +2811,25 @@ class Preparer {
       if (copy.part == copies[first].part && copy.place != before.place) continue;
       is_dropped[copy.triangle] = 1;
       repeated.push_back(source_[copy.triangle]);
+      for (int h = 3 * copy.triangle; h < 3 * copy.triangle + 3; ++h)
+        for (int k = 0; k < 3; ++k)
+          if (const int t = 3 * copies[first].triangle + k; at[vertex(h)] == at[vertex(t)])
+            kept_copy_[vertex(h)] = vertex(t);
     }
     drop(is_dropped);
   }
 
   /// Where edges of different parts are at one spot, their vertices become one place; and so do, of
-  /// a boundary loop with such an edge, a seam, those that are at the spot of another one in a seam.
-  /// A loop that meets no other part stays apart.
+  /// a boundary loop with such an edge, a seam, those that are at the spot of another one in a
+  /// seam. A loop that meets no other part stays apart.
   void sew() {
     DisjointSets loops(is_used_.size());
     Array<char> is_border(corner_.size(), 0), is_seam(is_used_.size(), 0);
     Array<EdgeUse> edges;
     const Array<EdgeUse> uses = edge_uses(place_);
     for_each_edge(uses, [&](int begin, int end) {
-      const int h = uses[begin].half_edge;
+      const int h = uses[begin].half_edge, t = next(h);
+      if (spot(h) == spot(t) || spot(t) == spot(prev(h)) || spot(prev(h)) == spot(h)) return;
       is_border[h] = end - begin == 1;
       if (is_border[h]) loops.unite(vertex(h), vertex(next(h)));
       edges.push_back(edge_use(h, spot_));
@@ -2904,24 +2918,28 @@ class Preparer {
   }
 
   /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if
-  /// there is none.
+  /// there is none, or one more: then nothing is missing without the flat one.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
       if (length(h) > length(longest)) longest = h;
     const EdgeUse edge = edge_use(longest, place_);
     const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
+    int behind = -1, count = 0;
     for (; use != uses.end() && use->same_edge(edge); ++use) {
-      const int h = use->half_edge, to = next(h), left = prev(h), middle = corner_[prev(longest)];
+      const int h = use->half_edge;
       if (h / 3 == cap || !edge_use(h, place_).same_edge(edge)) continue;  // it has been cut since
-      corner_[3 * cap] = middle;
-      corner_[3 * cap + 1] = corner_[to];
-      corner_[3 * cap + 2] = corner_[left];
-      corner_[to] = middle;
-      source_[cap] = source_[h / 3];
-      return true;
+      behind = h;
+      ++count;
     }
-    return false;
+    if (count != 1) return false;
+    const int to = next(behind), left = prev(behind), middle = corner_[prev(longest)];
+    corner_[3 * cap] = middle;
+    corner_[3 * cap + 1] = corner_[to];
+    corner_[3 * cap + 2] = corner_[left];
+    corner_[to] = middle;
+    source_[cap] = source_[behind / 3];
+    return true;
   }
 
   EdgeUse edge_use(int h, const Array<int>& at) const {
@@ -3132,16 +3150,15 @@ class Preparer {
     sort_unique(cut_);
   }
 
-  /// Copies of vertices that were dropped are where a vertex at the same spot is.
+  /// Vertices that were dropped with copies of triangles are where those of the ones kept are.
   void place_copies() {
-    Array<int> kept(spot_.size(), -1);
-    for (int v = 0; v < spot_.size(); ++v)
-      kept[spot_[v]] = (std::max)(kept[spot_[v]], result_.new_vertex.data()[v]);
-    for (int v = 0; v < spot_.size(); ++v)
-      if (result_.new_vertex.data()[v] < 0) result_.new_vertex.data()[v] = kept[spot_[v]];
+    for (int v = 0; v < kept_copy_.size(); ++v)
+      if (result_.new_vertex.data()[v] < 0)
+        result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
-  void tell_rest(int kept) {
+  /// `is_turned`: the surface was inside out.
+  void tell_rest(int kept, bool is_turned) {
     Array<int> welded, unused, elsewhere;
     int n_welded = 0;
     for (int v = 0; v < is_used_.size(); ++v) {
@@ -3166,12 +3183,11 @@ class Preparer {
     tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
          Element::kFace, at_cuts);
     tell(Repair::Kind::kCutVertices,
-         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")}, Element::kVertex,
-         cut_);
-    const bool is_all = over_.size() > 1 && over_.size() == members_[kept].size();
+         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
+         Element::kVertex, cut_);
     tell(Repair::Kind::kTurnedTriangles,
          {"turned ", counted(over_.size(), "triangle"), " over",
-          is_all ? ", all there are: the surface was inside out" : ""},
+          is_turned ? ": most of the surface was inside out" : ""},
          Element::kFace, over_);
     int others = -1;
     for (const Array<int>& members : members_) others += !members.empty();
@@ -3202,6 +3218,7 @@ class Preparer {
   Array<char> is_used_;        // per vertex given, by a triangle
   Array<int> spot_;            // per vertex given, the first one at its coordinates
   Array<int> part_;            // per vertex given, its part of the mesh; the first is kept first
+  Array<int> kept_copy_;       // per vertex given, that of the triangle that was kept instead
   DisjointSets places_;        // of vertices given that are at one place,
   Array<int> place_;           // and per vertex the first one of its
   Array<int> source_;          // per triangle that is left, the one given that it is a part of
@@ -3251,8 +3268,8 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   HalfEdgeMesh m;
   const Prepared before = as_given(given, m);
   const std::vector<Problem>& problems = before.problems;
-  const bool is_clean = problems.empty() ? !is_inside_out(*given, m)
-                                         : problems[0].kind == Problem::Kind::kHandles;
+  const bool is_clean =
+      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
   if (welds) Preparer(*given, true, welded).run(landmarks);
@@ -6756,8 +6773,8 @@ inline Vec2 centroid(const Points2& x) {
   return 1 / static_cast<double>(x.rows()) * sum;
 }
 
-/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle between
-/// the two sets.
+/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle
+/// between the two sets.
 inline Vec2 correlation(const Points2& from, const Points2& to) {
   const Vec2 c0 = centroid(from), c1 = centroid(to);
   double along = 0, across = 0;
@@ -6775,8 +6792,8 @@ inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
   return rigid_motion(std::atan2(turn.y, turn.x), c0, c1);
 }
 
-/// What the best similarity from one set of points to another leaves of their second moment: from 0,
-/// where it fits, to 1.
+/// What the best similarity from one set of points to another leaves of their second moment: from
+/// 0, where it fits, to 1.
 inline double misfit(const Points2& from, const Points2& to) {
   return 1 - squared_norm(correlation(from, to)) /
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
@@ -10248,14 +10265,16 @@ class PairEmbedder {
   }
 
   void warn_if_mirrored(const Points2& from, const Points2& to) const {
-    constexpr double kGood = 0.25, kWorse = 2.5;
+    constexpr double kGood = 0.25, kWorse = 2.5, kClearly = 0.02;  // see misfit()
     Points2 mirrored = from;
     for (int i = 0; i < rows_of(mirrored); ++i) mirrored(i, 1) = -mirrored(i, 1);
     const double rest = misfit(mirrored, to);
-    if (rows_of(from) < 4 || rest > kGood || misfit(from, to) < kWorse * rest) return;
+    const double own = misfit(from, to);
+    if (!(rows_of(from) >= 4 && rest < kGood && own > kWorse * rest + kClearly)) return;
     result_->warnings.push_back(
-        {"the landmarks fit A's mirror image better than A: is left right on one of the meshes, or "
-         "is one inside out?",
+        {"the landmarks fit the mirror image of A better than A: were left and right exchanged on "
+         "one "
+         "mesh, or is one inside out?",
          {}});
   }
 
@@ -10979,14 +10998,9 @@ inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
   return true;
 }
 
-/// Barycentric coordinates of the point of a triangle that is closest to p.
-inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
-  const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
-  const Vec3 normal = cross(b - a, c - a);
-  const double square = squared_norm(normal);
-  Vec3 weights = {dot(normal, cross(b - p, c - p)) / square, dot(normal, cross(c - p, a - p)) / square,
-                  dot(normal, cross(a - p, b - p)) / square};
-  if ((std::min)({weights.x, weights.y, weights.z}) >= 0) return weights;
+/// Barycentric coordinates of the point on the sides of a triangle that is closest to p.
+inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
+  Vec3 weights;
   double least = kInfinity;
   for (int k = 0; k < 3; ++k) {
     const Vec3 u = corner[static_cast<std::size_t>(k)];
@@ -11000,6 +11014,16 @@ inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
   return weights;
 }
 
+/// The same of a point in the triangle or on its sides.
+inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
+  const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
+  const Vec3 normal = cross(b - a, c - a);
+  const Vec3 weights = 1 / squared_norm(normal) *
+                       Vec3{dot(normal, cross(b - p, c - p)), dot(normal, cross(c - p, a - p)),
+                            dot(normal, cross(a - p, b - p))};
+  return (std::min)({weights.x, weights.y, weights.z}) >= 0 ? weights : closest_on_sides(p, corner);
+}
+
 /// The corners of a triangle, in a unit in which squares neither over- nor underflow.
 inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double unit) {
   const auto corner = [&](int k) { return unit * row3(mesh.vertices, mesh.triangles(f, k)); };
@@ -11009,11 +11033,14 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
 /// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
 struct Origin {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;    // those of the prepared mesh, by vertices given
-  Array<int> face;        // per triangle, the one given that it is a part of,
-  Array<Vec3> place;      // and per corner its barycentric coordinates there
-  Array<int> first, part; // the parts of given triangle f are part[first[f]] to part[first[f + 1] - 1]
-  Array<int> vertex;      // per vertex given, where it is, or -1
+  Triangles triangles;  // those of the prepared mesh, by vertices given
+  Array<int> face;      // per triangle, the one given that it is a part of,
+  Array<Vec3> place;    // and per corner its barycentric coordinates there
+  Array<int> first,
+      part;           // the parts of given triangle f are part[first[f]] to part[first[f + 1] - 1]
+  Array<int> vertex;  // per vertex given, where it is, or -1
+  /// Where else: a vertex of the embedded mesh and a copy of it, sorted.
+  Array<std::array<int, 2>> copies;
   std::vector<int> same;  // see MetaMesh::same_a
   Array<EdgeUse> edges;   // of the triangles given
 
@@ -11025,17 +11052,16 @@ struct Origin {
 
   /// Its face is -1 if there is no such triangle, or it was dropped.
   SurfacePoint from_given(const SurfacePoint& p) const {
-    constexpr double kRounding = 1e-12;
+    constexpr double kRounding = 1e-12, kBeside = 1e-6;
     if (p.face < 0 || p.face + 1 >= first.size()) return {};
     const Vec3 at = weights_of(p);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
-    const bool is_whole = first[p.face] + 1 == first[p.face + 1];
     SurfacePoint best;
-    double least = -kInfinity;
+    double least = -kBeside;  // else it is in a part that was dropped
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
       const Vec3* const corner = &place[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
-      if (is_whole) return surface_point(part[i], weights);
+      if (is_whole(part[i])) return surface_point(part[i], weights);
       weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
       const double depth = (std::min)({weights.x, weights.y, weights.z});
       if (!(depth > least)) continue;
@@ -11070,6 +11096,14 @@ struct Origin {
   }
 
   bool is_dropped(int given_face) const { return first[given_face] == first[given_face + 1]; }
+
+  /// True if a triangle is all of the one given.
+  bool is_whole(int f) const {
+    double sum = 0;
+    for (int k = 0; k < 3; ++k)
+      sum += (std::max)({place[3 * f + k].x, place[3 * f + k].y, place[3 * f + k].z});
+    return sum == 3;
+  }
 };
 
 /// Groups parts and lists edges, once all else is known.
@@ -11100,12 +11134,11 @@ inline Origin same_origin(const SharedMesh& mesh) {
 
 /// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
 /// side that was cut in two for a degenerate neighbour.
-inline Vec3 place_in_given(const Prepared& p, int corner) {
+inline Vec3 place_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
   if (given / 3 == f) return unit3(given % 3);
-  const double unit = unit_scale(p.given->vertices);
   const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
-  return closest_weights(at, corners_of(*p.given, f, unit));
+  return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
 /// Of a prepared mesh; m is its connectivity.
@@ -11113,15 +11146,21 @@ inline Origin origin_of(const Prepared& p) {
   Origin o;
   o.given = p.given;
   o.triangles.resize(p.mesh->triangles.rows(), 3);
+  const double unit = unit_scale(p.mesh->vertices);
   for (int i = 0; i < o.triangles.size(); ++i) {
     o.triangles.data()[i] = p.given->triangles.data()[p.given_corner.data()[i]];
-    o.place.push_back(place_in_given(p, i));
+    o.place.push_back(place_in_given(p, unit, i));
   }
   for (int f : p.given_triangle) o.face.push_back(f);
   for (int v : p.new_vertex) {
     o.vertex.push_back(v);
     o.same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
   }
+  for (int v = 0; v < static_cast<int>(p.given_vertex.size()); ++v) {
+    const int first = p.new_vertex.data()[p.given_vertex.data()[v]];
+    if (first != v) o.copies.push_back({first, v});  // the mesh was cut there
+  }
+  std::sort(o.copies.begin(), o.copies.end());
   index_parts(o);
   return o;
 }
@@ -11129,16 +11168,22 @@ inline Origin origin_of(const Prepared& p) {
 /// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
 inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
+  if (added.empty() && embedded == p.mesh) return origin_of(p);
   Refinement r;
   const auto is_same_corner = [&](int v, int w) {
     return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
   };
-  if (!find_problems(*p.mesh, r.mesh).empty() || !add_again(added, r) ||
-      r.vertex.size() != embedded->vertices.rows() || r.mesh.n_faces != embedded->triangles.rows() ||
+  if (p.problems.empty())
+    r.mesh = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
+  if (!p.problems.empty() || !add_again(added, r) || r.vertex.size() != embedded->vertices.rows() ||
+      r.mesh.n_faces != embedded->triangles.rows() ||
       !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), embedded->triangles.data(),
                   is_same_corner))
     return same_origin(embedded);
   Origin o = origin_of(p);
+  for (int v = static_cast<int>(p.given_vertex.size()); v < r.vertex.size(); ++v)
+    if (r.vertex[v] != v) o.copies.push_back({r.vertex[v], v});
+  std::sort(o.copies.begin(), o.copies.end());
   Array<Vec3> place(r.mesh.tail.size());
   for (int h = 0; h < place.size(); ++h)
     for (int k = 0; k < 3; ++k) place[h] += r.place[h][k] * o.place[3 * r.parent[h / 3] + k];
@@ -11341,7 +11386,7 @@ class CurveMapper {
 
 // ---- what a SurfaceMap holds ----
 
-struct MapData : Outcome {  // kDone if the pair is there
+struct MapData : Outcome {                                 // kDone if the pair is there
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
   Origin origin_a, origin_b;
   EmbeddedPair pair;
@@ -11384,7 +11429,13 @@ struct MapData : Outcome {  // kDone if the pair is there
   MappedPoint map_vertex(int given, Side from) const {
     const Array<int>& vertex = origin(from).vertex;
     const int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
-    return v < 0 ? MappedPoint() : own(pair.map_vertex(first_vertex(from) + v));
+    if (v < 0) return {};
+    MappedPoint image = pair.map_vertex(first_vertex(from) + v);
+    const Array<std::array<int, 2>>& copies = origin(from).copies;
+    const auto* copy = std::lower_bound(copies.begin(), copies.end(), std::array<int, 2>{v, -1});
+    for (; copy != copies.end() && (*copy)[0] == v && !image.covered; ++copy)
+      image = pair.map_vertex(first_vertex(from) + (*copy)[1]);
+    return own(image);
   }
 
   std::vector<MappedPoint> map_vertices(Side from) const {
@@ -11611,6 +11662,7 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
 /// The insides of all openings of one side as a mesh of their own.
 struct OpeningInsides {
   std::vector<Opening> openings;
+  Array<int> at;       // per vertex of A ⊔ B, the opening that it is at, or -1
   Array<int> opening;  // per triangle
   Surface surface;
   Points2 x;
@@ -11618,8 +11670,9 @@ struct OpeningInsides {
 
 inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
   const HalfEdgeMesh& m = pair.s.mesh;
-  const int part = side == Side::kA ? 0 : 1, first = side == Side::kA ? 0 : pair.s.n_a;
+  const int part = side == Side::kA ? 0 : 1;
   OpeningInsides insides;
+  insides.at.assign(m.n_vertices, -1);
   if (pair.is_closed()) return insides;
   Scaffold none;
   none.n_vertices = m.n_vertices;
@@ -11630,9 +11683,11 @@ inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
     for (int v : EarClipper(none, pair.x, ring).run()) corners.push_back(v);
     while (insides.opening.size() < corners.size() / 3)
       insides.opening.push_back(static_cast<int>(insides.openings.size()));
-    const int least = *std::min_element(ring.begin(), ring.end());
-    insides.openings.push_back({side, least - first, ring.size(), 0});
-    for (int v : ring) vertices.push_back(v);
+    for (int v : ring) {
+      insides.at[v] = static_cast<int>(insides.openings.size());
+      vertices.push_back(v);
+    }
+    insides.openings.push_back({side, -1, ring.size(), 0});
   }
   std::sort(vertices.begin(), vertices.end());
   Points3 flat(vertices.size(), 3);
@@ -11655,6 +11710,11 @@ inline std::vector<Opening> openings_of(const MapData& data, Side side) {
   OpeningInsides insides = insides_of_openings(data.pair, side);
   if (insides.openings.empty()) return {};
   const bool of_a = side == Side::kA;
+  const Array<int>& vertex = data.origin(side).vertex;
+  for (int v = vertex.size() - 1; v >= 0; --v) {
+    const int at = vertex[v] < 0 ? -1 : insides.at[data.first_vertex(side) + vertex[v]];
+    if (at >= 0) insides.openings[static_cast<std::size_t>(at)].vertex = v;
+  }
   const JointSurface& s = data.pair.s;
   const Points2 x_other = of_a ? rows_between(data.pair.x, s.n_a, s.mesh.n_vertices)
                                : rows_between(data.pair.x, 0, s.n_a);
@@ -12066,7 +12126,7 @@ class CoarseToFine {
 
 // ==== [17] APPLICATIONS (paper §1, §6.3) =========================================================
 //
-// Purpose:    attributes carried between the surfaces, remeshing, paths along halved edges.
+// Purpose:    attributes carried between the surfaces, remeshing.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
 //             exactly; what one mesh gives to the meta mesh it gets back.
 // Fails:      with a status where attributes do not fit a mesh.
@@ -12229,8 +12289,7 @@ Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
       detail::share_corners(s, element, f, first, last, shares);
   }
   detail::average(rows, shares);
-  Transfer result =
-      detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
+  Transfer result = detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
   const bool has_copies = element == Element::kVertex && !s.same.empty();
   return has_copies ? detail::for_copies(result, s.same) : result;
 }
@@ -13778,7 +13837,8 @@ Outcome verify(const SurfaceMap& map) {
     return detail::fail(outcome, map.status(), {map.message()}), outcome;
   const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
   detail::Array<detail::DirectedSide> boundary_a, boundary_b;
-  const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded), &b = map.mesh(Side::kB, Ids::kEmbedded);
+  const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded),
+                     &b = map.mesh(Side::kB, Ids::kEmbedded);
   if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
       detail::verify_embedding(b, g, Side::kB, boundary_b, outcome))
     detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.is_closed(), outcome)
@@ -13809,7 +13869,7 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
 class LandmarkPlacer {
  public:
   LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
-      : n_vertices_(m.n_vertices), prepared_(prepared), side_(side), origin_(origin_of(prepared)) {}
+      : n_vertices_(m.n_vertices), prepared_(prepared), side_(side) {}
 
   /// False, with the reason in `why`, if there is no such vertex or triangle.
   bool exists(const LandmarkPoint& p, std::string& why) const {
@@ -13818,8 +13878,9 @@ class LandmarkPlacer {
     const int id = id_of(p), n = static_cast<int>(ids.size());
     const Eigen::Vector3d& weights = p.point.barycentric;
     if (id < 0 || id >= n)
-      why = sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ", id,
-                      ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
+      why =
+          sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ", id,
+                    ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
     else if (is_point(p) &&
              (!(std::abs(weights.sum() - 1) <= kRounding) || weights.minCoeff() < -kRounding))
       why = sentence(
@@ -13829,9 +13890,10 @@ class LandmarkPlacer {
 
   /// Finds where one is. What was dropped goes to the nearest point of the surface that is kept;
   /// false if that is not near.
-  bool find(const LandmarkPoint& p, Place& place) const {
+  bool find(const LandmarkPoint& p, Place& place) {
     const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
     SurfacePoint point;
+    if (is_point(p) && origin_.face.empty()) origin_ = origin_of(prepared_);
     if (is_point(p)) point = origin_.from_given(p.point);
     place.corners = Eigen::Vector3i(vertex, -1, -1);
     place.weights = Eigen::Vector3d(1, 0, 0);
@@ -13855,7 +13917,9 @@ class LandmarkPlacer {
     constexpr double kNear = 0.01;  // of the diagonal of the box around the mesh
     const TriangleMesh &given = *prepared_.given, &mesh = *prepared_.mesh;
     const double unit = unit_scale(mesh.vertices);
-    const auto corner = [&](int k) { return unit * row3(given.vertices, given.triangles(p.point.face, k)); };
+    const auto corner = [&](int k) {
+      return unit * row3(given.vertices, given.triangles(p.point.face, k));
+    };
     Vec3 at = is_point(p) ? Vec3() : unit * row3(given.vertices, p.vertex);
     for (int k = 0; k < 3 && is_point(p); ++k) at += p.point.barycentric[k] * corner(k);
     const double diagonal =
@@ -13864,9 +13928,8 @@ class LandmarkPlacer {
     for (int f = 0; f < mesh.triangles.rows(); ++f) {
       const std::array<Vec3, 3> corners = corners_of(mesh, f, unit);
       const Vec3 w = closest_weights(at, corners);
-      const double distance =
-          norm(w.x * corners[0] + w.y * corners[1] + w.z * corners[2] - at);
-      if (distance > least) continue;
+      const double distance = norm(w.x * corners[0] + w.y * corners[1] + w.z * corners[2] - at);
+      if (!(distance <= least)) continue;
       least = distance;
       nearest = surface_point(f, w);
     }
@@ -13876,7 +13939,7 @@ class LandmarkPlacer {
   const int n_vertices_;
   const Prepared& prepared_;
   const Side side_;
-  const Origin origin_;
+  Origin origin_;                   // once there is a point in a triangle
   std::vector<AddedVertex> added_;  // if all landmarks were to become vertices
   Array<char> used_;
 };
@@ -13908,10 +13971,11 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
     if (!on_b.exists(l.b, why)) return refuse({why}, false);
     const bool is_on_a = on_a.find(l.a, here.a), is_on_b = on_b.find(l.b, here.b);
     if (!is_on_a || !is_on_b) {
-      refuse({end_of(l, !is_on_a), " was dropped when the mesh was prepared"}, !is_on_a);
-      if (are_exact) return false;
-      outcome.warnings.push_back({outcome.message + ": it is left out", outcome.ids});
-      fail(outcome, Status::kDone, {});
+      const std::string lost = end_of(l, !is_on_a) + " was dropped when the mesh was prepared";
+      if (are_exact) return refuse({lost}, !is_on_a);
+      outcome.warnings.push_back(
+          {name_of(l) + lost + ": it is left out",
+           {is_on_a ? element_id(Side::kB, l.b) : element_id(Side::kA, l.a)}});
       continue;
     }
     const bool is_free_on_a = on_a.claim(here.a);
@@ -13956,8 +14020,8 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
 /// "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.
 inline std::string units_sentence(double ratio) {
   const bool is_more = ratio >= 1;
-  return sentence({"1 unit of ", is_more ? "A" : "B", " is ",
-                   decimal(is_more ? ratio : 1 / ratio), " units of ", is_more ? "B" : "A"});
+  return sentence({"1 unit of ", is_more ? "A" : "B", " is ", decimal(is_more ? ratio : 1 / ratio),
+                   " units of ", is_more ? "B" : "A"});
 }
 
 /// Multiplies a surface.
@@ -13981,7 +14045,7 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& opt
     outcome.warnings.push_back(
         {"the meshes were not scaled to one area but by their landmarks: " + units, {}});
   } else if (options.keep_scale && size.is_clear) {
-    outcome.warnings.push_back({"the meshes were not scaled, but by their landmarks " + units, {}});
+    outcome.warnings.push_back({"keep_scale is set, but the landmarks say that " + units, {}});
   } else if (options.keep_scale && (areas > kFar || areas < 1 / kFar)) {
     outcome.warnings.push_back(
         {sentence({"the meshes were not scaled, and the area of ", areas > 1 ? "A" : "B", " is ",
@@ -14191,8 +14255,7 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          check_loops(m, a, Side::kA, options, outcome) &&
          check_loops(n, b, Side::kB, options, outcome) &&
          place_landmarks(m, a, n, b, landmarks, options.exact_landmarks, placed, outcome) &&
-         check_constraints(m, a, n, b, placed, options, outcome) &&
-         (fit_sizes(placed, options, pair, outcome), true);
+         check_constraints(m, a, n, b, placed, options, outcome);
 }
 
 inline double largest_landmark_distance(const Embedding& e,
@@ -14560,8 +14623,9 @@ class Run {
 
  public:
   /// `only_start`: the initial embedding is all that is wanted.
+  /// `sized`: surfaces of the sizes that these are to have; null: landmarks may tell sizes.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
-      const Options& options, bool only_start)
+      const Options& options, bool only_start, const SurfacePair* sized = nullptr)
       : a_(std::move(a)),
         b_(std::move(b)),
         landmarks_(landmarks),
@@ -14579,6 +14643,12 @@ class Run {
     if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
       landmarks_.clear();
       for (const PlacedLandmark& l : placed_) landmarks_.push_back(l.given);
+      if (sized == nullptr) {
+        fit_sizes(placed_, options_, pair_, result_);
+      } else {
+        rescale(sized->a.scale / pair_.a.scale, pair_.a);
+        rescale(sized->b.scale / pair_.b.scale, pair_.b);
+      }
       result_.status = Status::kNoMapYet;
       whole_ = pair_;
       opened_ = placed_;
@@ -14628,7 +14698,7 @@ class Run {
     options.keep_scale = given_options_.keep_scale;
     options.initial_f = given_options_.initial_f;
     options.initial_g = given_options_.initial_g;
-    auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_);
+    auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_, &whole_);
     if (run->is_embedding() && optimizer_) {
       SavedRun saved = now();
       saved.status = static_cast<int>(Status::kUnfinished);
@@ -14637,8 +14707,11 @@ class Run {
       saved.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
       saved.log.clear();
       saved.is_changed = true;
-      saved.pulled = landmarks_to_pull(landmarks, options.exact_landmarks);
-      run->restore(saved);
+      saved.pulled = landmarks_to_pull(run->landmarks_, options.exact_landmarks);
+      if (!run->restore(saved) && run->is_embedding()) {
+        fail(outcome, Status::kInvalidPositions, {"the map there is does not fit these options"});
+        return nullptr;
+      }
     }
     if (run->is_embedding() || is_usable(run->result_.status)) return run;
     fail(outcome, run->result_.status, {run->result_.message}, run->result_.ids);
@@ -14664,8 +14737,10 @@ class Run {
       close();
     else if (optimizer_)
       optimizer_->iterate(result_);
-    if (result_.status == Status::kNumericalFailure && before_change_.f.size() > 0)
+    if (result_.status == Status::kNumericalFailure && is_changed()) {
+      result_.message = words_of(result_.status).sentence;
       stall(result_);
+    }
     tell_iteration();
     const bool is_stopped = executor_.is_stopped();
     if (is_embedding()) wait();
@@ -14875,10 +14950,11 @@ class Run {
     start.g = scaled(1 / scale_, joining_.g);
     accept_start();
     if (!is_usable(result_.status)) {
-      optimizer_.reset();
-      result_.f = start.f;
-      result_.g = start.g;
-      return stall(result_);
+      const Outcome why = result_;
+      held_ = Held();  // what cannot be held is not
+      optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
+      optimizer_->start(scaled(scale_, stacked(start.f, start.g)), result_);
+      return stall(why);
     }
     if (memory.x.rows() != s_.mesh.n_vertices) memory.visited.clear();  // vertices were added
     optimizer_->keep(memory);
@@ -14886,10 +14962,14 @@ class Run {
 
   /// There is a map, but what was asked for cannot be met from here on.
   void stall(const Outcome& why) {
-    const std::string message = why.message;
-    fail(result_, Status::kStalled, {message}, std::vector<ElementId>(why.ids));
+    result_.message = why.message;
+    result_.ids = why.ids;
+    result_.status = Status::kStalled;
     has_reason_ = true;
   }
+
+  /// True if this run went on from the map of another one.
+  bool is_changed() const { return before_change_.f.size() > 0; }
 
   // ---- the embedding, and the beginning of the loop ----
 
@@ -15025,6 +15105,7 @@ class Run {
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
     optimizer_->start(x, result_);
+    if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
   }
 
   void begin_coarse() {
@@ -15113,7 +15194,8 @@ class Run {
     r.status = closer_->status();
     if (r.status == Status::kUnfinished) r.status = executor_.stop_status();
     if (r.status == Status::kConverged) r.status = result_.status;
-    r.message = words_of(r.status).sentence;
+    r.message = has_reason_ ? result_.message : words_of(r.status).sentence;
+    if (has_reason_) r.ids = result_.ids;
     const Points2 x = closer_->positions();
     const SurfacePair& pair = closer_->surfaces();
     r.f = rows_between(x, 0, pair.a.mesh.n_vertices);
@@ -15132,11 +15214,22 @@ class Run {
   /// A map that is bent too much to be of use is no success, whatever its status.
   void warn_of_distortion(Result& r) {
     const double mean = r.final_state().mean_distortion, before = r.initial.mean_distortion;
-    const bool is_poor = mean > kMostDistortion || mean > kMostRise * before;
+    const bool has_risen = !is_changed() && mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;
-    if (!is_poor) return;
+    if (!(mean > kMostDistortion || has_risen)) return;
+    Warning warning;
+    warning.message = "the map is hardly of use: its mean distortion is " + decimal(mean) +
+                      ", where 2 is an isometry and the start had " + decimal(before);
     const SurfaceMap map(r);
+    if (map.status() == Status::kDone) add_worst_place(map, warning);
+    warning.message +=
+        "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles?";
+    r.warnings.push_back(std::move(warning));
+  }
+
+  /// Names the triangle of A on which most of the energy is.
+  static void add_worst_place(const SurfaceMap& map, Warning& warning) {
     const std::vector<PolygonDistortion> polygons = map.distortion();
     const MetaMesh meta = map.meta_mesh();
     Array<double> energy(static_cast<int>(meta.a->triangles.rows()), 0), area = energy;
@@ -15145,17 +15238,12 @@ class Run {
       energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
       area[meta.face_a.data()[p]] += d.area_a + d.area_b;
     }
-    if (energy.empty() || map.status() != Status::kDone) return;
-    const int worst = static_cast<int>(std::max_element(energy.begin(), energy.end()) - energy.begin());
-    const int v = meta.a->triangles(worst, 0);
-    r.warnings.push_back(
-        {sentence({"the map is hardly of use: its mean distortion is ", decimal(mean), ", 95% of it below ",
-                   decimal(summarize(polygons).p95), ", where 2 is an isometry; at the start it was ",
-                   decimal(before), "; most of it is at triangle ", worst, " of A, at vertex ", v, ", with ",
-                   decimal(energy[worst] / area[worst]),
-                   ": do the surfaces, their scales and landmarks correspond, and have both enough "
-                   "triangles there?"}),
-         {vertex_id(Side::kA, v), {Side::kA, Element::kFace, worst}}});
+    const int f = static_cast<int>(std::max_element(energy.begin(), energy.end()) - energy.begin());
+    const int v = meta.a->triangles(f, 0);
+    warning.ids = {vertex_id(Side::kA, v), {Side::kA, Element::kFace, f}};
+    warning.message += ", and 95% of the area is below " + decimal(summarize(polygons).p95) +
+                       sentence({"; most of it is in triangle ", f, " of A (vertex ", v,
+                                 "), which has ", decimal(energy[f] / area[f])});
   }
 
   /// What the result says of the meshes given.
@@ -15394,9 +15482,8 @@ Outcome Solver::change(const std::vector<Landmark>& landmarks, const Options& op
 SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
 
 SurfaceMap::SurfaceMap(const Result& result)
-    : data_(is_usable(result.status)
-                ? detail::map_data(result.start, result.f, result.g)
-                : detail::no_map(result)) {}
+    : data_(is_usable(result.status) ? detail::map_data(result.start, result.f, result.g)
+                                     : detail::no_map(result)) {}
 
 SurfaceMap::SurfaceMap(const Embedding& start)
     : data_(is_usable(start.status) ? detail::map_data(start, start.f, start.g)

@@ -27,6 +27,7 @@
 #include <filesystem>
 #include <limits>
 #include <new>
+#include <set>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -73,7 +74,8 @@ printed.
   --iterations N     at most N iterations (default 1000)
   --tolerance T      stop below this relative decrease per iteration (default 3e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
-  --keep-scale       do not scale both meshes to area 1 first; for meshes in one unit
+  --keep-scale       do not scale the meshes first; for meshes in one unit. Else both get the area 1,
+                     or, if landmarks agree that a part has another size, that size
   --no-prepare       refuse meshes with defects
   --no-weld          keep vertices apart that are at one place
   --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
@@ -661,12 +663,8 @@ Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
     new_vertices.push_back({{"corners", corners}, {"weights", weights}});
   }
   for (const ism::Repair& repair : prepared.repairs) repairs.push_back(repair.message);
-  return {{"file", path},
-          {"vertices", ids.size},
-          {"triangles", mesh.triangles.rows()},
-          {"prepared", repairs},
-          {"opened_at", opening},
-          {"added", new_vertices}};
+  return {{"file", path},        {"vertices", ids.size}, {"triangles", mesh.triangles.rows()},
+          {"prepared", repairs}, {"opened_at", opening}, {"added", new_vertices}};
 }
 
 Json json_options(const Arguments& args) {
@@ -746,10 +744,17 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
 // ==== [6] RESULTS ================================================================================
 
 /// The edges of A's polygons as polylines on B.
-std::string edges_text(const Input& input, const ism::SurfaceMap& map) {
+std::string edges_text(const Input& input, const picture::Scene& scene) {
+  const ism::SurfaceMap& map = scene.map;
+  std::set<std::array<int, 2>> drawn;  // copies of an edge at a seam are one
   std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
-  for (const std::array<int, 2>& edge : input.edges_a)
+  for (const std::array<int, 2>& edge : input.edges_a) {
+    const std::vector<int>& same = scene.given.same_a;
+    std::array<int, 2> key = edge;
+    for (int& v : key) v = same.empty() ? v : same[static_cast<std::size_t>(v)];
+    std::sort(key.begin(), key.end());
+    if (!drawn.insert(key).second) continue;
     for (const ism::Polyline& polyline : map.forward_path({edge[0], edge[1]})) {
       lines.emplace_back();
       for (const ism::SurfacePoint& p : polyline) {
@@ -757,6 +762,7 @@ std::string edges_text(const Input& input, const ism::SurfaceMap& map) {
         points.push_back(map.position_on_b(p));
       }
     }
+  }
   ism::Points3 vertices(static_cast<Eigen::Index>(points.size()), 3);
   for (std::size_t i = 0; i < points.size(); ++i)
     vertices.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
@@ -801,7 +807,9 @@ std::string remesh_text(const char* comment, const ism::SurfaceMap& map, ism::Si
 }
 
 std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Result& result,
-                                            const ism::SurfaceMap& map, const ism::MetaMesh& meta) {
+                                            const picture::Scene& scene) {
+  const ism::SurfaceMap& map = scene.map;
+  const ism::MetaMesh& meta = scene.meta;
   const ism::Embedding& start = result.start;
   const WrittenIds ids_a = written_ids(*start.prepared_a, start.added_a);
   const WrittenIds ids_b = written_ids(*start.prepared_b, start.added_b);
@@ -814,7 +822,7 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
                             start.added_b, ids_b)},
       {"A_on_B.obj", remesh_text(on_other, map, ism::Side::kA)},
       {"B_on_A.obj", remesh_text(on_other, map, ism::Side::kB)},
-      {"A_edges_on_B.obj", edges_text(input, map)},
+      {"A_edges_on_B.obj", edges_text(input, scene)},
       {"meta_A.obj",
        mesh_io::obj_text("common refinement, on A", meta.on_a, mesh_io::polygons_of(meta))},
       {"meta_B.obj",
@@ -851,9 +859,7 @@ Eigen::MatrixXd in_unit_square(const ism::Points2& f, const ism::Points2& places
 Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result,
                                     const picture::Scene& scene) {
   if (input.uv_a.rows() > 0)
-    return ism::to_meta(scene.map.meta_mesh(), ism::Side::kA, ism::Element::kCorner)
-        .apply(input.uv_a)
-        .values;
+    return ism::to_meta(scene.given, ism::Side::kA, ism::Element::kCorner).apply(input.uv_a).values;
   const ism::MetaMesh& meta = scene.meta;
   ism::Points2 places(meta.corner_a.rows(), 2);
   for (Eigen::Index c = 0; c < places.rows(); ++c)
@@ -964,12 +970,11 @@ std::string add_wanted_files(const Arguments& args, const Input& input, const is
                              const picture::Scene& scene, std::vector<mesh_io::TextFile>& files) {
   picture::Texture texture;
   if (args.picture || !args.glb.empty()) texture = shown_texture(args, input, result, scene);
-  if (args.picture)
-    files.push_back({"picture.png", picture_png(input.landmarks, scene, texture)});
+  if (args.picture) files.push_back({"picture.png", picture_png(input.landmarks, scene, texture)});
   if (args.heat) files.push_back({"heat_A.ply", heat_ply(scene, ism::Side::kA)});
   if (args.heat) files.push_back({"heat_B.ply", heat_ply(scene, ism::Side::kB)});
   if (!args.texture.empty()) add_textured(input, result, scene, files);
-  if (args.transfer_uv) add_uv(input, scene.map.meta_mesh(), files);
+  if (args.transfer_uv) add_uv(input, scene.given, files);
   if (!args.glb.empty())
     files.push_back({args.glb, picture::glb_text(scene, texture, result.f, result.g,
                                                  args.options.keep_scale, args.heat)});
@@ -1008,8 +1013,7 @@ void print_preparation(const std::vector<std::string>& notes, const ism::Prepare
   for (const std::string& note : notes) std::printf("             %s\n", note.c_str());
   for (const ism::Repair& repair : prepared.repairs)
     std::printf("             %s\n", repair.message.c_str());
-  if (opening >= 0)
-    std::printf("             closed: opened at vertex %d\n", opening);
+  if (opening >= 0) std::printf("             closed: opened at vertex %d\n", opening);
 }
 
 /// Without copies.
@@ -1033,8 +1037,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   const int added_a = count_added(result.start.added_a),
             added_b = count_added(result.start.added_b);
   if (added_a + added_b > 0)
-    std::printf("added        %d vertices to A, %d to B, behind those given\n",
-                added_a, added_b);
+    std::printf("added        %d vertices to A, %d to B, behind those given\n", added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
   for (const ism::CoarseLevel& level : result.coarse)
@@ -1131,10 +1134,9 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const Findings found = {landmark_error(input, map), map.openings(),
-                          map.is_closed()};
+  const Findings found = {landmark_error(input, map), map.openings(), map.is_closed()};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
-  std::vector<mesh_io::TextFile> files = result_files(input, result, map, scene.meta);
+  std::vector<mesh_io::TextFile> files = result_files(input, result, scene);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);
   seconds.output = seconds_since(start);

@@ -107,7 +107,8 @@ Eigen::Matrix3d rotation_between(const ism::Points3& from, const ism::Points3& t
 }
 
 Scene scene_of(const ism::SurfaceMap& map, const Axes& axes, bool keep_scale) {
-  Scene scene = {map, map.meta_mesh(ism::Ids::kEmbedded), {}, map.distortion(keep_scale), axes};
+  Scene scene = {map, map.meta_mesh(ism::Ids::kEmbedded), map.meta_mesh(),
+                 {},  map.distortion(keep_scale),         axes};
   scene.fans = render::fan_out(scene.meta.offsets, scene.meta.corners);
   return scene;
 }

@@ -40,8 +40,8 @@ struct Axes {
 /// A map with what it takes to draw it.
 struct Scene {
   ism::SurfaceMap map;
-  ism::MetaMesh meta;  // of the meshes as they were embedded
-  render::Fans fans;  // of its polygons
+  ism::MetaMesh meta, given;  // of the meshes as they were embedded, and as they were given
+  render::Fans fans;          // of its polygons
   std::vector<ism::PolygonDistortion> distortion;
   Axes axes;
 

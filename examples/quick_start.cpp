@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
   }
   const ism::Result result = ism::compute_map(a.mesh, b.mesh, list);
   if (!ism::is_usable(result.status)) return fail(result.message);
+  for (const ism::Warning& w : result.warnings) std::cout << "warning: " << w.message << '\n';
 
   const ism::IterationLog& last = result.final_state();
   std::cout << "distortion: " << last.mean_distortion << " (2 is an isometry)\n"

@@ -468,8 +468,7 @@ TEST_CASE("what a map says of a mesh with vertices added is in the ids of the me
     const ism::Transfer t = ism::to_meta(meta, Side::kA, element);
     CHECK(t.n_sources == ism::detail::element_count(mesh, element));
     const Eigen::MatrixXd values = random_values(t.n_sources, rng);
-    const Attributes back =
-        ism::from_meta(meta, Side::kA, element).apply(t.apply(values).values);
+    const Attributes back = ism::from_meta(meta, Side::kA, element).apply(t.apply(values).values);
     CHECK((back.values - values).cwiseAbs().maxCoeff() < 1e-9);
   }
 }

@@ -313,7 +313,8 @@ TEST_CASE("curves, remeshing and attributes cross the seam") {
   for (int v = 0; v < to_b.rows(); ++v) CHECK(to_b.covers(v));
 }
 
-TEST_CASE("paths along edges of a closed surface that stays cut are there on both sides of the cut") {
+TEST_CASE(
+    "paths along edges of a closed surface that stays cut are there on both sides of the cut") {
   const auto [a, b, landmarks] = blobs(3, 5);
   Options options = iterations(3);
   options.close = false;

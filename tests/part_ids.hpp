@@ -102,7 +102,8 @@ Example example(bool is_exact) {
   std::vector<ism::Landmark> landmarks;
   for (int v : {0, 1, 2, 3, 4, 5}) landmarks.push_back({e.a.first[at(v)], e.b.first[at(v)]});
   if (is_exact)
-    landmarks.push_back({ism::SurfacePoint{40, {0.2, 0.3, 0.5}}, ism::SurfacePoint{40, {0.3, 0.3, 0.4}}});
+    landmarks.push_back(
+        {ism::SurfacePoint{40, {0.2, 0.3, 0.5}}, ism::SurfacePoint{40, {0.3, 0.3, 0.4}}});
   e.result = ism::compute_map(e.a.mesh, e.b.mesh, landmarks, options);
   CAPTURE(e.result.message);
   REQUIRE(ism::is_usable(e.result.status));
@@ -175,6 +176,24 @@ TEST_CASE("images are asked for, and answered, in the ids given") {
   CHECK_FALSE(map.forward_vertex(n_vertices(a)).covered);
   CHECK_FALSE(map.forward({n_triangles(a), Vector3d::Unit(0)}).covered);
   CHECK(map.forward_path({0, 1}).empty());
+}
+
+TEST_CASE("a vertex at which a closed surface is cut has an image if one of its corners has") {
+  const TriangleMesh a = shapes::blob(2, 0.3, 1);
+  const shapes::Disk b = shapes::spherical_cap(5, 16, 1.3);
+  ism::Options options = runs::on_one_thread();
+  options.max_iterations = 3;
+  const ism::Result r = ism::compute_map(a, b.mesh, {}, options);
+  REQUIRE(ism::is_usable(r.status));
+  const SurfaceMap map(r);
+  int at_cut = 0;
+  for (int f = 0; f < n_triangles(a); ++f)
+    for (int k = 0; k < 3; ++k) {
+      if (!map.forward({f, Vector3d::Unit(k)}).covered) continue;
+      CHECK(map.forward_vertex(a.triangles(f, k)).covered);
+      ++at_cut;
+    }
+  CHECK(at_cut > 0);
 }
 
 TEST_CASE("the meta mesh and remeshing speak of the meshes given") {

@@ -422,10 +422,10 @@ TEST_CASE("attributes and paths follow the vertices of landmarks") {
   const std::vector<ism::Polyline> path = map.forward_path({u, v});
   REQUIRE(!path.empty());
   if (!map.forward_vertex(u).covered || !map.forward_vertex(v).covered) return;
-  CHECK((map.position_on_b(path.front().front()) -
-         map.position_on_b(map.forward_vertex(u).point)).norm() < 1e-9);
-  CHECK((map.position_on_b(path.back().back()) -
-         map.position_on_b(map.forward_vertex(v).point)).norm() < 1e-9);
+  CHECK((map.position_on_b(path.front().front()) - map.position_on_b(map.forward_vertex(u).point))
+            .norm() < 1e-9);
+  CHECK((map.position_on_b(path.back().back()) - map.position_on_b(map.forward_vertex(v).point))
+            .norm() < 1e-9);
 }
 
 TEST_CASE("points on boundaries that are held correspond as vertices do") {

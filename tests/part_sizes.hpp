@@ -291,8 +291,7 @@ void flatten(ism::TriangleMesh& m) {
 }  // namespace
 
 TEST_CASE("meshes with every kind of defect are prepared in near-linear time") {
-  const Defect defects[] = {make_soup, repeat,    collapse, add_flaps,
-                            turn_half, double_up, flatten};
+  const Defect defects[] = {make_soup, repeat, collapse, add_flaps, turn_half, double_up, flatten};
   int kind = 0;
   for (Defect defect : defects) {
     CAPTURE(kind++);

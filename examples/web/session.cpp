@@ -52,7 +52,10 @@ val outcome_of(const ism::Outcome& outcome) {
   val v = val::object();
   v.set("status", ism::to_string(outcome.status));
   v.set("usable", ism::is_usable(outcome.status));
-  v.set("message", outcome.message);
+  std::string message = outcome.message;
+  for (const ism::Warning& w : outcome.warnings)
+    message += (message.empty() ? "warning: " : "; warning: ") + w.message;
+  v.set("message", message);
   return v;
 }
 
