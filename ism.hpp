@@ -14040,8 +14040,8 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& opt
   const double areas = pair.a.total_area / pair.b.total_area;
   const std::string units = units_sentence(pair.a.scale / pair.b.scale / size.median);
   if (!options.keep_scale && size.is_clear && !are_closed && options.boundary == Boundary::kFree) {
-    rescale(1 / std::sqrt(size.median), pair.a);
-    rescale(std::sqrt(size.median), pair.b);
+    rescale((std::max)(1.0, 1 / size.median), pair.a);  // the smaller one keeps area 1
+    rescale((std::max)(1.0, size.median), pair.b);
     outcome.warnings.push_back(
         {"the meshes were not scaled to one area but by their landmarks: " + units, {}});
   } else if (options.keep_scale && size.is_clear) {
