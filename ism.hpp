@@ -13693,7 +13693,14 @@ class MetaMeshVerifier {
  public:
   MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, bool is_closed,
                    Outcome& outcome)
-      : meta_(std::move(meta)), f_(f), g_(g), is_closed_(is_closed), outcome_(outcome) {}
+      : meta_(std::move(meta)),
+        f_(f),
+        g_(g),
+        size_f_(f.cwiseAbs().maxCoeff()),
+        size_a_(meta_.a->vertices.cwiseAbs().maxCoeff()),
+        size_b_(meta_.b->vertices.cwiseAbs().maxCoeff()),
+        is_closed_(is_closed),
+        outcome_(outcome) {}
 
   bool run(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
     for (int p = 0; p < meta_.n_polygons(); ++p)
@@ -13730,11 +13737,11 @@ class MetaMeshVerifier {
       const Vec3 on_a = row3(meta_.corner_a, i), on_b = row3(meta_.corner_b, i);
       if (!are_weights(on_a) || !are_weights(on_b)) return refuse(p, "has a corner outside");
       const Vec3 in_f = place(*meta_.a, f_, a, on_a), in_g = place(*meta_.b, g_, b, on_b);
-      if (!are_close(in_f, in_g, f_) ||
+      if (!are_close(in_f, in_g, size_f_) ||
           !are_close(place(*meta_.a, meta_.a->vertices, a, on_a), row3(meta_.on_a, vertex(i)),
-                     meta_.a->vertices) ||
+                     size_a_) ||
           !are_close(place(*meta_.b, meta_.b->vertices, b, on_b), row3(meta_.on_b, vertex(i)),
-                     meta_.b->vertices))
+                     size_b_))
         return refuse(p, "has a corner at two places");
     }
     return true;
@@ -13745,12 +13752,10 @@ class MetaMeshVerifier {
            std::abs(w.x + w.y + w.z - 1) <= kTolerance;
   }
 
-  /// As seen from how large a mesh is.
-  template <class Positions>
-  bool are_close(const Vec3& p, const Vec3& q, const Positions& x) const {
+  /// Relative to the largest coordinate.
+  static bool are_close(const Vec3& p, const Vec3& q, double largest) {
     const Vec3 d = p - q;
-    return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <=
-           kTolerance * x.cwiseAbs().maxCoeff();
+    return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
   }
 
   /// Two triangles overlap in one convex polygon.
@@ -13824,6 +13829,7 @@ class MetaMeshVerifier {
 
   const MetaMesh meta_;
   const Points2 &f_, &g_;
+  const double size_f_, size_a_, size_b_;  // largest coordinates
   const bool is_closed_;
   Outcome& outcome_;
 };

@@ -974,6 +974,29 @@ TEST_CASE("the symmetric Dirichlet energy as a measure of one's own gives the sa
         doctest::Approx(known.final_state().coverage_a).epsilon(0.01));
 }
 
+TEST_CASE("a factorisation that fails late ends a run with the map there is") {
+  const auto [a, b] = random_pair(30);
+  Options options = given_planes(a, b);
+  int calls = 0, sound = std::numeric_limits<int>::max();
+  const auto fading = [&](double S, double d) {
+    ism::StretchDensity density = kDirichlet.density(S, d);
+    if (++calls > sound) density.SS = density.Sd = density.dd = std::nan("");
+    return density;
+  };
+  options.measure = {fading, 0, 1};
+  options.max_iterations = 1;
+  const Result one = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(one.log.size() == 1);
+  sound = calls;
+  calls = 0;
+  options.max_iterations = 10;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(result.status == Status::kStalled);
+  REQUIRE(result.log.size() == 1);
+  CHECK(result.f == one.f);
+  CHECK(ism::SurfaceMap(result).status() == Status::kDone);
+}
+
 TEST_CASE("a measure that is no number is reported, not accepted") {
   const auto [a, b] = random_pair(30);
   Options options = given_planes(a, b);

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -305,6 +306,67 @@ TEST_CASE("meshes with every kind of defect are prepared in near-linear time") {
       CHECK(p.problems.empty());
       CHECK(!p.repairs.empty());
       return seconds;
+    });
+    CHECK(ratio < 6);
+  }
+}
+
+TEST_CASE("all entry points take near-linear time") {
+  struct Inputs {
+    Disk a, b;
+    ism::Result result;
+  };
+  std::vector<Inputs> inputs;
+  for (int side : {40, 80}) {
+    shapes::Rng rng(7);
+    Inputs in = {shapes::perturbed_grid(side, side, 0.2, rng),
+                 shapes::perturbed_grid(side, side, 0.2, rng),
+                 {}};
+    shapes::bend(in.a, 0.3);
+    shapes::bend(in.b, -0.3);
+    ism::Options options = few_iterations();
+    options.initial_f = in.a.plane;
+    options.initial_g = in.b.plane;
+    options.max_iterations = 0;
+    in.result = ism::compute_map(in.a.mesh, in.b.mesh, {}, options);
+    inputs.push_back(std::move(in));
+  }
+  using ism::Element;
+  using ism::Side;
+  const std::vector<std::function<void(const Inputs&)>> calls = {
+      [](const Inputs& in) { ism::validate(in.a.mesh); },
+      [](const Inputs& in) { ism::prepare(in.a.mesh); },
+      [](const Inputs& in) {
+        ism::initial_embedding(in.a.mesh, in.b.mesh, {{0, 0}, {40, 40}});
+      },
+      [](const Inputs& in) {
+        ism::compute_map(in.a.mesh, in.b.mesh, {{0, 0}, {40, 40}}, few_iterations());
+      },
+      [](const Inputs& in) { ism::verify(ism::SurfaceMap(in.result)); },
+      [](const Inputs& in) {
+        const ism::SurfaceMap map(in.result);
+        map.forward_vertices();
+        map.backward_vertices();
+        map.openings();
+        ism::summarize(map.distortion());
+        ism::remesh(map, Side::kA);
+      },
+      [](const Inputs& in) {
+        const ism::MetaMesh meta = ism::SurfaceMap(in.result).meta_mesh();
+        for (Element e : {Element::kVertex, Element::kFace, Element::kCorner})
+          ism::transfer(meta, Side::kA, e, e);
+      },
+      [](const Inputs& in) {
+        const ism::SurfaceMap map(in.result);
+        for (int f = 0; f < in.a.mesh.triangles.rows(); ++f)
+          map.forward_path({in.a.mesh.triangles(f, 0), in.a.mesh.triangles(f, 1)});
+      }};
+  for (std::size_t i = 0; i < calls.size(); ++i) {
+    CAPTURE(i);
+    const double ratio = growth(1, [&](int n) {
+      const double before = processor_seconds();
+      calls[i](inputs[n == 1 ? 0 : 1]);
+      return processor_seconds() - before;
     });
     CHECK(ratio < 6);
   }
