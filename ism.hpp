@@ -719,13 +719,6 @@ Result compute_map(const MeshView& a, const MeshView& b,
 /// the iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
 double memory_estimate(const MeshView& a, const MeshView& b, const Options& options = {});
 
-/// What a Solver knows, as plain arrays, to be written to a file and read again. Of use together
-/// with the same meshes, landmarks and options, and the same build of the library.
-struct SolverState {
-  std::vector<int> integers;
-  std::vector<double> numbers;
-};
-
 namespace detail {
 class Run;
 }
@@ -748,7 +741,7 @@ class Solver {
   /// seconds for 100,000), or one iteration. True while there is more to do. A step that was
   /// cancelled returns false; the next call goes on, to the same bits as without the pause. An
   /// iteration that was stopped is begun anew: one that is stopped every time before it ends never
-  /// does. After Options::max_seconds all steps return false, until change() or restore().
+  /// does. After Options::max_seconds all steps return false, until change().
   bool step();
   /// Steps until some seconds have passed, at least one.
   bool advance(double seconds);
@@ -760,20 +753,11 @@ class Solver {
   Phase phase() const;
   double fraction() const;  // of all there is to do, an estimate that never falls in between
 
-  /// What restore() needs: little while there is no map, else some positions of all vertices.
-  SolverState state() const;
-  /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
-  /// the state is not one of the same meshes, or not injective. The next step computes the
-  /// derivatives in the memory anew, up to Tuning::history_length times what an iteration does. A
-  /// state without a map begins the embedding anew, one from the coarse levels begins these anew.
-  bool restore(const SolverState& state);
-
   /// Goes on with other landmarks and options (pins, weights, limits, ...) from the map there is,
-  /// with ω_L and the memory of the iteration; `boundary`, `keep_scale` and given positions stay
-  /// what they were. Landmarks that are apart are pulled together by springs added to E first, and
-  /// those that shall be exact are joined, as in the embedding, with vertices added where that
-  /// needs some (the memory begins anew then). Pins are put where the map has them now. If
-  /// something is refused, nothing is changed, and the outcome says why.
+  /// with its ω_L; `boundary`, `keep_scale` and given positions stay what they were. New landmarks
+  /// that are apart are pulled together by springs added to E first, and exact ones are joined, as
+  /// in the embedding, with vertices added where that needs some. Pins are put where the map has
+  /// them now. If something is refused, nothing is changed, and the outcome says why.
   Outcome change(const std::vector<Landmark>& landmarks, const Options& options);
 
  private:
@@ -6050,6 +6034,7 @@ inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executo
 
 /// Gradient and projected Hessian at one iterate, the memory of §5.3.
 struct QuadraticModel {
+  Points2 x;             // where it was made
   Array<Vec2> gradient;  // per vertex
   BlockMatrix H;         // empty where the gradient alone was wanted
   bool has_hessian() const { return !H.start.empty(); }
@@ -6400,19 +6385,18 @@ inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double
   return gradient;
 }
 
-/// Blends the Hessians in the memory from the one numbered `newest` on, newest first, with weights
-/// decay^k (normalised), and joins what else is to be minimised and, if it is not empty, the
-/// preconditioner (Algorithm 1, line 9).
-inline LinearSystem blend(const Array<QuadraticModel>& history, int newest, double decay,
+/// Blends the Hessians in the memory, newest first, with weights decay^k (normalised), and joins
+/// what else is to be minimised and, if it is not empty, the preconditioner (Algorithm 1, line 9).
+inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
                           const BlockMatrix& others, const BlockMatrix& laplacian,
                           const Executor& executor) {
   LinearSystem system;
   system.gradient = blended_gradient(history, decay);
   Array<Term> terms;
   double sum = 0;
-  for (int k = newest; k < history.size(); ++k) {
-    if (!history[k].has_hessian()) continue;
-    terms.push_back({&history[k].H, std::pow(decay, terms.size())});
+  for (const QuadraticModel& model : history) {
+    if (!model.has_hessian()) continue;
+    terms.push_back({&model.H, std::pow(decay, terms.size())});
     sum += terms.back().weight;
   }
   for (Term& term : terms) term.weight /= sum;
@@ -7420,36 +7404,11 @@ inline void line_search(const SearchProblem& problem, const Executor& executor, 
 
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
-// Purpose:    minimises E from an injective start.
-//
-//   line of Algorithm 1                     function
-//   1       Laplacian and mass matrix       squared_laplacian, once per Optimizer
-//   2       for all iterations              Optimizer::iterate, until it returns false
-//   3, 19   meta mesh polygons              compute_overlay, in evaluate(); line 3 reads what the
-//                                           accepted trial computed as line 19
-//   4 to 7  derivatives and projection      ModelBuilder::differentiate_elements
-//   8       assembly                        ModelBuilder::assemble
-//   9       memory                          Optimizer::remember, blend
-//   10 to 12  solve for each ω              Optimizer::solve
-//   13, 14  descent, or reset               Optimizer::find_directions
-//   15, 16  largest step                    Optimizer::set_direction
-//   17 to 23  line search                   line_search, evaluate_trial
-//   24, 25  the best trial                  Optimizer::accept
-//
-// Beyond the paper, each by the name of its function or option: coverage κ (evaluate); bounds on
-// the displacement (set_direction) and on the loss of covered area (is_acceptable); s = 1 is tried
-// where it is within these bounds (add_block); Armijo's slope is that of the newest gradient, so
-// that E never grows (set_direction); history weights add up to 1, so that ω_L means the same in
-// the first iterations (blend); a scaffold once a boundary was met (notice_collision); where no
-// step is found, what smooths the direction is let go (recover), and gradients from all sides of a
-// kink are joined (leave_kink); stopping rules (has_settled). For
-// speed, one matrix is factorised, and conjugate gradients use its factor for the other ω_L
-// (solve); of the steps of the line search some are tried, then the neighbours of the best
-// (line_search); and once ω_L is small, quasi-Newton steps with the same factor follow
-// (take_quasi_newton_step).
-//
+// Purpose:    minimises E from an injective start: Optimizer::iterate() is Algorithm 1, with its
+//             line numbers; the functions of its lines follow it in their order, then everything
+//             beyond the paper under one heading.
 // Invariants: every iterate is injective, decided exactly; E never grows.
-// Fails:      stalls where no candidate of any direction is acceptable; says so in the status.
+// Fails:      stalls where no step along any direction is acceptable; the status says so.
 
 inline void describe(const JointSurface& s, const Array<Follower>& followers, const Iterate& x,
                      IterationLog& log) {
@@ -7469,6 +7428,13 @@ inline void describe(const JointSurface& s, const Array<Follower>& followers, co
 inline double domain_radius(const Points2& x) {
   const std::array<Vec2, 2> box = bounding_box(x);
   return 0.5 * norm(box[1] - box[0]);
+}
+
+/// The longest move of a vertex.
+inline double longest_move(const Array<Vec2>& d) {
+  double longest = 0;
+  for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
+  return std::sqrt(longest);
 }
 
 /// A step that was taken, and by what it changed the gradient.
@@ -7495,71 +7461,6 @@ inline Array<Vec2> quasi_newton_direction(const LdltSymbolic& symbolic, const Ld
   return d;
 }
 
-/// Gradients g from the sides of a kink, and d = -B g for the inverse B of a Hessian.
-class GradientBundle {
- public:
-  struct Shortest {
-    double squared_length;  // gᵀ B g of the convex combination g for which that is least
-    Array<Vec2> direction;  // -B g
-  };
-
-  int size() const { return gradient_.size(); }
-
-  void add(Array<Vec2> gradient, Array<Vec2> direction) {
-    weight_.push_back(size() == 0 ? 1 : 0);
-    gradient_.push_back(std::move(gradient));
-    direction_.push_back(std::move(direction));
-    product_.push_back({});
-    for (int i = 0; i < size(); ++i)
-      product_.back().push_back(-dot(gradient_[i], direction_.back()));
-    for (int i = 0; i + 1 < size(); ++i) product_[i].push_back(product_.back()[i]);
-  }
-
-  /// Weight goes from the gradient that is longest along the combination to the shortest one, pair
-  /// by pair.
-  Shortest shortest() {
-    constexpr int kMost = 1000;
-    for (int k = 0; k < kMost && move_weight(); ++k) {
-    }
-    Shortest result = {0, Array<Vec2>(direction_[0].size())};
-    for (int i = 0; i < size(); ++i) {
-      result.squared_length += weight_[i] * along(i);
-      for (int v = 0; v < result.direction.size(); ++v)
-        result.direction[v] += weight_[i] * direction_[i][v];
-    }
-    return result;
-  }
-
- private:
-  /// gᵢᵀ B g.
-  double along(int i) const {
-    double sum = 0;
-    for (int j = 0; j < size(); ++j) sum += product_[i][j] * weight_[j];
-    return sum;
-  }
-
-  /// False where none is left to move.
-  bool move_weight() {
-    constexpr double kRounding = 1e-12;
-    int to = 0, from = -1;
-    for (int i = 0; i < size(); ++i) {
-      if (along(i) < along(to)) to = i;
-      if (weight_[i] > 0 && (from < 0 || along(i) > along(from))) from = i;
-    }
-    const double gain = along(from) - along(to);
-    const double length = product_[from][from] - 2 * product_[from][to] + product_[to][to];
-    if (!(gain > kRounding * std::abs(along(from)) && length > 0)) return false;
-    const double moved = (std::min)(weight_[from], gain / length);
-    weight_[from] -= moved;
-    weight_[to] += moved;
-    return true;
-  }
-
-  Array<Array<Vec2>> gradient_, direction_;
-  Array<Array<double>> product_;  // gᵢᵀ B gⱼ
-  Array<double> weight_;
-};
-
 class Optimizer {
  public:
   Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers,
@@ -7574,13 +7475,13 @@ class Optimizer {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
-  /// Begins at an injective x, and goes on for as long as iterate() returns true (line 2).
+  /// Begins at an injective x.
   void start(const Points2& x, Result& result) {
     x_.x = x;
     fix_unknowns(x_.x);
     place_followers(followers_, x_.x);
     radius_ = domain_radius(x_.x);
-    evaluate(s_, weights_, x_);
+    evaluate(s_, weights_, x_);  // line 3; from here on, lines 19 and 20 do it
     rules_ = {options_.tuning.max_coverage_loss * s_.area_a,
               options_.tuning.max_coverage_loss * s_.area_b,
               options_.tuning.least_coverage * x_.area_a,
@@ -7594,6 +7495,37 @@ class Optimizer {
     if (x_.overlay.is_too_large) result.status = Status::kMemoryLimit;
     if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
+
+  /// Iteration i of line 2; true if another one is to follow. If the caller stops it, x stays, and
+  /// the next call repeats the iteration.
+  bool iterate(Result& result) {
+    if (!may_iterate(result)) return false;
+    bool found = take_quasi_newton_step();  // beyond the paper
+    while (!found && !executor_.is_stopped()) {
+      if (!has_hessian_here() && !differentiate(true)) break;  // lines 4 to 8
+      const LinearSystem system = blended_system();            // line 9
+      Array<Direction> directions = solve(system);             // lines 10 to 12
+      if (executor_.is_stopped()) break;
+      if (climbs(directions) && reset_history()) continue;            // lines 13 and 14
+      set_largest_steps(directions);                                  // lines 15 and 16
+      is_stationary_ = !holds_back() && promise_nothing(directions);  // beyond the paper
+      if (is_stationary_) break;
+      search(directions);  // lines 17 to 23
+      found = trials_.found;
+      if (!found && recover()) continue;  // beyond the paper
+      if (!found) found = leave_kink();   // beyond the paper
+      break;
+    }
+    if (executor_.is_stopped()) return false;
+    if (found) accept(result);  // lines 24 and 25
+    result.status = found ? status_after_step(result) : status_without_step(result);
+    return result.status == Status::kUnfinished;
+  }
+
+  const Points2& positions() const { return x_.x; }
+  double omega() const { return omega_; }
+
+  // -- hooks of the callers in Half II --
 
   /// Begins at another injective x, if E is not higher there by more than `most`; false if it is.
   bool begin_at(const Points2& x, double most, Result& result) {
@@ -7622,104 +7554,6 @@ class Optimizer {
     omega_ = (std::min)(omega_, (std::max)(omega, options_.tuning.omega_least));
   }
 
-  /// One iteration; true if there is more to do. Where the caller stops it, x stays what it is, and
-  /// the next call goes on with the same iteration.
-  bool iterate(Result& result) {
-    if (result.status != Status::kUnfinished) return false;
-    if (static_cast<int>(result.log.size()) >= options_.max_iterations)
-      return result.status = Status::kIterationLimit, false;
-    if (!remember_visited()) return false;
-    last_step_ = last_full_step(result);
-    const bool is_quick = quick_.steps_left > 0 && take_quasi_newton_step();
-    bool found = is_quick;
-    if (!found && !executor_.is_stopped()) {
-      if (!has_hessian_here() && !differentiate()) return false;  // lines 3 to 9
-      found = choose_step(log_);                                  // lines 9 to 23
-    }
-    if (executor_.is_stopped()) return false;
-    is_remembered_ = false;
-    if (found) plan_quasi_newton_steps(is_quick);
-    if (found) accept(result);  // lines 24 and 25
-    result.status = found ? status_after_step(result) : status_without_step(result);
-    return result.status == Status::kUnfinished;
-  }
-
-  const Points2& positions() const { return x_.x; }
-
-  /// A place whose derivatives are in the memory.
-  struct Visit {
-    Points2 x;
-    bool has_hessian = true;
-  };
-
-  /// How to go on by quasi-Newton steps.
-  struct QuickSteps {
-    int steps_left = 0;
-    double least_gain = 0;      // of E, by a step after which another one follows
-    double step = 1;            // the first that is tried
-    double omega = 0;           // of the factor,
-    bool has_scaffold = false;  // and whether it holds one
-  };
-
-  /// What the next iteration depends on, besides the start.
-  struct Memory {
-    Points2 x;
-    Array<Visit> visited;  // newest first
-    double omega = 0;
-    bool is_remembered = false, is_scaffolded = false, has_scaffold = false, was_reset = false;
-    QuickSteps quick;
-  };
-
-  Memory memory() const {
-    return {x_.x,
-            visited_,
-            omega_,
-            is_remembered_,
-            is_scaffolded_,
-            is_remembered_ && has_scaffold(),
-            log_.history_reset,
-            quick_};
-  }
-
-  /// True unless a memory is one that no run could have.
-  static bool is_sound(const Memory& memory, const Tuning& tuning) {
-    const QuickSteps& quick = memory.quick;
-    const std::int64_t most = most_entries(tuning) + tuning.quasi_newton_steps;
-    bool has_hessian = false;
-    for (const Visit& visit : memory.visited) has_hessian = has_hessian || visit.has_hessian;
-    return std::isfinite(quick.omega) && quick.step > 0 && quick.step <= 1 &&
-           (has_hessian || quick.steps_left <= 0) &&
-           (!memory.is_remembered || !memory.visited.empty()) && memory.visited.size() <= most;
-  }
-
-  /// Goes on from a memory, after start().
-  void restore(const Memory& memory) {
-    x_.x = memory.x;
-    evaluate(s_, weights_, x_);
-    visited_ = memory.visited;
-    history_.clear();
-    omega_ = memory.omega;
-    is_remembered_ = memory.is_remembered;
-    log_.history_reset = memory.was_reset;
-    is_scaffolded_ = memory.is_scaffolded;
-    quick_ = memory.quick;
-    has_factor_ = false;
-    set_scaffold(memory.has_scaffold, x_.x);
-  }
-
-  /// Takes over ω_L, where both runs have one, and the memory of another run on the same surfaces,
-  /// after start(). E does not depend on where the planes are, so its models may be moved with
-  /// them.
-  void keep(const Memory& memory) {
-    if (omega_ > 0 && memory.omega > 0) omega_ = memory.omega;
-    visited_ = memory.visited;
-    history_.clear();
-    forget();
-    is_scaffolded_ = memory.is_scaffolded && options_.tuning.scaffold;
-    for (Visit& visit : visited_)
-      if (!is_held_) move_to_anchors(s_.mesh, anchors_, visit.x);
-  }
-
   /// Adds springs to what is minimised, in place of those there were.
   void set_springs(Array<Spring> springs) {
     springs_ = std::move(springs);
@@ -7745,12 +7579,6 @@ class Optimizer {
  private:
   static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
-  /// Of the memory, quasi-Newton steps since its newest Hessian apart.
-  static std::int64_t most_entries(const Tuning& tuning) {
-    constexpr std::int64_t kGradientsPerHessian = 4;
-    return kGradientsPerHessian * tuning.history_length;
-  }
-
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
   /// both planes are moved.
   void fix_unknowns(Points2& x) {
@@ -7771,133 +7599,62 @@ class Optimizer {
     is_fixed_(anchors_.rim, 1) = 1;
   }
 
-  /// After restore(), the models of the memory anew; false if the caller stops.
-  bool remember_visited() {
-    while (history_.size() < visited_.size()) {  // the oldest one first
-      executor_.tell(Phase::kOptimization, 0, {"computing the derivatives in the memory anew"},
-                     nullptr);
-      const Visit& visit = visited_[visited_.size() - 1 - history_.size()];
-      Iterate x;
-      x.x = visit.x;
-      evaluate(s_, weights_, x);
-      QuadraticModel model = differentiated(x, visit.has_hessian);
-      if (executor_.is_stopped()) return false;
-      history_.push_back(std::move(model));
-      if (history_.size() == visited_.size()) std::reverse(history_.begin(), history_.end());
-    }
-    return true;
-  }
-
-  QuadraticModel differentiated(const Iterate& x, bool with_hessian) {
-    Timer timer;
-    QuadraticModel model;
-    if (with_hessian)
-      models_.differentiate_elements(x);  // lines 3 to 7
-    else
-      model.gradient = models_.gradient(x);
-    log_.seconds_derivatives += timer.lap();
-    if (with_hessian && !executor_.is_stopped()) model = models_.assemble();  // line 8
-    log_.seconds_assembly += timer.lap();
-    return model;
-  }
+  // ---- the lines of Algorithm 1 ----
 
   bool has_hessian_here() const { return is_remembered_ && history_[0].has_hessian(); }
 
-  /// The derivatives of x; false if the caller stops.
-  bool differentiate(bool with_hessian = true) {
+  /// Lines 4 to 8, or the gradient alone; false if the caller stops.
+  bool differentiate(bool with_hessian) {
     log_ = IterationLog();
-    QuadraticModel model = differentiated(x_, with_hessian);
+    Timer timer;
+    QuadraticModel model;
+    if (with_hessian)
+      models_.differentiate_elements(x_);  // lines 4 to 7
+    else
+      model.gradient = models_.gradient(x_);
+    log_.seconds_derivatives = timer.lap();
     if (executor_.is_stopped()) return false;
-    remember(std::move(model));  // line 9
+    if (with_hessian) model = models_.assemble();  // line 8
+    log_.seconds_assembly = timer.lap();
+    if (executor_.is_stopped()) return false;
+    model.x = x_.x;
+    remember(std::move(model));
     return true;
   }
 
   /// Adds the newest derivatives to the memory (§5.3), where they take the place of a gradient
   /// alone at x. It ends with the oldest Hessian it has room for.
   void remember(QuadraticModel model) {
+    constexpr int kGradientsPerHessian = 4;
+    const int most_hessians = options_.tuning.history_length;
     if (!is_remembered_) {
       history_.push_back({});
-      visited_.push_back({});
       std::rotate(history_.begin(), history_.end() - 1, history_.end());
-      std::rotate(visited_.begin(), visited_.end() - 1, visited_.end());
     }
-    visited_[0] = {x_.x, model.has_hessian()};
     history_[0] = std::move(model);
     is_remembered_ = true;
-    if (history_[0].has_hessian()) forget();
-    if (is_scaffolded_) set_scaffold(true, x_.x);
-  }
-
-  void forget() {
+    if (is_scaffolded_) build_scaffold_here();
+    if (!history_[0].has_hessian()) return;
     int hessians = 0, keep = 0;
-    while (keep < visited_.size() && keep < most_entries(options_.tuning) &&
-           (hessians += visited_[keep].has_hessian) <= options_.tuning.history_length)
+    while (keep < history_.size() && keep < kGradientsPerHessian * std::int64_t{most_hessians} &&
+           (hessians += history_[keep].has_hessian()) <= most_hessians)
       ++keep;
-    visited_.resize(keep);
-    history_.resize((std::min)(keep, history_.size()));
+    history_.resize(keep);
   }
 
-  void reset_history(IterationLog& log) {
-    history_.resize(1);
-    visited_.resize(1);
-    log.history_reset = true;
-  }
-
-  /// Finds the next iterate; false if no step was found, none is left to find, or the caller stops.
-  bool choose_step(IterationLog& log) {
-    constexpr double kRounding = 1e-14;
-    while (true) {
-      const Array<Direction> directions = find_directions(log);  // lines 9 to 16
-      if (executor_.is_stopped()) return false;
-      is_stationary_ = !holds_back() && promise_little(directions, kRounding);
-      if (is_stationary_) return false;
-      search(directions, log);  // lines 17 to 23
-      if (executor_.is_stopped()) return false;
-      const bool is_new = notice_collision();
-      if (!trials_.found && recover(is_new, log)) continue;
-      return trials_.found || leave_kink(log);
-    }
-  }
-
-  /// Solves for the directions of all ω_L; if one of them does not descend, once more with the
-  /// newest derivatives alone. At last those that do are left.
-  Array<Direction> find_directions(IterationLog& log) {
-    while (true) {
-      Timer timer;
-      const LinearSystem system = blended_system(0);
-      log.seconds_assembly += timer.lap();
-      const Array<Direction> all = solve(system);  // lines 10 to 12
-      log.seconds_solve += timer.lap();
-      Array<Direction> descending;
-      bool all_descend = true;
-      for (const Direction& d : all) {
-        all_descend = all_descend && d.slope < 0;
-        if (d.slope <= 0) descending.push_back(d);
-      }
-      if (all_descend || history_.size() == 1 || executor_.is_stopped()) return descending;
-      reset_history(log);  // lines 13 and 14
-    }
-  }
-
-  /// The system of the memory from a Hessian on (line 9), without what is held.
-  LinearSystem blended_system(int newest) const {
+  /// The system of the memory (line 9), without what is held.
+  LinearSystem blended_system() {
+    Timer timer;
     LinearSystem system =
-        blend(history_, newest, options_.tuning.history_decay, others_, laplacian_, executor_);
+        blend(history_, options_.tuning.history_decay, others_, laplacian_, executor_);
     add_spring_gradient(springs_, x_.x, system.gradient);
     substitute(followers_, executor_, system);
     eliminate(is_fixed_, system);
+    log_.seconds_assembly += timer.lap();
     return system;
   }
 
-  void factorize(const LinearSystem& system, double omega, const Points2& x) {
-    symbolic_ = NestedDissection(system.H, x, executor_).build();
-    ldlt_factorize(symbolic_, system.shifted(omega), executor_, factor_);
-    has_factor_ = true;
-    quick_.omega = omega;
-    quick_.has_scaffold = has_scaffold();
-  }
-
-  /// ω, ω/α and α ω (§5.4). Where ω_L hardly acts, more of it is of use after a short step only.
+  /// ω, ω/α and α ω (line 11). Where ω_L hardly acts, more of it helps only after a short step.
   Array<double> omegas_to_try(const LinearSystem& system) const {
     constexpr double kShort = 0.1;
     Array<double> omegas(1, omega_);
@@ -7909,12 +7666,17 @@ class Optimizer {
     return omegas;
   }
 
-  bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
+  void factorize(const LinearSystem& system) {
+    symbolic_ = NestedDissection(system.H, x_.x, executor_).build();
+    ldlt_factorize(symbolic_, system.shifted(omega_), executor_, factor_);
+  }
 
-  /// (H + ω Lᵀ M L) d = -g for each ω.
+  /// (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). One matrix is factorised; conjugate
+  /// gradients use its factor for the other ω.
   Array<Direction> solve(const LinearSystem& system) {
+    Timer timer;
     Array<double> omegas = omegas_to_try(system);
-    factorize(system, omega_, x_.x);
+    factorize(system);
     if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
     const Array<Vec2> right = negated(system.gradient);
     Array<Direction> directions(omegas.size());
@@ -7925,26 +7687,59 @@ class Optimizer {
                           ? ldlt_solve(symbolic_, factor_, right)
                           : solve_with_neighbour(symbolic_, factor_, system.shifted(omegas[k]),
                                                  right, options_.tuning.solve_tolerance, executor_);
-      expand_direction(followers_, d);
-      set_direction(d, directions[k]);
+      set_direction(std::move(d), directions[k]);
     });
+    log_.seconds_solve += timer.lap();
     return directions;
   }
 
-  /// Slope and steps of a direction (lines 13, 15 and 16).
-  void set_direction(const Array<Vec2>& d, Direction& direction) const {
-    direction.d = d;
+  /// The direction of all vertices for that of the unknowns. Its slope is that of the newest
+  /// gradient (line 13), so that E never grows.
+  void set_direction(Array<Vec2> d, Direction& direction) const {
+    expand_direction(followers_, d);
     Array<Vec2> gradient = history_[0].gradient;
     add_spring_gradient(springs_, x_.x, gradient);
     direction.slope = dot(gradient, d);
-    direction.max_step = (std::min)(max_step(s_.mesh, x_.x, d), max_step(scaffold_, x_.x, d));
-    double longest = 0;
-    for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
-    direction.first_step = (std::min)(
-        0.99 * direction.max_step, options_.tuning.max_displacement * radius_ / std::sqrt(longest));
+    direction.d = std::move(d);
+  }
+
+  /// True if one of the directions does not descend (line 13).
+  static bool climbs(const Array<Direction>& directions) {
+    for (const Direction& d : directions)
+      if (!(d.slope < 0)) return true;
+    return false;
+  }
+
+  /// Line 14; false if there is nothing to discard.
+  bool reset_history() {
+    if (history_.size() == 1) return false;
+    history_.resize(1);
+    return log_.history_reset = true;
+  }
+
+  /// Lines 15 and 16, for the directions that descend; the others are left out. Beyond the paper,
+  /// no vertex moves far in one step.
+  void set_largest_steps(Array<Direction>& directions) {
+    Timer timer;
+    Array<Direction> descending;
+    for (Direction& d : directions)
+      if (d.slope <= 0) descending.push_back(std::move(d));
+    directions = std::move(descending);
+    executor_.run(directions.size(), [&](int k) { set_largest_step(directions[k]); });
+    log_.seconds_search += timer.lap();
+  }
+
+  void set_largest_step(Direction& direction) const {
+    direction.max_step =
+        (std::min)(max_step(s_.mesh, x_.x, direction.d), max_step(scaffold_, x_.x, direction.d));
+    direction.first_step =
+        (std::min)(0.99 * direction.max_step,
+                   options_.tuning.max_displacement * radius_ / longest_move(direction.d));
     if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
       direction.first_step = (std::min)(direction.first_step, 1 / kShrink);
   }
+
+  bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
 
   SearchProblem search_problem(const Array<Direction>& directions) const {
     return {s_,         weights_,   rules_,
@@ -7952,17 +7747,20 @@ class Optimizer {
             x_,         directions, options_.tuning.search_stride};
   }
 
-  void search(const Array<Direction>& directions, IterationLog& log) {
+  void search(const Array<Direction>& directions) {
     Timer timer;
     line_search(search_problem(directions), executor_, trials_);
-    log.seconds_search += timer.lap();
+    if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
+    log_.seconds_search += timer.lap();
   }
 
   void accept(Result& result) {
     if (result.log.size() == result.log.capacity()) result.log.reserve(2 * result.log.size() + 1);
     const Trial& best = trials_.best;
+    plan_quasi_newton_steps(best);
     std::swap(x_, trials_.best.x);
     omega_ = best.omega;
+    is_remembered_ = false;
     describe(s_, followers_, x_, log_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
@@ -7972,6 +7770,14 @@ class Optimizer {
   }
 
   // ---- beyond the paper ----
+
+  bool may_iterate(Result& result) {
+    if (result.status != Status::kUnfinished) return false;
+    if (static_cast<int>(result.log.size()) >= options_.max_iterations)
+      return result.status = Status::kIterationLimit, false;
+    last_step_ = last_full_step(result);
+    return true;
+  }
 
   /// True if a fall of E is less than a fraction of its parts.
   bool is_little(double fall, double fraction) const {
@@ -7983,29 +7789,34 @@ class Optimizer {
     return omega_ > (std::max)(double{kHardlyActs}, options_.tuning.omega_least);
   }
 
-  /// True if all directions promise no more than that.
-  bool promise_little(const Array<Direction>& directions, double fraction) const {
+  /// True if all directions promise no more than rounding.
+  bool promise_nothing(const Array<Direction>& directions) const {
+    constexpr double kRounding = 1e-14;
     for (const Direction& d : directions)
-      if (!is_little(-d.slope, fraction)) return false;
+      if (!is_little(-d.slope, kRounding)) return false;
     return !directions.empty();
   }
 
-  /// From the first step on that would make a boundary meet itself, there is a scaffold. True if
-  /// this is it.
-  bool notice_collision() {
-    if (is_scaffolded_ || !options_.tuning.scaffold || !trials_.collided) return false;
-    is_scaffolded_ = true;
+  // -- where no step is found --
+
+  /// Changes one thing: the scaffold comes in, the memory is emptied, or ω_L is lowered at once,
+  /// as a direction that is smoothed too much may climb. False if nothing is left to change.
+  bool recover() {
+    constexpr double kDrop = 16;
+    if (executor_.is_stopped()) return false;
+    if (is_scaffolded_ && !has_scaffold_) return build_scaffold_here(), true;
+    if (reset_history()) return true;
+    if (!holds_back()) return false;
+    omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
   }
 
   /// The space around both embeddings, with the weight of E_f and E_g.
-  void set_scaffold(bool is_there, const Points2& x) {
-    scaffold_ = Scaffold();
-    if (is_there) scaffold_ = build_scaffold(s_.mesh, x, weights_.barrier * s_.total_area);
+  void build_scaffold_here() {
+    scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
+    has_scaffold_ = true;
     sum_others();
   }
-
-  bool has_scaffold() const { return !scaffold_.triangle.empty(); }
 
   void sum_others() {
     Array<Block> blocks;
@@ -8014,41 +7825,31 @@ class Optimizer {
     others_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
 
-  /// Changes one thing where no step is found: the scaffold comes in, the memory is emptied, or ω_L
-  /// is lowered at once: at a kink of E, as when both planes are the same, a direction that is
-  /// smoothed too much may climb. False if nothing is left to change.
-  bool recover(bool needs_scaffold, IterationLog& log) {
-    constexpr double kDrop = 16;
-    if (needs_scaffold) return set_scaffold(true, x_.x), true;
-    if (history_.size() > 1) return reset_history(log), true;
-    if (!holds_back()) return false;
-    omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
-    return true;
-  }
-
-  // -- kinks --
-
-  /// E has kinks where vertices of A come to lie on edges of B, as everywhere on two equal planes.
-  /// There, E may climb along a direction at whose beginning it falls. Gradients from the sides of
-  /// the kink are collected until the shortest of their convex combinations gives a direction along
-  /// which E falls, or promises so little that x is stationary [Kiwiel 1985]. True if there is a
+  /// Where edges of A lie along edges of B, as everywhere on two equal planes, the slope of E
+  /// jumps, and E may climb along a direction at whose beginning it falls. The gradient g there and
+  /// one a little ahead give their shortest convex combination, whose direction is the next one,
+  /// until E falls or promises so little that x is stationary [Kiwiel 1985]. True if there is a
   /// step.
-  bool leave_kink(IterationLog& log) {
+  bool leave_kink() {
     constexpr int kMost = 24;
     if (!make_factor_positive()) return false;
-    GradientBundle bundle;
-    add_to_bundle(gradient_at(0), bundle);
-    while (!executor_.is_stopped()) {
-      const GradientBundle::Shortest shortest = bundle.shortest();
-      is_stationary_ = is_little(shortest.squared_length, options_.tolerance);
-      if (is_stationary_ || bundle.size() == kMost) return false;
-      const Array<Direction> directions(1, full_direction(shortest.direction));
+    Array<Vec2> g = gradient_at(0), d = ldlt_solve(symbolic_, factor_, negated(g));
+    for (int k = 0; k < kMost && !executor_.is_stopped(); ++k) {
+      is_stationary_ = is_little(-dot(g, d), options_.tolerance);
+      const Array<Direction> directions(1, full_direction(d));
+      if (is_stationary_ || !(directions[0].slope < 0)) return false;
       quick_.step = 1;
-      if (!(directions[0].slope < 0)) return false;
-      if (search_back(directions, log)) return true;
-      Array<Vec2> gradient = gradient_along(directions[0]);
-      if (gradient.empty()) return false;
-      add_to_bundle(std::move(gradient), bundle);
+      if (search_back(directions)) return true;
+      const Array<Vec2> ahead = gradient_along(directions[0]);
+      if (ahead.empty()) return false;
+      const Array<Vec2> e = ldlt_solve(symbolic_, factor_, negated(ahead));
+      const double gg = -dot(g, d), gh = -dot(g, e), hh = -dot(ahead, e);  // products gᵀ B h
+      if (!(gg - 2 * gh + hh > 0)) return false;
+      const double share = clamp01((gg - gh) / (gg - 2 * gh + hh));
+      for (int i = 0; i < g.size(); ++i) {
+        g[i] += share * (ahead[i] - g[i]);
+        d[i] += share * (e[i] - d[i]);
+      }
     }
     return false;
   }
@@ -8058,25 +7859,19 @@ class Optimizer {
   bool make_factor_positive() {
     constexpr double kLeast = 1e-14, kMost = 1, kMore = 100;
     for (double share = kLeast; factor_.negative > 0 && share <= kMost; share *= kMore) {
-      LinearSystem system = blended_system(0);
+      LinearSystem system = blended_system();
       if (executor_.is_stopped()) break;
       scale_diagonal(1 + share, system.H);
-      factorize(system, omega_, x_.x);
+      factorize(system);
     }
     return factor_.ok && factor_.negative == 0;
   }
 
-  void add_to_bundle(Array<Vec2> gradient, GradientBundle& bundle) const {
-    Array<Vec2> d = ldlt_solve(symbolic_, factor_, negated(gradient));
-    bundle.add(std::move(gradient), std::move(d));
-  }
-
-  /// The direction of all vertices for that of the unknowns.
   Direction full_direction(Array<Vec2> d) const {
     Direction direction;
     direction.omega = omega_;
-    expand_direction(followers_, d);
-    set_direction(d, direction);
+    set_direction(std::move(d), direction);
+    set_largest_step(direction);
     return direction;
   }
 
@@ -8089,59 +7884,55 @@ class Optimizer {
     if (!is_injective(s_.mesh, y.x)) return {};
     evaluate(s_, weights_, y);
     if (!std::isfinite(y.energy)) return {};
-    Array<Vec2> gradient = models_.gradient(y);
-    add_spring_gradient(springs_, y.x, gradient);
-    reduce(gradient);
-    return gradient;
+    return of_unknowns(models_.gradient(y), y.x);
   }
 
-  // -- quasi-Newton steps --
+  // -- quasi-Newton steps: once ω_L is small, with the factor there is --
+
+  /// How to go on by them.
+  struct QuickSteps {
+    int left = 0;
+    double least_gain = 0;  // of E, by a step after which another one follows
+    double step = 1;        // the first that is tried
+  };
 
   /// After a step of some length: E bends from here on as it did there. As long as ω_L comes down,
-  /// and where a kink holds the run up so that ω_L has to rise, quasi-Newton steps would only delay
-  /// that. After one of them, `is_quick`, the next ones have to pay, too.
-  void plan_quasi_newton_steps(bool is_quick) {
+  /// and where short steps make it rise, quasi-Newton steps would only delay that. After one of
+  /// them, the next ones have to pay, too.
+  void plan_quasi_newton_steps(const Trial& best) {
     constexpr double kLargestOmega = 0.01, kLeastStep = 0.1;
     constexpr double kShare = 0.1;  // of the time of an iteration is what such a step takes
-    const Trial& best = trials_.best;
     const double gain = x_.energy - best.x.energy;
-    if (is_quick) {
-      quick_.steps_left = gain >= quick_.least_gain ? quick_.steps_left - 1 : 0;
+    if (log_.quasi_newton) {
+      quick_.left = gain >= quick_.least_gain ? quick_.left - 1 : 0;
     } else {
       const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
                         factor_.ok && factor_.negative == 0;
-      quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
+      quick_.left = pays ? options_.tuning.quasi_newton_steps : 0;
       quick_.least_gain = kShare * gain;
     }
-    quick_.step = longer(best.candidate.step);
+    quick_.step = (std::min)(1.0, 2 * best.candidate.step);
   }
-
-  /// What is tried first after a step.
-  static double longer(double step) { return (std::min)(1.0, 2 * step); }
 
   /// A step with the factor there is, the mean of the gradients in the memory and what they say of
   /// the curvature; false if none is found, and then there are no more.
   bool take_quasi_newton_step() {
-    if (!has_factor_ && !factorize_anew()) return false;
-    if (!is_remembered_ && !differentiate(false)) return false;
+    if (quick_.left <= 0 || (!is_remembered_ && !differentiate(false))) return false;
     Timer timer;
-    Array<Vec2> gradient = blended_gradient(history_, options_.tuning.history_decay);
-    add_spring_gradient(springs_, x_.x, gradient);
-    reduce(gradient);
-    const Array<Direction> directions(1, full_direction(quasi_newton_direction(
-                                             symbolic_, factor_, secants(), std::move(gradient))));
+    Array<Vec2> d = quasi_newton_direction(
+        symbolic_, factor_, secants(),
+        of_unknowns(blended_gradient(history_, options_.tuning.history_decay), x_.x));
+    const Array<Direction> directions(1, full_direction(std::move(d)));
     log_.seconds_solve += timer.lap();
-    const bool found = directions[0].slope < 0 && search_back(directions, log_);
+    const bool found = directions[0].slope < 0 && search_back(directions);
     if (executor_.is_stopped()) return false;
-    if (!found) quick_.steps_left = 0;
-    log_.quasi_newton = found;
-    return found;
+    if (!found) quick_.left = 0;
+    return log_.quasi_newton = found;
   }
 
-  static constexpr double kShortest = 1e-3;  // of the steps below
-
   /// Tries steps two by two, each half as long as the one before.
-  bool search_back(const Array<Direction>& directions, IterationLog& log) {
+  bool search_back(const Array<Direction>& directions) {
+    constexpr double kShortest = 1e-3;
     Timer timer;
     const SearchProblem problem = search_problem(directions);
     trials_.clear();
@@ -8151,15 +7942,19 @@ class Optimizer {
       candidates.push_back({0, step / 2});
       trials_.add(problem, executor_, candidates);
     }
-    log.seconds_search += timer.lap();
+    log_.seconds_search += timer.lap();
     return trials_.found;
   }
 
-  /// Of a gradient, or a step without its followers, what the unknowns have.
-  void reduce(Array<Vec2>& gradient) const {
+  /// A gradient at y, with that of the springs, in the unknowns.
+  Array<Vec2> of_unknowns(Array<Vec2> gradient, const Points2& y) const {
+    add_spring_gradient(springs_, y, gradient);
     substitute(followers_, gradient);
     eliminate(is_fixed_, gradient);
+    return gradient;
   }
+
+  Array<Vec2> gradient_at(int k) const { return of_unknowns(history_[k].gradient, history_[k].x); }
 
   /// Those of the newest steps in the memory along which E bends upwards.
   Array<Secant> secants() const {
@@ -8167,11 +7962,10 @@ class Optimizer {
     constexpr double kLeastCosine = 1e-10;
     Array<Secant> secants;
     for (int k = 0; k + 1 < history_.size() && secants.size() < kMost; ++k) {
-      const Points2 &x = visited_[k].x, &x_before = visited_[k + 1].x;
       const Array<Vec2> before = gradient_at(k + 1);
       Secant s = {Array<Vec2>(before.size()), gradient_at(k)};
       for (int i = 0; i < before.size(); ++i) {
-        s.step[i] = row2(x, i) - row2(x_before, i);
+        s.step[i] = row2(history_[k].x, i) - row2(history_[k + 1].x, i);
         s.change[i] -= before[i];
       }
       for (const Follower& follower : followers_) s.step[follower.row] = {};
@@ -8182,28 +7976,10 @@ class Optimizer {
     return secants;
   }
 
-  /// That of the k-th visit, with springs, in the unknowns.
-  Array<Vec2> gradient_at(int k) const {
-    Array<Vec2> gradient = history_[k].gradient;
-    add_spring_gradient(springs_, visited_[k].x, gradient);
-    reduce(gradient);
-    return gradient;
-  }
-
-  /// After restore(), the factor that the steps use; false if the caller stops.
-  bool factorize_anew() {
-    const bool is_scaffold_here = has_scaffold();
-    int newest = 0;
-    while (!history_[newest].has_hessian()) ++newest;
-    const Points2& x = visited_[newest].x;
-    set_scaffold(quick_.has_scaffold, x);
-    factorize(blended_system(newest), quick_.omega, x);
-    set_scaffold(is_scaffold_here, x_.x);
-    return has_factor_ = !executor_.is_stopped();
-  }
+  // -- the end --
 
   /// The last entries of the log, and to how many iterations they amount: a quasi-Newton step to a
-  /// part of one, of whose time it takes as much.
+  /// fifth of one, of whose time it takes as much.
   struct Stretch {
     int entries = 0;
     double iterations = 0;
@@ -8214,13 +7990,13 @@ class Optimizer {
     const int n = static_cast<int>(result.log.size());
     int entries = 0, steps = 0;
     while (entries < n && steps / kStepsPerIteration < iterations)
-      steps += state_before(result, entries++).quasi_newton ? 1 : kStepsPerIteration;
+      steps += entry_before(result, entries++).quasi_newton ? 1 : kStepsPerIteration;
     return {entries, static_cast<double>(steps) / kStepsPerIteration};
   }
 
   /// By how much E fell, as a fraction of E + κ (area A + area B).
   double fall_over(const Result& result, const Stretch& last) const {
-    const IterationLog &now = result.final_state(), &before = state_before(result, last.entries);
+    const IterationLog &now = result.final_state(), &before = entry_before(result, last.entries);
     return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area);
   }
 
@@ -8232,12 +8008,12 @@ class Optimizer {
   }
 
   /// What the log says of so many entries ago.
-  static const IterationLog& state_before(const Result& result, int entries) {
+  static const IterationLog& entry_before(const Result& result, int entries) {
     const int n = static_cast<int>(result.log.size());
     return n == entries ? result.log_begin : result.log[static_cast<std::size_t>(n - 1 - entries)];
   }
 
-  /// That of the stopping rule; what begins near its end makes shorter pauses.
+  /// That of the stopping rule; a run that begins near its end, after coarse levels, pauses less.
   int window(const Result& result) const {
     const int window = options_.tuning.window;
     return result.coarse.empty() ? window : (std::max)(1, window / 2);
@@ -8249,7 +8025,7 @@ class Optimizer {
     const Stretch last = last_stretch(result, iterations);
     if (last.iterations < iterations) return false;
     const double omega = result.final_state().omega;
-    if (omega < state_before(result, last.entries).omega && omega > kHardlyActs) return false;
+    if (omega < entry_before(result, last.entries).omega && omega > kHardlyActs) return false;
     return fall_over(result, last) < window(result) * options_.tolerance;
   }
 
@@ -8257,10 +8033,17 @@ class Optimizer {
     return has_settled(result, window(result)) ? Status::kConverged : Status::kUnfinished;
   }
 
-  /// How a run ends that finds no step: that counts as an iteration of the window in which E did
-  /// not fall, so where it hardly fell before either, the run has arrived.
+  /// True if all of both surfaces is mapped without distortion: no map has less.
+  bool is_isometry() const {
+    const double area = x_.area_a + x_.area_b, tolerance = options_.tolerance;
+    return x_.map_energy <= (options_.measure.isometry() + tolerance) * area &&
+           area >= (1 - tolerance) * s_.total_area;
+  }
+
+  /// An iteration without a step counts as one in which E did not fall: if it hardly fell before
+  /// either, the run has converged.
   Status status_without_step(const Result& result) const {
-    if (is_stationary_) return Status::kConverged;
+    if (is_stationary_ || is_isometry()) return Status::kConverged;
     const bool is_first = result.log.empty() && result.coarse.empty();
     if (!factor_.ok && is_first) return Status::kNumericalFailure;
     const int before = (std::max)(1, window(result) - 1);
@@ -8286,13 +8069,13 @@ class Optimizer {
   IterationLog log_;               // of the iteration that is on
   bool is_remembered_ = false;     // derivatives at x are in the memory
   Array<QuadraticModel> history_;  // newest first
-  Array<Visit> visited_;           // where they were made
   LdltSymbolic symbolic_;
   LdltFactor factor_;
-  bool has_factor_ = false;
   QuickSteps quick_;
   Trials trials_;
-  bool is_scaffolded_ = false;  // once a trial has met a boundary
+  bool is_scaffolded_ =
+      false;  // there is to be a scaffold: a trial has made a boundary meet itself
+  bool has_scaffold_ = false;
   Scaffold scaffold_;
   Array<Spring> springs_;
   BlockMatrix others_;  // the Hessian of scaffold and springs
@@ -14402,15 +14185,6 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
     const VertexPair at = {vertex_at(l.a), vertex_at(l.b), l.given};
-    if (at.a < 0 || at.b < 0)
-      return fail(outcome, Status::kInvalidLandmarks,
-                  {name_of(l.given), "exact_landmarks with given positions needs vertices"},
-                  ids_of(l.given));
-    if (row2(x, at.a) != row2(x, s.n_a + at.b))
-      return fail(
-          outcome, Status::kInvalidPositions,
-          {name_of(l.given), "exact_landmarks needs given positions in which its images coincide"},
-          ids_of(l.given));
     held.followers.push_back(landmark_follower(s, at));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
@@ -14420,143 +14194,6 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
   return add_pins(pair, options.pins_a, 0, may_wait, held, outcome) &&
          add_pins(pair, options.pins_b, s.n_a, may_wait, held, outcome) &&
          check_chains(s, held.followers, outcome);
-}
-
-// ---- what a Solver saves ----
-
-/// Lists numbers one behind the other.
-struct StateWriter {
-  SolverState& state;
-  void operator()(int& value) { state.integers.push_back(value); }
-  void operator()(double& value) { state.numbers.push_back(value); }
-};
-
-/// Reads them in the same order; zeros where there are none.
-struct StateReader {
-  const SolverState& state;
-  std::size_t integers = 0, numbers = 0;
-  bool is_complete = true;
-
-  void operator()(int& value) { take(state.integers, integers, value); }
-  void operator()(double& value) { take(state.numbers, numbers, value); }
-  bool is_done() const {
-    return is_complete && integers == state.integers.size() && numbers == state.numbers.size();
-  }
-
- private:
-  template <class T>
-  void take(const std::vector<T>& values, std::size_t& at, T& value) {
-    is_complete = is_complete && at < values.size();
-    value = is_complete ? values[at++] : T();
-  }
-};
-
-template <class Archive>
-void exchange(Archive& io, bool& flag) {
-  int value = flag;
-  io(value);
-  flag = value != 0;
-}
-
-/// The size of a list, which is not read if there cannot be that much.
-inline int exchanged_size(StateWriter& io, int size) { return io(size), size; }
-inline int exchanged_size(StateReader& io, int size) {
-  io(size);
-  const std::size_t left = io.state.integers.size() + io.state.numbers.size();
-  io.is_complete = io.is_complete && size >= 0 && static_cast<std::size_t>(size) <= left;
-  return io.is_complete ? size : 0;
-}
-
-template <class Archive>
-void exchange(Archive& io, Points2& x) {
-  const int n = exchanged_size(io, rows_of(x));
-  if (n != rows_of(x)) x = Points2(n, 2);
-  for (int i = 0; i < x.size(); ++i) io(x.data()[i]);
-}
-
-template <class Archive>
-void exchange(Archive& io, int& value) {
-  io(value);
-}
-
-template <class Archive>
-void exchange(Archive& io, AddedVertex& p) {
-  for (int k = 0; k < 3; ++k) io(p.corners[k]);
-  for (int k = 0; k < 3; ++k) io(p.weights[k]);
-}
-
-template <class Archive>
-void exchange(Archive& io, IterationLog& log) {
-  for (int* value : {&log.iteration, &log.polygons}) io(*value);
-  for (double* value :
-       {&log.energy, &log.map_energy, &log.energy_f, &log.energy_g, &log.mean_distortion,
-        &log.coverage_a, &log.coverage_b, &log.omega, &log.step, &log.max_step, &log.pin_residual,
-        &log.seconds_derivatives, &log.seconds_assembly, &log.seconds_solve, &log.seconds_search})
-    io(*value);
-  exchange(io, log.history_reset);
-  exchange(io, log.quasi_newton);
-}
-
-template <class Archive>
-void exchange(Archive& io, Optimizer::Visit& visit) {
-  exchange(io, visit.x);
-  exchange(io, visit.has_hessian);
-}
-
-template <class Archive>
-void exchange(Archive& io, CoarseLevel& level) {
-  for (int* value : {&level.vertices_a, &level.vertices_b, &level.iterations}) io(*value);
-  io(level.mean_distortion);
-  io(level.seconds);
-}
-
-template <class Archive, class List>
-void exchange_list(Archive& io, List& list) {
-  const int n = exchanged_size(io, static_cast<int>(list.size()));
-  list.resize(static_cast<decltype(list.size())>(n));
-  for (auto& item : list) exchange(io, item);
-}
-
-/// All there is in a state.
-struct SavedRun {
-  int status = 0;
-  int opening_a = -1, opening_b = -1;  // as OpeningPair
-  std::vector<AddedVertex> added_a, added_b;
-  Points2 f, g;  // the start
-  double scale = 1;
-  double embedding_seconds = 0, seconds = 0;
-  bool is_coarse = false;  // the coarse levels have not come to their end, and begin anew
-  std::vector<CoarseLevel> coarse;
-  bool is_changed = false;  // landmarks or options; what follows from that is yet to be done:
-  Array<int> pulled;        // these landmarks are to be brought together
-  IterationLog log_begin;
-  std::vector<IterationLog> log;
-  Optimizer::Memory memory;
-};
-
-template <class Archive>
-void exchange(Archive& io, SavedRun& run) {
-  for (int* value : {&run.status, &run.opening_a, &run.opening_b}) io(*value);
-  exchange_list(io, run.added_a);
-  exchange_list(io, run.added_b);
-  for (Points2* x : {&run.f, &run.g, &run.memory.x}) exchange(io, *x);
-  for (double* value : {&run.scale, &run.embedding_seconds, &run.seconds, &run.memory.omega})
-    io(*value);
-  exchange(io, run.is_coarse);
-  exchange_list(io, run.coarse);
-  exchange(io, run.is_changed);
-  exchange_list(io, run.pulled);
-  exchange(io, run.log_begin);
-  exchange_list(io, run.log);
-  exchange_list(io, run.memory.visited);
-  Optimizer::QuickSteps& quick = run.memory.quick;
-  for (bool* flag : {&run.memory.is_remembered, &run.memory.is_scaffolded, &run.memory.has_scaffold,
-                     &run.memory.was_reset, &quick.has_scaffold})
-    exchange(io, *flag);
-  io(quick.steps_left);
-  io(quick.least_gain);
-  io(quick.step);
-  io(quick.omega);
 }
 
 // ---- landmarks that are changed while there is a map ----
@@ -14598,7 +14235,7 @@ class LandmarkPuller {
   bool was_stopped() const { return was_stopped_; }
 
  private:
-  static constexpr double kHardest = 1e8;
+  static constexpr double kHardest = 1e10;
 
   void stiffen() {
     Array<Spring> springs;
@@ -14675,27 +14312,6 @@ class Run {
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
   double fraction() const { return executor_.fraction(); }
 
-  SolverState state() const {
-    SavedRun run = puller_ ? before_change_ : now();
-    SolverState state;
-    StateWriter writer = {state};
-    exchange(writer, run);
-    return state;
-  }
-
-  /// The same run where the other one was; null if the state does not fit.
-  std::unique_ptr<Run> restored(const SolverState& state) const {
-    SavedRun saved;
-    StateReader reader = {state};
-    exchange(reader, saved);
-    auto run = std::make_unique<Run>(a_, b_, landmarks_, given_options_, only_start_);
-    const bool has_status =
-        saved.status >= 0 && saved.status <= static_cast<int>(Status::kNoMapYet);
-    if (!reader.is_done() || !has_status || !run->is_embedding()) return nullptr;
-    if (static_cast<Status>(saved.status) == Status::kNoMapYet) return run;
-    return run->restore(saved) ? std::move(run) : nullptr;
-  }
-
   /// The same surfaces with other landmarks and options, where there is a map, from there on; null,
   /// and the outcome says why, if they are refused.
   std::unique_ptr<Run> changed(const std::vector<Landmark>& landmarks, Options options,
@@ -14705,20 +14321,7 @@ class Run {
     options.initial_f = given_options_.initial_f;
     options.initial_g = given_options_.initial_g;
     auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_, &whole_);
-    if (run->is_embedding() && optimizer_) {
-      SavedRun saved = now();
-      saved.status = static_cast<int>(Status::kUnfinished);
-      const Points2 x = own_positions();
-      saved.f = rows_between(x, 0, s_.n_a);
-      saved.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
-      saved.log.clear();
-      saved.is_changed = true;
-      saved.pulled = landmarks_to_pull(run->landmarks_, options.exact_landmarks);
-      if (!run->restore(saved) && run->is_embedding()) {
-        fail(outcome, Status::kInvalidPositions, {"the map there is does not fit these options"});
-        return nullptr;
-      }
-    }
+    if (run->is_embedding() && optimizer_) run->go_on_from(*this);
     if (run->is_embedding() || is_usable(run->result_.status)) return run;
     fail(outcome, run->result_.status, {run->result_.message}, run->result_.ids);
     return nullptr;
@@ -14743,7 +14346,7 @@ class Run {
       close();
     else if (optimizer_)
       optimizer_->iterate(result_);
-    if (result_.status == Status::kNumericalFailure && is_changed()) {
+    if (result_.status == Status::kNumericalFailure && is_changed_) {
       result_.message = words_of(result_.status).sentence;
       stall(result_);
     }
@@ -14775,89 +14378,26 @@ class Run {
  private:
   Result& latest() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
 
-  // ---- saving, restoring, changing ----
+  // ---- changes, and landmarks that given positions do not bring together ----
 
-  SavedRun now() const {
-    SavedRun run;
-    run.status = static_cast<int>(closer_ ? optimized_ : result_.status);
-    if (!optimizer_) return run;
-    const Embedding& start = result_.start;
-    run.opening_a = opening_.a;
-    run.opening_b = opening_.b;
-    run.added_a = start.added_a;
-    run.added_b = start.added_b;
-    run.f = start.f;
-    run.g = start.g;
-    run.scale = scale_;
-    run.embedding_seconds = start.seconds;
-    run.seconds = result_.seconds;
-    run.is_coarse = coarse_ != nullptr;
-    run.coarse = result_.coarse;
-    run.log_begin = result_.log_begin;
-    run.log = result_.log;
-    run.memory = optimizer_->memory();
-    return run;
-  }
-
-  bool restore(SavedRun& saved) {
+  /// Takes the map of another run on the same surfaces for the start.
+  void go_on_from(const Run& before) {
     const NoTraps no_traps;
-    opening_ = {saved.opening_a, saved.opening_b};
-    if (!fits(opening_.a, whole_.a) || !fits(opening_.b, whole_.b)) return false;
+    opening_ = before.opening_;
     open();
-    if (!add_others(saved.added_a, pair_.a) || !add_others(saved.added_b, pair_.b)) return false;
-    const int n_a = pair_.a.mesh.n_vertices, n = n_a + pair_.b.mesh.n_vertices;
-    const auto is_embedding_of_both = [&](const Points2& x) {
-      return x.rows() == n && is_injective(pair_.a.mesh, rows_between(x, 0, n_a)) &&
-             is_injective(pair_.b.mesh, rows_between(x, n_a, n));
-    };
-    const Optimizer::Memory& memory = saved.memory;
-    bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
-              is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
-              is_power_of_two(saved.scale) &&
-              (saved.is_changed || Optimizer::is_sound(memory, options_.tuning));
-    for (const Optimizer::Visit& visit : memory.visited) ok = ok && is_embedding_of_both(visit.x);
-    for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
-    if (!ok) return false;
-    embedder_.reset();
-    scale_ = saved.scale;
+    pair_ = before.joiner_ ? before.pair_before_ : before.pair_;
+    scale_ = before.scale_;
+    omega_before_ = before.optimizer_->omega();
+    const Points2 x = before.own_positions();
     Embedding& start = result_.start;
-    start.f = saved.f;
-    start.g = saved.g;
-    start.seconds = saved.embedding_seconds;
-    result_.seconds = saved.seconds;
-    if (saved.is_changed) {
-      before_change_ = saved;
-      begin_change();
-    } else {
-      accept_start();
-      if (!optimizer_ || result_.status != Status::kUnfinished) return false;
-      optimizer_->restore(memory);
-      if (saved.is_coarse) begin_coarse();
-      result_.coarse = std::move(saved.coarse);
-      result_.log_begin = saved.log_begin;
-      result_.log = std::move(saved.log);
-      told_ = result_.log.size();
-      result_.status = static_cast<Status>(saved.status);
-    }
+    start.f = rows_between(x, 0, before.s_.n_a);
+    start.g = rows_between(x, before.s_.n_a, before.s_.mesh.n_vertices);
+    start.seconds = before.result_.start.seconds;
+    result_.seconds = before.result_.seconds;
+    is_changed_ = true;
+    pulled_ = before.landmarks_to_pull(landmarks_, options_.exact_landmarks);
+    begin_at_positions();
     if (optimizer_) hand_over();
-    return optimizer_ && is_usable(result_.status);
-  }
-
-  /// Positions are scaled by such a factor, which leaves them the bits they were decided on.
-  static bool is_power_of_two(double scale) {
-    int exponent = 0;
-    return std::isnormal(scale) && std::frexp(scale, &exponent) == 0.5;
-  }
-
-  static bool fits(int opening, const Surface& s) {
-    return is_closed(s) ? opening >= 0 && opening < s.mesh.n_vertices : opening == -1;
-  }
-
-  /// Adds those that a surface does not have from the start, as copies at a cross.
-  static bool add_others(const std::vector<AddedVertex>& all, Surface& s) {
-    const std::size_t n = s.added.size();
-    return all.size() >= n &&
-           add_vertices({all.begin() + static_cast<std::ptrdiff_t>(n), all.end()}, s);
   }
 
   /// Of all vertices, in the unit that positions were given in.
@@ -14886,41 +14426,25 @@ class Run {
   }
 
   bool is_pulled(int landmark) const {
-    const Array<int>& pulled = before_change_.pulled;
-    return std::find(pulled.begin(), pulled.end(), landmark) != pulled.end();
+    return std::find(pulled_.begin(), pulled_.end(), landmark) != pulled_.end();
   }
 
-  /// From the map of another run on. Exact landmarks in triangles become vertices first.
-  void begin_change() {
+  /// Begins at the positions of the start. Exact landmarks in triangles become vertices first.
+  void begin_at_positions() {
     Embedding& start = result_.start;
-    Optimizer::Memory memory = before_change_.memory;
     std::vector<AddedVertex> a, b;
     if (options_.exact_landmarks &&
         !add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, result_))
       return;
     start.f = with_added(start.f, a);
     start.g = with_added(start.g, b);
-    if (!a.empty() || !b.empty()) memory.visited.clear();
     if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
       return void(fail(result_, Status::kInvalidLandmarks,
                        {"landmarks are too close to edges, for the map there is"}));
-    return_input();
-    return_meshes(a_->mesh, b_->mesh, pair_, start);
-    Array<PlacedLandmark> apart, together;
-    const Array<PlacedLandmark> landmarks = located(opened_, pair_);
-    for (int i = 0; i < landmarks.size(); ++i) {
-      const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
-      const bool is_one = u >= 0 && v >= 0 && row2(start.f, u) == row2(start.g, v);
-      (is_pulled(i) && !is_one ? apart : together).push_back(landmarks[i]);
-    }
-    begin(together);
-    if (!optimizer_ || result_.status != Status::kUnfinished) return;
-    optimizer_->keep(memory);
-    if (!apart.empty())
-      puller_ = std::make_unique<LandmarkPuller>(s_, apart, options_, executor_, *optimizer_);
+    accept_start();
   }
 
-  /// A step towards landmarks that were changed.
+  /// A step towards landmarks that are apart.
   void bring_together() {
     if (joiner_) {
       if (!joiner_->step(joining_)) end_change();
@@ -14946,11 +14470,12 @@ class Run {
   void end_change() {
     puller_.reset();
     joiner_.reset();
+    pulled_.clear();
     if (joining_.status != Status::kDone) {
       pair_ = std::move(pair_before_);
       return stall(joining_);
     }
-    Optimizer::Memory memory = optimizer_->memory();
+    omega_before_ = optimizer_->omega();
     Embedding& start = result_.start;
     start.f = scaled(1 / scale_, joining_.f);
     start.g = scaled(1 / scale_, joining_.g);
@@ -14962,8 +14487,6 @@ class Run {
       optimizer_->start(scaled(scale_, stacked(start.f, start.g)), result_);
       return stall(why);
     }
-    if (memory.x.rows() != s_.mesh.n_vertices) memory.visited.clear();  // vertices were added
-    optimizer_->keep(memory);
   }
 
   /// There is a map, but what was asked for cannot be met from here on.
@@ -14973,9 +14496,6 @@ class Run {
     result_.status = Status::kStalled;
     has_reason_ = true;
   }
-
-  /// True if this run went on from the map of another one.
-  bool is_changed() const { return before_change_.f.size() > 0; }
 
   // ---- the embedding, and the beginning of the loop ----
 
@@ -14987,14 +14507,14 @@ class Run {
     if (!embedder_ && !has_positions()) return begin_embedding();
     if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
     Embedding& start = result_.start;
-    if (!embedder_)
-      take_positions(pair_, options_, start);
-    else if (!take_best())
-      return;
+    const bool is_given = !embedder_;
+    if (!is_given && !take_best()) return;
+    if (is_given) take_positions(pair_, options_, start);
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
-    accept_start();
-    if (optimizer_ && result_.status == Status::kUnfinished) begin_coarse();
+    for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
+    is_given&& start.status == Status::kDone ? begin_at_positions() : accept_start();
+    if (optimizer_ && !puller_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 
   /// Begins with the next of the openings that are tried, of closed surfaces.
@@ -15076,7 +14596,21 @@ class Run {
       return void(fail(result_, start.status, {start.message}, start.ids));
     start.landmark_distance = largest_landmark_distance(start, located(opened_, pair_));
     result_.status = Status::kDone;
-    if (!only_start_) begin(located(opened_, pair_));
+    if (!only_start_) begin_loop();
+  }
+
+  /// Algorithm 1, at first with springs between landmarks that are to be pulled together.
+  void begin_loop() {
+    Array<PlacedLandmark> apart, together;
+    const Array<PlacedLandmark> landmarks = located(opened_, pair_);
+    for (int i = 0; i < landmarks.size(); ++i) {
+      const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
+      const bool is_one = u >= 0 && v >= 0 && row2(result_.start.f, u) == row2(result_.start.g, v);
+      (is_pulled(i) && !is_one ? apart : together).push_back(landmarks[i]);
+    }
+    begin(together);
+    if (!apart.empty() && optimizer_ && result_.status == Status::kUnfinished)
+      puller_ = std::make_unique<LandmarkPuller>(s_, apart, options_, executor_, *optimizer_);
   }
 
   bool is_stopped_at_end() const {
@@ -15111,6 +14645,7 @@ class Run {
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
     optimizer_->start(x, result_);
+    optimizer_->lower_omega(omega_before_);
     if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
   }
 
@@ -15220,7 +14755,7 @@ class Run {
   /// A map that is bent too much to be of use is no success, whatever its status.
   void warn_of_distortion(Result& r) {
     const double mean = r.final_state().mean_distortion, before = r.initial.mean_distortion;
-    const bool has_risen = !is_changed() && mean > kMostRise * before;
+    const bool has_risen = !is_changed_ && mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;
     if (!(mean > kMostDistortion || has_risen)) return;
@@ -15298,8 +14833,10 @@ class Run {
   bool is_behind_ = false;                // the result, of the map of the coarse levels
   int level_shown_ = -1;                  // that of the map in the result
   std::size_t told_ = 0;                  // of the log
-  SavedRun before_change_;
-  std::unique_ptr<LandmarkPuller> puller_;  // while landmarks are brought together
+  bool is_changed_ = false;               // it goes on from the map of another run,
+  double omega_before_ = kInfinity;       // with this ω_L
+  Array<int> pulled_;                     // landmarks to be brought together if they are apart
+  std::unique_ptr<LandmarkPuller> puller_;
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding joining_;
   SurfacePair pair_before_;
@@ -15469,15 +15006,6 @@ Phase Solver::phase() const {
   return run_->is_embedding() ? Phase::kEmbedding : Phase::kOptimization;
 }
 double Solver::fraction() const { return run_->fraction(); }
-SolverState Solver::state() const { return run_->state(); }
-
-bool Solver::restore(const SolverState& state) {
-  std::unique_ptr<detail::Run> run = run_->restored(state);
-  if (!run) return false;
-  run_ = std::move(run);
-  return true;
-}
-
 Outcome Solver::change(const std::vector<Landmark>& landmarks, const Options& options) {
   Outcome outcome;
   std::unique_ptr<detail::Run> run = run_->changed(landmarks, options, outcome);

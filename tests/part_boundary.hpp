@@ -325,7 +325,7 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
     at.x = Eigen::Map<const Points2>(x.data(), s.mesh.n_vertices, 2);
     evaluate(s, weights, at);
     models.differentiate_elements(at);
-    LinearSystem system = blend(Array<QuadraticModel>(1, models.assemble()), 0, 1, {}, {}, executor);
+    LinearSystem system = blend(Array<QuadraticModel>(1, models.assemble()), 1, {}, {}, executor);
     eliminate(is_fixed, system);
     return system;
   };

@@ -791,14 +791,9 @@ TEST_CASE("a damaged mesh is mapped as the clean one, with landmarks and constra
 
   ism::Solver solver(given, b.mesh, of_given, options_of_given);
   for (int i = 0; i < 200 && solver.phase() != ism::Phase::kOptimization; ++i) solver.step();
-  ism::Solver other(given, b.mesh, of_given, options_of_given);
-  REQUIRE(other.restore(solver.state()));
-  while (other.step()) {
-  }
-  CHECK(other.result().f == expected.f);
   of_given[0].b = 13;
-  CHECK(other.change(of_given, options_of_given).status == ism::Status::kDone);
-  CHECK(ism::is_usable(other.result().status));
+  CHECK(solver.change(of_given, options_of_given).status == ism::Status::kDone);
+  CHECK(ism::is_usable(solver.result().status));
 }
 
 TEST_CASE("what is wrong with constraints on a prepared mesh is said in the ids given") {
