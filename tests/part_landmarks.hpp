@@ -499,24 +499,17 @@ TEST_CASE("points that are none of a mesh, and places used twice, are refused") 
   CHECK(e.status == Status::kDone);
 }
 
-TEST_CASE(
-    "exact points need an embedding that is not given, and both or no end on held boundaries") {
+TEST_CASE("exact points need both or no end on held boundaries") {
   const Disk a = shapes::grid(4, 4);
-  Options options = given_planes(a, a);
-  options.exact_landmarks = true;
-  const SurfacePoint inner = {12, {0.2, 0.3, 0.5}};
-  check_refused(ism::compute_map(a.mesh, a.mesh, {{3, inner}}, options),
-                "landmark 3 (triangle 12): exact_landmarks with given positions needs vertices",
-                {3, 12});
-  options = on_one_thread();
+  Options options = on_one_thread();
   options.exact_landmarks = true;
   options.boundary = Boundary::kSlide;
   const HalfEdgeMesh m = half_edges(a.mesh);
   SurfacePoint edge = {m.boundary[1] / 3, Vector3d::Zero()};
   edge.barycentric[m.boundary[1] % 3] = edge.barycentric[(m.boundary[1] + 1) % 3] = 0.5;
-  check_refused(ism::compute_map(a.mesh, a.mesh, {{edge, inner}}, options),
-                "one end is on a boundary, which is held, and the other one is not",
-                {edge.face, 12});
+  check_refused(
+      ism::compute_map(a.mesh, a.mesh, {{edge, SurfacePoint{12, {0.2, 0.3, 0.5}}}}, options),
+      "one end is on a boundary, which is held, and the other one is not", {edge.face, 12});
 }
 
 }  // namespace landmarks_tests
