@@ -5940,11 +5940,6 @@ struct FaceTerm {
   Vec2 gradient[3];
 };
 
-/// What a triangle contributes to the gradient alone.
-struct FaceForce {
-  Vec2 at[3];
-};
-
 /// What the polygons in a triangle of A contribute between its corners and a vertex of B.
 struct Coupling {
   int vertex;
@@ -5979,14 +5974,19 @@ inline void embedding_terms(const Surface& s, const Points2& x, int begin, int e
   }
 }
 
+inline Array<Vec2> sum_gradients(const HalfEdgeMesh& m, const Array<FaceTerm>& terms) {
+  Array<Vec2> gradient(m.n_vertices);
+  for (int h = 0; h < m.tail.size(); ++h) gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
+  return gradient;
+}
+
 /// Sums the terms of triangles, vertex by vertex. add_others(h, row) adds what else the corner at
 /// which half-edge h starts is coupled to.
 inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& terms,
                                 const Executor& executor,
                                 const Callback<int, RowWriter&>& add_others) {
   QuadraticModel model;
-  model.gradient.resize(m.n_vertices);
-  for (int h = 0; h < m.tail.size(); ++h) model.gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
+  model.gradient = sum_gradients(m, terms);
   model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
     m.for_each_outgoing(u, [&](int h) {
       for (int k = 0; k < 3; ++k)
@@ -6003,44 +6003,30 @@ class ModelBuilder {
   ModelBuilder(const JointSurface& s, const Weights& weights, const Executor& executor)
       : s_(s), weights_(weights), executor_(executor) {}
 
-  /// Derivatives of all polygons and triangles, projected one by one (Algorithm 1, lines 4 to 7).
-  void differentiate_elements(const Iterate& x) {
+  /// Derivatives of all polygons and triangles (Algorithm 1, lines 4 to 7): gradients, which cost a
+  /// fraction, and Hessians, projected one by one.
+  void differentiate_elements(const Iterate& x, bool with_hessians = true) {
+    with_hessians_ = with_hessians;
     by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
     polygon_in_b_.resize(x.overlay.polygons.size());
     coupling_.resize(s_.faces_a);
     face_.resize(s_.mesh.n_faces);
     run_by_work(0, s_.faces_a, [&](int begin, int end) {
-      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      differentiate_embedding(x, begin, end);
       for (int f = begin; f < end; ++f) coupling_[f].clear();
       differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
     });
     run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
-      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      differentiate_embedding(x, begin, end);
       for (int f = begin; f < end; ++f)
         for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
           add(polygon_in_b_[by_face_.item[i]], face_[f]);
     });
   }
 
-  /// The gradient alone, which costs a fraction of that.
   Array<Vec2> gradient(const Iterate& x) {
-    by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
-    force_in_b_.resize(x.overlay.polygons.size());
-    force_.resize(s_.mesh.n_faces);
-    run_by_work(0, s_.faces_a, [&](int begin, int end) {
-      embedding_forces(x, begin, end);
-      add_polygon_forces(x, by_face_.start[begin], by_face_.start[end]);
-    });
-    run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
-      embedding_forces(x, begin, end);
-      for (int f = begin; f < end; ++f)
-        for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
-          for (int k = 0; k < 3; ++k) force_[f].at[k] += force_in_b_[by_face_.item[i]].at[k];
-    });
-    Array<Vec2> gradient(s_.mesh.n_vertices);
-    for (int h = 0; h < s_.mesh.tail.size(); ++h)
-      gradient[s_.mesh.tail[h]] += force_[h / 3].at[h % 3];
-    return gradient;
+    differentiate_elements(x, false);
+    return sum_gradients(s_.mesh, face_);
   }
 
   /// Sums the terms of the last differentiate_elements() (line 8).
@@ -6066,10 +6052,10 @@ class ModelBuilder {
     });
   }
 
-  static void add(const FaceTerm& term, FaceTerm& sum) {
+  void add(const FaceTerm& term, FaceTerm& sum) const {
     for (int i = 0; i < 3; ++i) {
       sum.gradient[i] += term.gradient[i];
-      for (int j = 0; j < 3; ++j) sum.hessian[i][j] += term.hessian[i][j];
+      for (int j = 0; j < 3 && with_hessians_; ++j) sum.hessian[i][j] += term.hessian[i][j];
     }
   }
 
@@ -6089,8 +6075,12 @@ class ModelBuilder {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
       load_polygons(x, begin, end, *batch);
-      differentiate(*weights_.measure, weights_.kappa, *batch);
-      project_spd<6>(batch->hessian, weights_.epsilon);
+      if (with_hessians_) {
+        differentiate(*weights_.measure, weights_.kappa, *batch);
+        project_spd<6>(batch->hessian, weights_.epsilon);
+      } else {
+        differentiate_once(*weights_.measure, weights_.kappa, *batch);
+      }
       for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
         store(x, by_face_.item[begin + lane], lane, *batch);
     }
@@ -6100,40 +6090,27 @@ class ModelBuilder {
     return {batch.gradient[2 * corner][lane], batch.gradient[2 * corner + 1][lane]};
   }
 
-  void add_polygon_forces(const Iterate& x, int begin, int end) {
-    const auto batch = std::make_unique<PolygonBatch>();
-    for (; begin < end; begin += kLanes) {
-      load_polygons(x, begin, end, *batch);
-      differentiate_once(*weights_.measure, weights_.kappa, *batch);
-      for (int lane = 0; lane < kLanes && begin + lane < end; ++lane) {
-        const int id = by_face_.item[begin + lane];
-        force_in_b_[id] = FaceForce();
-        if (batch->is_negligible[lane]) continue;
-        for (int j = 0; j < 3; ++j) {
-          force_[x.overlay.polygons[id].ta].at[j] += force(*batch, j, lane);
-          force_in_b_[id].at[j] = force(*batch, 3 + j, lane);
-        }
-      }
-    }
-  }
-
-  void embedding_forces(const Iterate& x, int begin, int end) {
+  void differentiate_embedding(const Iterate& x, int begin, int end) {
+    if (with_hessians_)
+      return embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
     for (int f = begin; f < end; ++f) {
       const CornerWeights<double> B(s_.rest_inverse[f].entry);
       const TriangleDensity<double> w = triangle_density(x.jacobian[f].entry);
       for (int i = 0; i < 3; ++i)
-        force_[f].at[i] = weights_.barrier * s_.area[f] * point_gradient(w, B, i);
+        face_[f].gradient[i] = weights_.barrier * s_.area[f] * point_gradient(w, B, i);
     }
   }
 
   void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
     const OverlayPolygon& p = x.overlay.polygons[id];
     FaceTerm &a = face_[p.ta], &b = polygon_in_b_[id];
-    b = FaceTerm();
+    std::fill_n(b.gradient, 3, Vec2());
+    if (with_hessians_) b = FaceTerm();
     if (batch.is_negligible[lane]) return;
     for (int j = 0; j < 3; ++j) {
       a.gradient[j] += force(batch, j, lane);
       b.gradient[j] = force(batch, 3 + j, lane);
+      if (!with_hessians_) continue;
       Coupling& coupling = coupling_with(s_.mesh.corner(p.tb, j), coupling_[p.ta]);
       for (int i = 0; i < 3; ++i) {
         a.hessian[i][j] += batch.hessian.block(i, j, lane);
@@ -6160,7 +6137,7 @@ class ModelBuilder {
   Array<FaceTerm> polygon_in_b_;     // per polygon, its part between vertices of B
   Array<Array<Coupling>> coupling_;  // per triangle of A
   Array<FaceTerm> face_;
-  Array<FaceForce> force_in_b_, force_;  // of the gradient alone: per polygon, per triangle
+  bool with_hessians_ = true;
 };
 
 // ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
