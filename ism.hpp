@@ -6418,6 +6418,19 @@ struct Follower {
   int row;
   int master[3];
   Vec3 weight;
+
+  template <class Visit>
+  void for_each_master(const Visit& visit) const {
+    for (int k = 0; k < 3; ++k)
+      if (weight[k] != 0) visit(master[k], weight[k]);
+  }
+  /// Σ_k weight_k at(master_k).
+  template <class At>
+  Vec2 mean(const At& at) const {
+    Vec2 sum;
+    for_each_master([&](int v, double w) { sum += w * at(v); });
+    return sum;
+  }
 };
 
 /// A vertex in a triangle.
@@ -6431,102 +6444,32 @@ inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
   return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
 
-/// The linear map P.
-class Substitution {
- public:
-  Substitution(const Array<Follower>& followers, int rows)
-      : followers_(followers), follower_of_(rows, -1) {
-    for (int i = 0; i < followers.size(); ++i) follower_of_[followers[i].row] = i;
-  }
-  bool is_follower(int row) const { return follower_of_[row] >= 0; }
-
-  /// visit(row, weight) for every unknown that the position of `row` depends on.
-  template <class Visit>
-  void for_each_source(int row, const Visit& visit) const {
-    if (!is_follower(row)) return visit(row, 1.0);
-    const Follower& follower = followers_[follower_of_[row]];
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0) visit(follower.master[k], follower.weight[k]);
-  }
-
- private:
-  const Array<Follower>& followers_;
-  Array<int> follower_of_;
-};
-
 /// A follower of which a master is one, too, and that master.
 struct Chain {
   int row = -1, master = -1;
 };
 
 inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
-  const Substitution P(followers, s.mesh.n_vertices);
+  Array<char> follows(s.mesh.n_vertices, 0);
+  for (const Follower& follower : followers) follows[follower.row] = 1;
+  Chain chain;
   for (const Follower& follower : followers)
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
-        return {follower.row, follower.master[k]};
-  return {};
-}
-
-/// Pᵀ A P. Of the rows and columns of followers, `unit` on the diagonal stays.
-inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit,
-                               const Executor& executor) {
-  Array<Block> moved;
-  const auto add = [&](int i, int j, const Mat2& value) {
-    if (i <= j) moved.push_back({i, j, value});
-  };
-  for (int r = 0; r < A.rows(); ++r)
-    for (int b = A.start[r]; b < A.start[r + 1]; ++b) {
-      const int c = A.column[b];
-      if (!P.is_follower(r) && !P.is_follower(c)) continue;
-      const Mat2 value = A.value[b];
-      A.value[b] = diagonal(r == c ? unit : 0);
-      P.for_each_source(r, [&](int i, double wi) {
-        P.for_each_source(c, [&](int j, double wj) {
-          add(i, j, wi * wj * value);
-          if (r != c) add(j, i, wi * wj * transposed(value));
-        });
-      });
-    }
-  return sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
-}
-
-/// Pᵀ g.
-inline void substitute(const Array<Follower>& followers, Array<Vec2>& gradient) {
-  for (const Follower& follower : followers) {
-    const Vec2 force = gradient[follower.row];
-    gradient[follower.row] = {};
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0) gradient[follower.master[k]] += follower.weight[k] * force;
-  }
-}
-
-/// Replaces x by P x in a system.
-inline void substitute(const Array<Follower>& followers, const Executor& executor,
-                       LinearSystem& system) {
-  if (followers.empty()) return;
-  const Substitution P(followers, system.H.rows());
-  system.H = substituted(P, std::move(system.H), 1, executor);
-  if (system.has_Q()) system.Q = substituted(P, std::move(system.Q), 0, executor);
-  substitute(followers, system.gradient);
+    follower.for_each_master([&](int v, double) {
+      if (follows[v] && chain.row < 0) chain = {follower.row, v};
+    });
+  return chain;
 }
 
 /// P d: gives the followers the direction that their masters' say.
 inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
-  for (const Follower& follower : followers) {
-    Vec2 sum;
-    for (int k = 0; k < 3; ++k) sum += follower.weight[k] * d[follower.master[k]];
-    d[follower.row] = sum;
-  }
+  for (const Follower& follower : followers)
+    d[follower.row] = follower.mean([&](int v) { return d[v]; });
 }
 
 /// Puts the followers where their masters say.
 inline void place_followers(const Array<Follower>& followers, Points2& x) {
-  for (const Follower& follower : followers) {
-    Vec2 p;
-    for (int k = 0; k < 3; ++k) p += follower.weight[k] * row2(x, follower.master[k]);
-    set_row(x, follower.row, flush_tiny(p));
-  }
+  for (const Follower& follower : followers)
+    set_row(x, follower.row, flush_tiny(follower.mean([&](int v) { return row2(x, v); })));
 }
 
 /// The largest distance, on the surfaces, of a follower from where it is to be.
@@ -6556,32 +6499,6 @@ struct FixedCoordinates {
   bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
 };
 
-/// Takes fixed coordinates out of a matrix: `unit` on the diagonal stays of their rows and columns.
-inline void eliminate(const FixedCoordinates& is_fixed, double unit, BlockMatrix& A) {
-  for (int r = 0; r < A.rows(); ++r)
-    for (int b = A.start[r]; b < A.start[r + 1]; ++b)
-      for (int c = 0; c < 2; ++c) {
-        Mat2& block = A.value[b];
-        if (is_fixed(r, c)) block(c, 0) = block(c, 1) = 0;
-        if (is_fixed(A.column[b], c)) block(0, c) = block(1, c) = 0;
-        if (r == A.column[b] && is_fixed(r, c)) block(c, c) = unit;
-      }
-}
-
-inline void eliminate(const FixedCoordinates& is_fixed, Array<Vec2>& gradient) {
-  for (int r = 0; r < gradient.size(); ++r) {
-    if (is_fixed(r, 0)) gradient[r].x = 0;
-    if (is_fixed(r, 1)) gradient[r].y = 0;
-  }
-}
-
-/// And out of a system, so that their step is 0.
-inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
-  eliminate(is_fixed, 1, system.H);
-  if (system.has_Q()) eliminate(is_fixed, 0, system.Q);
-  eliminate(is_fixed, system.gradient);
-}
-
 /// Fixes what held boundaries must not move. A vertex in a row with its neighbours, parallel to an
 /// axis, may slide along it.
 inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary boundary,
@@ -6597,6 +6514,70 @@ inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary bou
       is_fixed(v, 1) = !(slides && p.x == q.x && q.x == r.x);
     }
   }
+}
+
+// ---- the system of the unknowns ----
+
+/// Pᵀ A P; of the rows and columns that it leaves out, `unit` on the diagonal stays.
+inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                           BlockMatrix A, double unit, const Executor& executor) {
+  Array<const Follower*> follower_of(A.rows(), nullptr);
+  for (const Follower& follower : followers) follower_of[follower.row] = &follower;
+  const auto for_each_source = [&](int row, const auto& visit) {
+    follower_of[row] != nullptr ? follower_of[row]->for_each_master(visit) : visit(row, 1.0);
+  };
+  Array<Block> moved;
+  const auto move = [&](int r, int c, Mat2& block) {
+    if (follower_of[r] == nullptr && follower_of[c] == nullptr) return;
+    const Mat2 value = block;
+    block = diagonal(r == c ? unit : 0);
+    for_each_source(r, [&](int i, double wi) {
+      for_each_source(c, [&](int j, double wj) {
+        if (i <= j) moved.push_back({i, j, wi * wj * value});
+        if (j <= i && r != c) moved.push_back({j, i, wi * wj * transposed(value)});
+      });
+    });
+  };
+  const auto fix = [&](int r, int c, Mat2& block) {
+    for (int k = 0; k < 2; ++k) {
+      if (is_fixed(r, k)) block(k, 0) = block(k, 1) = 0;
+      if (is_fixed(c, k)) block(0, k) = block(1, k) = 0;
+      if (is_fixed(r, k) && r == c) block(k, k) = unit;
+    }
+  };
+  const auto for_each_block = [&](const auto& visit) {
+    for (int r = 0; r < A.rows(); ++r)
+      for (int b = A.start[r]; b < A.start[r + 1]; ++b) visit(r, A.column[b], A.value[b]);
+  };
+  if (!followers.empty()) {
+    for_each_block(move);
+    A = sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
+  }
+  for_each_block(fix);
+  return A;
+}
+
+/// Pᵀ g.
+inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                   Array<Vec2>& gradient) {
+  for (const Follower& follower : followers) {
+    const Vec2 force = gradient[follower.row];
+    gradient[follower.row] = {};
+    follower.for_each_master([&](int v, double w) { gradient[v] += w * force; });
+  }
+  for (int r = 0; r < gradient.size(); ++r) {
+    if (is_fixed(r, 0)) gradient[r].x = 0;
+    if (is_fixed(r, 1)) gradient[r].y = 0;
+  }
+}
+
+/// The system of the unknowns: the step of a fixed coordinate, and of a follower until
+/// expand_direction(), is 0.
+inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                   const Executor& executor, LinearSystem& system) {
+  system.H = reduced(followers, is_fixed, std::move(system.H), 1, executor);
+  if (system.has_Q()) system.Q = reduced(followers, is_fixed, std::move(system.Q), 0, executor);
+  reduce(followers, is_fixed, system.gradient);
 }
 
 // ---- rigid motions (§4.6) ----
@@ -7722,8 +7703,7 @@ class Optimizer {
     LinearSystem system =
         blend(history_, newest, options_.tuning.history_decay, others_, laplacian_, executor_);
     add_spring_gradient(springs_, x_.x, system.gradient);
-    substitute(followers_, executor_, system);
-    eliminate(is_fixed_, system);
+    reduce(followers_, is_fixed_, executor_, system);
     return system;
   }
 
@@ -7929,7 +7909,7 @@ class Optimizer {
     if (!std::isfinite(y.energy)) return {};
     Array<Vec2> gradient = models_.gradient(y);
     add_spring_gradient(springs_, y.x, gradient);
-    reduce(gradient);
+    reduce(followers_, is_fixed_, gradient);
     return gradient;
   }
 
@@ -7965,7 +7945,7 @@ class Optimizer {
     Timer timer;
     Array<Vec2> gradient = blended_gradient(history_, options_.tuning.history_decay);
     add_spring_gradient(springs_, x_.x, gradient);
-    reduce(gradient);
+    reduce(followers_, is_fixed_, gradient);
     const Array<Direction> directions(1, full_direction(quasi_newton_direction(
                                              symbolic_, factor_, secants(), std::move(gradient))));
     log_.seconds_solve += timer.lap();
@@ -7993,12 +7973,6 @@ class Optimizer {
     return trials_.found;
   }
 
-  /// Of a gradient, or a step without its followers, what the unknowns have.
-  void reduce(Array<Vec2>& gradient) const {
-    substitute(followers_, gradient);
-    eliminate(is_fixed_, gradient);
-  }
-
   /// Those of the newest steps in the memory along which E bends upwards.
   Array<Secant> secants() const {
     constexpr int kMost = 8;
@@ -8024,7 +7998,7 @@ class Optimizer {
   Array<Vec2> gradient_at(int k) const {
     Array<Vec2> gradient = history_[k].gradient;
     add_spring_gradient(springs_, visited_[k].x, gradient);
-    reduce(gradient);
+    reduce(followers_, is_fixed_, gradient);
     return gradient;
   }
 
@@ -8777,7 +8751,7 @@ class FlatNewton {
     for (int h : m_.boundary)
       prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x_, m_.tail[h]);
     add_product(system.shifted(0), prescribed, system.gradient);
-    eliminate(is_fixed_, system);
+    reduce(problem_.followers, is_fixed_, executor_, system);
     Array<Vec2> d;
     if (!solve(system, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
@@ -8816,8 +8790,7 @@ class FlatNewton {
     constexpr int kMostTrials = 30;
     const Array<Vec2> gradient = system.gradient;
     add_springs_and_scaffold(system);
-    substitute(problem_.followers, executor_, system);
-    eliminate(is_fixed_, system);
+    reduce(problem_.followers, is_fixed_, executor_, system);
     Array<Vec2> d;
     if (!solve(system, d)) return false;
     expand_direction(problem_.followers, d);
