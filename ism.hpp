@@ -1037,9 +1037,8 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 // ==== [4] SMALL TYPES AND HELPERS ================================================================
 //
-// Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, parallel
-// tasks.
-//             Plain structs: a compiler takes much longer for expressions of Eigen's.
+// Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, parallel tasks
+// Note:       plain structs, because expressions of Eigen's take much longer to compile
 
 namespace ism {
 inline namespace ISM_ABI {
@@ -1224,7 +1223,7 @@ class Array {
   }
 
  private:
-  /// Room for n items, at least twice that which there was, so that many small steps cost little.
+  /// Makes room for n items, and at least doubles it, so that n small steps cost O(n).
   void grow(int n) {
     constexpr int kMost = (std::numeric_limits<int>::max)();
     if (n > room_) reserve((std::max)(n, room_ + (std::min)(room_, kMost - room_)));
@@ -1248,7 +1247,7 @@ void sort_unique(Array<T>& items) {
   items.resize(static_cast<int>(std::unique(items.begin(), items.end()) - items.begin()));
 }
 
-/// Places in an order of keys; equal keys keep theirs.
+/// The indices of keys, sorted by key, then by index.
 inline Array<int> sorted_by(const Array<double>& key) {
   Array<int> order = numbers_below(key.size());
   std::sort(order.begin(), order.end(),
@@ -1450,8 +1449,8 @@ class Crew {
 };
 #endif
 
-/// A lock that is held for a few instructions, so nothing is allocated meanwhile. A job system may
-/// have threads where there is no <mutex>.
+/// A lock for a few instructions, during which nothing is allocated. std::mutex will not do: a job
+/// system may have threads where there is no <mutex>.
 class SpinLock {
  public:
   explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
@@ -1550,8 +1549,7 @@ class Executor {
   /// kCancelled or kTimeLimit once stopped, before kUnfinished.
   Status stop_status() const { return stop_status_; }
 
-  /// The clock stands still between pause() and resume(); the latter is for the thread that goes
-  /// on.
+  /// Stop the clock and start it again; the thread that goes on with the work calls resume().
   void pause() { seconds_before_ = seconds(); }
   void resume() {
     clock_.lap();
@@ -1811,8 +1809,8 @@ struct HalfEdgeMesh {
   /// The next outgoing half-edge of the same vertex counter-clockwise, or -1 past the boundary.
   int turn(int h) const { return twin[prev(h)]; }
 
-  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise; h / 3 is each of its
-  /// faces.
+  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise. Their faces, h / 3, are
+  /// all faces of v.
   template <class Visit>
   void for_each_outgoing(int v, Visit visit) const {
     for (int h = out[v]; h >= 0;) {
@@ -1823,7 +1821,7 @@ struct HalfEdgeMesh {
   }
 };
 
-/// Neighbours of a vertex; what is quadratic in them is not done where there are more.
+/// Most neighbours for which steps are taken that cost their square.
 inline constexpr int kHub = 128;
 
 /// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
@@ -1875,7 +1873,7 @@ class DisjointSets {
   Array<int> parent_;
 };
 
-/// Which connected surface a face belongs to, per face; they are counted from 0.
+/// The connected component of each face, counted from 0.
 inline Array<int> components_of(const HalfEdgeMesh& m) {
   DisjointSets faces(m.n_faces);
   for (int h = 0; h < m.tail.size(); ++h)
@@ -1891,7 +1889,7 @@ inline int count_components(const HalfEdgeMesh& m) {
   return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
 }
 
-/// Lists the boundaries of all connected surfaces, one after the other.
+/// Lists the boundary loops, component by component.
 inline void trace_boundary(HalfEdgeMesh& m) {
   const Array<int> component = components_of(m);
   Array<char> seen(m.tail.size(), 0);
@@ -1918,7 +1916,7 @@ inline void trace_boundary(HalfEdgeMesh& m) {
   m.component.push_back(m.loops());
 }
 
-/// Finds a half-edge of every vertex, that of the boundary if there is one.
+/// Finds an outgoing half-edge of every vertex, the boundary one if there is one.
 inline void find_outgoing(HalfEdgeMesh& m) {
   m.out.assign(m.n_vertices, -1);
   for (int h = m.tail.size() - 1; h >= 0; --h)
@@ -1969,7 +1967,7 @@ struct ShortestPaths {
   }
 };
 
-/// Triangles of which all corners are listed, one after the other.
+/// Triangles from a list of their corners.
 inline Triangles triangles_from(const Array<int>& corners) {
   Triangles triangles(corners.size() / 3, 3);
   std::copy(corners.begin(), corners.end(), triangles.data());
@@ -2064,7 +2062,7 @@ struct Surface {
   double edge_length(int h) const {
     return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
   }
-  /// The vertex that the caller knows, or of one that was added, one beside it.
+  /// The caller's id of a vertex; of an added one, that of a vertex beside it.
   int given_id(int v) const {
     const int n = mesh.n_vertices - static_cast<int>(added.size());
     while (v >= n) v = added.data()[v - n].corners[0];
@@ -2119,9 +2117,9 @@ inline double unit_scale(const Points3& vertices) {
   return unit_scale(vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0);
 }
 
-/// Scales a surface to area 1, after it was moved to the origin along each axis that it is far away
-/// along. There, scaling alone would round away what its coordinates have left of its shape; moving
-/// is exact where the coordinate of the least magnitude is half of all others [Sterbenz 1974].
+/// Scales a surface to area 1. First moves it to the origin along each axis on which it is far
+/// away: scaling alone would round its shape away there, and moving is exact if the least
+/// coordinate is at least half of the largest one [Sterbenz 1974].
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
@@ -2175,8 +2173,8 @@ Points with_added(const Points& vertices, const std::vector<AddedVertex>& added)
   return all;
 }
 
-/// Adds vertices, one after the other; the surface stays the same. False, and the surface is of no
-/// use, if there is no such edge or triangle.
+/// Adds vertices one by one; the shape stays. False, and the surface is then unusable, if an edge
+/// or a triangle does not exist.
 inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   for (const AddedVertex& p : added) {
     const int h = find_place(s.mesh, p);
@@ -2190,8 +2188,8 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   return true;
 }
 
-/// Cuts a surface along inner edges, given by half-edges: at the tail of each, the side on its left
-/// keeps the vertex, and the other sides get copies, in that order.
+/// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
+/// the vertex; the other fans get copies, counter-clockwise.
 inline void cut_along(const Array<int>& edges, Surface& s) {
   HalfEdgeMesh& m = s.mesh;
   Array<char> is_cut(m.tail.size(), 0), is_split(m.n_vertices, 0);
@@ -2280,8 +2278,8 @@ inline JointSurface join(const SurfacePair& pair) {
 
 // ---- validation ----
 
-/// Collects problems, at most kMostOfAKind of each kind, in ids of the mesh given if this one was
-/// prepared from it.
+/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
+/// mesh was prepared from it.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
@@ -2401,8 +2399,8 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
   });
 }
 
-/// Vertices no triangle uses, and vertices whose triangles form more than one fan. The latter can
-/// be told only if triangles and edges are in order.
+/// Finds vertices that no triangle uses and, if triangles and edges are sound, vertices whose
+/// triangles form more than one fan.
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
@@ -2474,9 +2472,8 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
       Element::kVertex, cycle);
 }
 
-/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
-/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
-/// triangle of both meshes.
+/// Copies a buffer; ids beyond an int become the least or the largest int. A buffer without data
+/// has no rows, nor has one with more than kMost: an int counts up to 50 items per triangle.
 template <class T, template <class> class IsType>
 Rows<T, 3> copied(const RowsView<IsType>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -2498,8 +2495,8 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// What keeps a mesh from being a clean surface; if nothing, m is its connectivity. If it was
-/// prepared, problems are told in ids of the mesh given.
+/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
+/// `prepared`: ids of problems are those of the mesh given.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
                                           const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
@@ -2542,8 +2539,8 @@ inline std::string counted(int n, const char* one, const char* many = nullptr) {
                          : sentence({n, " ", n == 1 ? one : many});
 }
 
-/// True if a closed surface has its inside outside: by the sum of signed volumes of the tetrahedra
-/// that its triangles span with a point. What hardly has a volume has no outside.
+/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
+/// between a point and its triangles. A volume close to zero does not count.
 inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
   constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
   if (!m.boundary.empty()) return false;
@@ -2608,7 +2605,7 @@ class Preparer {
   }
 
  private:
-  /// Says why the mesh stays what it is.
+  /// Gives the reason why the mesh stays as it is.
   void add_problem(Problem::Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
   }
@@ -2621,14 +2618,14 @@ class Preparer {
   double length(int h) const { return norm(point(next(h)) - point(h)); }
   int n_triangles() const { return source_.size(); }
 
-  /// Of the length of twice the area.
+  /// Normal of a triangle; its length is twice the area.
   Vec3 normal(int f) const {
     const int h = 3 * f;
     return cross(point(h + 1) - point(h), point(h + 2) - point(h));
   }
   double double_area(int f) const { return norm(normal(f)); }
 
-  /// Vertices at equal coordinates have the first one of them as their spot.
+  /// The spot of a vertex is the first vertex with its coordinates.
   void find_spots() {
     Array<std::pair<std::array<double, 3>, int>> order;
     for (int v = 0; v < n_vertices_; ++v) {
@@ -2641,8 +2638,8 @@ class Preparer {
       if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
   }
 
-  /// The parts of the mesh as it was given, connected by common vertices, in the order in which
-  /// they are kept where they lie on each other: most landmarks first, then most triangles.
+  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
+  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
   void find_parts() {
     DisjointSets sets(n_vertices_);
     for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
@@ -2658,7 +2655,7 @@ class Preparer {
     for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
   }
 
-  /// All triangles but repeated and degenerate ones.
+  /// Takes all triangles but repeated and degenerate ones.
   void take_triangles() {
     source_ = numbers_below(n_given_);
     corner_ = numbers_below(3 * n_given_);
@@ -2692,8 +2689,8 @@ class Preparer {
     });
   }
 
-  /// Of triangles whose corners are at the same three of `at`, keeps that of the first part. Those
-  /// of one part that lie on each other without a common vertex, as closed lips may, all stay.
+  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
+  /// that lie on each other without a common vertex, as closed lips may, all stay.
   void drop_repeated(const Array<int>& at) {
     const auto corners = [&](const Array<int>& a, int f) {
       return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
@@ -2718,9 +2715,9 @@ class Preparer {
     drop([&](int f) { return is_dropped[f] != 0; });
   }
 
-  /// Where edges of different parts are at one spot, their vertices become one place; and so do, of
-  /// a boundary loop with such an edge, a seam, those that are at the spot of another one in a
-  /// seam. A loop that meets no other part stays apart.
+  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
+  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
+  /// part as well. A loop that meets no other part stays apart.
   void sew() {
     DisjointSets loops(n_vertices_);
     Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
@@ -2765,7 +2762,8 @@ class Preparer {
 
   // ---- degenerate triangles ----
 
-  /// Takes degenerate triangles out so that no gap is left. What this makes may be degenerate, too.
+  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
+  /// degenerate, too.
   void mend_flat() {
     constexpr int kRounds = 50;
     for (int round = 0; round < kRounds; ++round) {
@@ -2798,8 +2796,8 @@ class Preparer {
     return flat;
   }
 
-  /// True if a triangle has a short edge, or all are short beside the mesh: its ends become one
-  /// place.
+  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
+  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
   bool unite_short_edge(int f) {
     constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
     int shortest = 3 * f;
@@ -2814,8 +2812,8 @@ class Preparer {
     return true;
   }
 
-  /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if
-  /// there is none, or one more: then nothing is missing without the flat one.
+  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
+  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
@@ -2870,8 +2868,8 @@ class Preparer {
     for (const Uses& here : crowded_) glue_crowded(here);
   }
 
-  /// Corners that are glued are one vertex, and triangles one component, each on the side that
-  /// makes the two run through the edge in opposite directions.
+  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
+  /// those sides from which they run through the edge in opposite directions.
   void glue(int h, int t) {
     const int n = n_triangles(), f = h / 3, g = t / 3;
     const bool runs_along = place(h) == place(t);
@@ -2891,8 +2889,8 @@ class Preparer {
     return (u == w && v == z) || (u == z && v == w);
   }
 
-  /// Glues pairs, within a component first, then those with the same vertices of the mesh given,
-  /// then those that bend least.
+  /// Glues pairs of several triangles at an edge: those within a component first, then those with
+  /// the same vertices of the mesh given, then those that bend least.
   void glue_crowded(const Uses& here) {
     if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
     for (int left = here.size(); left >= 2; left -= 2) {
@@ -2907,7 +2905,7 @@ class Preparer {
     }
   }
 
-  /// Infinite for what is glued already, and for what would leave a component with one side.
+  /// Infinite if one is glued already, or if gluing would leave a component with one side.
   double cost_to_glue(int h, int t) {
     constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
     if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
@@ -2990,7 +2988,7 @@ class Preparer {
     sort_unique(cut_);
   }
 
-  /// Vertices that were dropped with copies of triangles are where those of the ones kept are.
+  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
   void place_copies() {
     for (int v = 0; v < n_vertices_; ++v)
       if (result_.new_vertex.data()[v] < 0)
@@ -3064,7 +3062,7 @@ class Preparer {
          Element::kFace, triangles);
   }
 
-  /// True if something that shared an edge with what is kept was cut off, at one place.
+  /// True if one of some triangles at an edge is kept and another one was cut off it.
   bool is_cut(const Uses& here) {
     for (int h : here) {
       if (component(h / 3) != kept_) continue;
@@ -3115,7 +3113,7 @@ class Preparer {
   Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
 };
 
-/// A mesh, and what is wrong with it; if nothing, m is its connectivity.
+/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
 inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   const auto identity = [](Eigen::Index n) {
     const Array<int> ids = numbers_below(static_cast<int>(n));
@@ -3130,7 +3128,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   return result;
 }
 
-/// Nothing but unused vertices is out of range.
+/// True if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
     if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
@@ -3139,8 +3137,8 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
   return true;
 }
 
-/// If a surface that was cut along its handles has other defects, to weld what lies at one place
-/// could undo the cuts; then that is not done.
+/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
+/// there are none, nothing is welded.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -5713,8 +5711,8 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
 //
 // Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian; their blend
 //             with earlier ones; the squared Laplacian.
-// Invariants: block matrices are made row by row: what a row sums is found from its vertex, so rows
-//             are independent, and sums run in the order of polygons and faces, never of threads.
+// Invariants: block matrices are built row by row, each from the faces around a vertex; so rows are
+//             independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
 /// The parts of the objective that Options weigh.
@@ -5792,9 +5790,9 @@ inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measu
   return true;
 }
 
-/// E at the positions x.x (§5); the overlay is computed anew. Gives up, with an infinite E, if that
-/// is too large, and as soon as E would exceed `limit` even if what is left of it covered all the
-/// area there is without any distortion.
+/// Computes the overlay and E at the positions x.x (§5). Gives up, with an infinite E, if the
+/// overlay is too large, or as soon as E would exceed `limit` even if the rest of the surfaces was
+/// covered without distortion.
 inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
@@ -5812,8 +5810,8 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
 
 // ---- block matrices, row by row ----
 
-/// Consecutive rows of a block matrix. What a row is the sum of is added twice: first only columns
-/// count, then, in their places, the blocks.
+/// Consecutive rows of a block matrix. The summands of a row are added twice: the first time finds
+/// its columns, the second time sums the blocks.
 class RowWriter {
  public:
   explicit RowWriter(int columns = 0) : place_(columns, -1) {}
@@ -5859,7 +5857,7 @@ class RowWriter {
   Array<int> place_;  // per column, of its block if that is in the row
 };
 
-/// A matrix of which fill(r, row) adds the blocks of row r, the same ones whenever it is called.
+/// Builds a matrix: fill(r, row) adds the summands of row r, the same ones at every call.
 inline BlockMatrix build_rows(int rows, const Executor& executor,
                               const Callback<int, RowWriter&>& fill) {
   constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
@@ -5934,13 +5932,13 @@ struct QuadraticModel {
   bool has_hessian() const { return !H.start.empty(); }
 };
 
-/// What a triangle contributes: its own energy and, in its vertices, that of its polygons.
+/// Derivatives of the energy of a triangle and its polygons with respect to its vertices.
 struct FaceTerm {
   Mat2 hessian[3][3];
   Vec2 gradient[3];
 };
 
-/// What the polygons in a triangle of A contribute between its corners and a vertex of B.
+/// Second derivatives of the polygons in a triangle of A, by its vertices and one of B.
 struct Coupling {
   int vertex;
   Mat2 hessian[3];
@@ -6059,8 +6057,8 @@ class ModelBuilder {
     }
   }
 
-  /// Fills a batch with the polygons from `begin` on of those grouped by face, the last one again
-  /// where there are no more.
+  /// Fills a batch with polygons, from number `begin` of those grouped by face; repeats the last
+  /// one to fill the lanes.
   void load_polygons(const Iterate& x, int begin, int end, PolygonBatch& batch) const {
     for (int lane = 0; lane < kLanes; ++lane) {
       const OverlayPolygon& p =
@@ -6120,7 +6118,7 @@ class ModelBuilder {
     }
   }
 
-  /// That with a vertex, if it is among the last ones, or else a new one.
+  /// The coupling with a vertex, if it is one of the last 16, else a new one.
   static Coupling& coupling_with(int vertex, Array<Coupling>& couplings) {
     constexpr int kLast = 16;
     const int n = couplings.size();
@@ -6180,7 +6178,7 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   row.push_back({u, 0});
   const auto add = [&](int v, double weight) {
     row[0].value += weight;
-    // Neighbours come in order: again, if at all, comes the last one or, in the end, the first.
+    // Each neighbour comes twice: in a row, but for the first one, which also comes last.
     if (row.back().column == v) return void(row.back().value -= weight);
     if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
     row.push_back({v, -weight});
@@ -6194,8 +6192,8 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
 }
 
 /// Lᵀ M L = C M⁻¹ C, which treats both coordinates alike. Scaled by the mean area, so that ω_L has
-/// no unit. A row of C couples all its vertices, so that of a vertex with very many neighbours is
-/// left out: it is smoothed by the rows of the neighbours, like vertices of the boundary.
+/// no unit. A row of C couples all its vertices, so rows with very many are left out: such a vertex
+/// is smoothed by the rows of its neighbours, as vertices of the boundary are.
 inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
   const Array<double> mass = vertex_areas(s);
   const Array<RowEntry> none;
@@ -6221,7 +6219,7 @@ struct LinearSystem {
   ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
 
-/// The blocks of the diagonal, which are the first of their rows, times a factor.
+/// Scales the blocks of the diagonal, which are the first of their rows.
 inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   for (int r = 0; r < matrix.rows(); ++r) {
     Mat2& block = matrix.value[matrix.start[r]];
@@ -6229,7 +6227,7 @@ inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   }
 }
 
-/// A matrix on a larger pattern.
+/// The same matrix with explicit zeros on a larger pattern.
 inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
   BlockMatrix result;
   result.start = pattern.start;
@@ -6281,21 +6279,22 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, int newest, doub
 
 // ==== [11] LANDMARKS AND CONSTRAINTS (paper §4.5, §4.6) ==========================================
 //
-// Purpose:    where landmarks lie, also once vertices are added; and what a vertex may not do,
-//             as a change of the linear system: a follower is a fixed combination of vertices of
-//             the other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move
-//             (held boundaries, fixed vertices, rigid motions, §4.6).
-// Invariants: with P the linear map from the unknowns that are left to all rows, the system becomes
-//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. What is left out keeps a unit row, so rows keep their
-//             numbers.
+// Purpose:    places of landmarks, also after vertices are added; constraints of vertices, as a
+//             reduction of the linear system: a follower is a fixed combination of vertices of the
+//             other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move (held
+//             boundaries, fixed vertices, rigid motions, §4.6).
+// Invariants: with P the linear map from the unknowns to all coordinates, the system becomes
+//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Coordinates that are no unknowns keep a unit row, so
+//             rows keep their numbers.
 // Fails:      never; entry points refuse constraints that contradict each other.
 
 // ---- landmarks on the surfaces ----
 
-/// Where an end of a landmark lies: at a vertex, the other corners being -1, or like an added one.
+/// Place of one end of a landmark: at a vertex (the other corners are -1), on an edge or in a
+/// triangle.
 using Place = AddedVertex;
 
-/// The vertex at which a place is, or -1.
+/// The vertex of a place, or -1 if it is on an edge or in a triangle.
 inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
 
 inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
@@ -6309,7 +6308,7 @@ inline Vec2 mean(const Place& p, const Points2& x) {
   return sum;
 }
 
-/// Leaves out corners that are -1 or have hardly any weight; false if that leaves none.
+/// Removes corners that are -1 or have hardly any weight; false if none is left.
 inline bool tidy(Place& p) {
   int n = 0;
   for (int k = 0; k < 3; ++k) {
@@ -6322,8 +6321,8 @@ inline bool tidy(Place& p) {
   return n > 0;
 }
 
-/// The same place once a vertex has been added: it takes the part of the corner that it leaves
-/// least of, so that the others are those of the piece in which the place lies.
+/// Updates a place after a vertex was added: the vertex replaces the corner whose weight would
+/// become zero first, so the corners are again those of the piece in which the place lies.
 inline void follow(const AddedVertex& added, int id, Place& p) {
   int at[3], last = -1;
   double least = kInfinity;
@@ -6341,13 +6340,13 @@ inline void follow(const AddedVertex& added, int id, Place& p) {
   tidy(p);
 }
 
-/// The same place on a mesh of n vertices to which some have been added.
+/// A place of a mesh of n vertices, after vertices were added to it.
 inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
   for (const AddedVertex& vertex : added) follow(vertex, n++, p);
   return p;
 }
 
-/// The vertex of such a mesh that is at a place, which is added where there is none.
+/// The vertex at a place of such a mesh; adds one if there is none.
 inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
   const Place here = located(p, n, added);
   if (vertex_at(here) >= 0) return vertex_at(here);
@@ -6360,7 +6359,7 @@ struct PlacedLandmark {
   Landmark given;
 };
 
-/// Landmarks on the surfaces, once the last of their vertices have been added.
+/// Landmarks after the last vertices of the surfaces, a and b, were added.
 inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
                                      const std::vector<AddedVertex>& a,
                                      const std::vector<AddedVertex>& b, const SurfacePair& pair) {
@@ -6391,7 +6390,7 @@ inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
   return pairs;
 }
 
-/// How the caller gave an end of a landmark.
+/// One end of a landmark in the ids given.
 inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
 inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
 inline std::string name_of(const LandmarkPoint& p) {
@@ -6438,13 +6437,13 @@ inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3
   return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
 }
 
-/// The vertex of A in a landmark on that of B, written as a point of a triangle around it.
+/// Holds the vertex of A of a landmark at that of B, a corner of a triangle around it.
 inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
   const int h = s.mesh.out[s.n_a + l.b];
   return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
 
-/// A follower of which a master is one, too, and that master.
+/// A follower and one of its masters that is a follower, too.
 struct Chain {
   int row = -1, master = -1;
 };
@@ -6460,19 +6459,19 @@ inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers)
   return chain;
 }
 
-/// P d: gives the followers the direction that their masters' say.
+/// P d: sets the directions of followers from those of their masters.
 inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
   for (const Follower& follower : followers)
     d[follower.row] = follower.mean([&](int v) { return d[v]; });
 }
 
-/// Puts the followers where their masters say.
+/// Sets the positions of followers from those of their masters.
 inline void place_followers(const Array<Follower>& followers, Points2& x) {
   for (const Follower& follower : followers)
     set_row(x, follower.row, flush_tiny(follower.mean([&](int v) { return row2(x, v); })));
 }
 
-/// The largest distance, on the surfaces, of a follower from where it is to be.
+/// The largest distance, on the surfaces, between a follower and the point at which it is held.
 inline double pin_residual(const Surface& s, const Array<Follower>& followers, const Points2& x) {
   double largest = 0;
   for (const Follower& follower : followers) {
@@ -6499,8 +6498,8 @@ struct FixedCoordinates {
   bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
 };
 
-/// Fixes what held boundaries must not move. A vertex in a row with its neighbours, parallel to an
-/// axis, may slide along it.
+/// Fixes the coordinates of held boundaries. With Boundary::kSlide, a vertex in line with both
+/// neighbours, parallel to an axis, may move along it.
 inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary boundary,
                            FixedCoordinates& is_fixed) {
   if (boundary == Boundary::kFree) return;
@@ -6518,7 +6517,7 @@ inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary bou
 
 // ---- the system of the unknowns ----
 
-/// Pᵀ A P; of the rows and columns that it leaves out, `unit` on the diagonal stays.
+/// Pᵀ A P, with `unit` on the diagonal of coordinates that are no unknowns.
 inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
                            BlockMatrix A, double unit, const Executor& executor) {
   Array<const Follower*> follower_of(A.rows(), nullptr);
@@ -6571,8 +6570,8 @@ inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_
   }
 }
 
-/// The system of the unknowns: the step of a fixed coordinate, and of a follower until
-/// expand_direction(), is 0.
+/// Reduces a system to the unknowns. In its solution other coordinates are 0, until
+/// expand_direction() sets those of followers.
 inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
                    const Executor& executor, LinearSystem& system) {
   system.H = reduced(followers, is_fixed, std::move(system.H), 1, executor);
@@ -6629,15 +6628,15 @@ inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
   return rigid_motion(std::atan2(turn.y, turn.x), c0, c1);
 }
 
-/// What the best similarity from one set of points to another leaves of their second moment: from
-/// 0, where it fits, to 1.
+/// The part of the second moment that the best similarity between two sets of points does not
+/// explain: 0 if it fits, at most 1.
 inline double misfit(const Points2& from, const Points2& to) {
   return 1 - squared_norm(correlation(from, to)) /
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
 }
 
-/// Where g(B) is held to remove rigid motions: the most central vertex goes to the origin, a
-/// boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
+/// Vertices of B that are held to remove rigid motions: the most central one at the origin, a
+/// boundary vertex far from it on the x-axis. The choice depends on the surface, not on positions.
 struct Anchors {
   int center = 0;
   int rim = 0;
@@ -6662,8 +6661,8 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
   return anchors;
 }
 
-/// Moves both planes rigidly so that the anchors are where they belong; leaves them, if rounding
-/// would cost the injectivity of so thin an embedding.
+/// Moves both planes rigidly so that the anchors are where they belong, unless rounding would make
+/// the embedding of thin triangles lose its injectivity.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
   Points2 y = transformed(x, rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2()));
