@@ -165,26 +165,29 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// #×3 numbers in memory of the caller's, which is read during a call and not kept.
-struct BufferView {
+/// #×3 numbers in memory of the caller's, which is read during a call and not kept: three of a type
+/// behind each other, the next three `stride` bytes behind the last ones; or a matrix of Eigen's in
+/// any storage order, which has no rows if it has not three columns.
+template <template <class> class IsType>
+struct RowsView {
   const void* data = nullptr;
   std::ptrdiff_t rows = 0;
   std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
   double (*number_at)(const void* place) = nullptr;  // reads one of their type
 
- protected:
-  BufferView() = default;
+  RowsView() = default;
   template <class T>
-  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride)
+  RowsView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride = 3 * sizeof(T))
       : data(first),
         rows(n),
         row_stride(stride),
         column_stride(sizeof(T)),
-        number_at(detail::number_at<T>) {}
-  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
+        number_at(detail::number_at<T>) {
+    static_assert(IsType<T>::value, "positions are float or double, ids of vertices integers");
+  }
   template <class Matrix>
-  BufferView(const Eigen::DenseBase<Matrix>& matrix)
-      : BufferView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0, 0) {
+  RowsView(const Eigen::DenseBase<Matrix>& matrix)
+      : RowsView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0) {
     constexpr std::ptrdiff_t size = sizeof(typename Matrix::Scalar);
     static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
                   "a view needs a matrix in memory, not an expression");
@@ -192,36 +195,8 @@ struct BufferView {
     column_stride = matrix.derived().colStride() * size;
   }
 };
-
-/// Positions: x, y and z behind each other, the next vertex `stride` bytes behind the last one.
-struct PositionsView : BufferView {
-  PositionsView() = default;
-  template <class Real>
-  PositionsView(const Real* xyz, std::ptrdiff_t vertices, std::ptrdiff_t stride = 3 * sizeof(Real))
-      : BufferView(xyz, vertices, stride) {
-    static_assert(std::is_floating_point<Real>::value, "positions are float or double");
-  }
-  template <class Matrix>
-  PositionsView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #V×3
-    static_assert(std::is_floating_point<typename Matrix::Scalar>::value,
-                  "they are float or double");
-  }
-};
-
-/// Triangles: three 0-based vertex ids of any integer type, the next triangle `stride` bytes behind
-/// the last one.
-struct TrianglesView : BufferView {
-  TrianglesView() = default;
-  template <class Id>
-  TrianglesView(const Id* ids, std::ptrdiff_t triangles, std::ptrdiff_t stride = 3 * sizeof(Id))
-      : BufferView(ids, triangles, stride) {
-    static_assert(std::is_integral<Id>::value, "ids of vertices are integers");
-  }
-  template <class Matrix>
-  TrianglesView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #F×3
-    static_assert(std::is_integral<typename Matrix::Scalar>::value, "ids are integers");
-  }
-};
+using PositionsView = RowsView<std::is_floating_point>;  // x, y, z per vertex
+using TrianglesView = RowsView<std::is_integral>;        // three 0-based vertex ids per triangle
 
 /// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
 /// pairs of matrices become by themselves; a function that needs a mesh for longer copies it once,
@@ -1007,6 +982,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <initializer_list>
 #include <iterator>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #ifndef ISM_NO_THREADS
@@ -1045,9 +1021,8 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 // ==== [4] SMALL TYPES AND HELPERS ================================================================
 //
-// Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, tasks side by
-//             side. Plain structs: what a compiler needs for an expression of Eigen's it would need
-//             a thousand times in this file.
+// Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, parallel tasks
+// Note:       plain structs, because expressions of Eigen's take much longer to compile
 
 namespace ism {
 inline namespace ISM_ABI {
@@ -1094,6 +1069,9 @@ inline double norm(const Vec3& a) { return std::sqrt(dot(a, a)); }
 inline Vec3 normalized(const Vec3& a) { return 1 / norm(a) * a; }
 inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline bool is_finite(const Vec3& a) {
+  return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
 inline Vec3 unit3(int k) { return {k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0}; }
 
@@ -1170,14 +1148,7 @@ class Array {
   explicit Array(int n, const T& value = T()) : Array() { assign(n, value); }
   Array(const Array& other) : Array() { append(other.begin(), other.size_); }
   Array(Array&& other) noexcept { swap(other); }
-  Array& operator=(const Array& other) {  // by value, it would make that of a struct noexcept
-    Array copy(other);
-    return swap(copy), *this;
-  }
-  Array& operator=(Array&& other) noexcept {
-    Array taken(std::move(other));
-    return swap(taken), *this;
-  }
+  Array& operator=(Array other) { return swap(other), *this; }
   ~Array() {
     clear();
     ::operator delete(items_);
@@ -1207,13 +1178,12 @@ class Array {
   }
   void assign(int n, const T& value) {
     clear();
-    reserve(n);
-    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T(value);
+    resize(n, value);
   }
-  void resize(int n) {
+  void resize(int n, const T& value = T()) {
     while (size_ > n) pop_back();
     grow(n);
-    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T();
+    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T(value);
   }
   void reserve(int n) {
     if (n <= room_) return;
@@ -1237,7 +1207,7 @@ class Array {
   }
 
  private:
-  /// Room for n items, at least twice that which there was, so that many small steps cost little.
+  /// Makes room for n items, and at least doubles it, so that n small steps cost O(n).
   void grow(int n) {
     constexpr int kMost = (std::numeric_limits<int>::max)();
     if (n > room_) reserve((std::max)(n, room_ + (std::min)(room_, kMost - room_)));
@@ -1247,16 +1217,23 @@ class Array {
   int size_ = 0, room_ = 0;
 };
 
-/// Ascending, each once.
-inline void sort_unique(Array<int>& ids) {
-  std::sort(ids.begin(), ids.end());
-  ids.resize(static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin()));
+/// 0 to n - 1.
+inline Array<int> numbers_below(int n) {
+  Array<int> numbers(n);
+  for (int i = 0; i < n; ++i) numbers[i] = i;
+  return numbers;
 }
 
-/// Places in an order of keys; equal keys keep theirs.
+/// Ascending, each once.
+template <class T>
+void sort_unique(Array<T>& items) {
+  std::sort(items.begin(), items.end());
+  items.resize(static_cast<int>(std::unique(items.begin(), items.end()) - items.begin()));
+}
+
+/// The indices of keys, sorted by key, then by index.
 inline Array<int> sorted_by(const Array<double>& key) {
-  Array<int> order(key.size());
-  for (int i = 0; i < order.size(); ++i) order[i] = i;
+  Array<int> order = numbers_below(key.size());
   std::sort(order.begin(), order.end(),
             [&](int i, int j) { return key[i] != key[j] ? key[i] < key[j] : i < j; });
   return order;
@@ -1322,7 +1299,7 @@ class Timer {
   Clock::time_point start_ = Clock::now();
 };
 
-/// A function to be called during a call it is passed to: std::function without a copy.
+/// A reference to a function object, which must outlive it; std::function would copy the object.
 template <class... Arguments>
 class Callback {
  public:
@@ -1338,8 +1315,8 @@ class Callback {
   void (*call_)(const void*, Arguments...);
 };
 
-/// While it lives, floating-point exceptions do not trap where the caller has them do so: what
-/// works in lanes computes on in those that do not count, and over- or underflows there by intent.
+/// Masks floating-point traps of the caller's while it lives: unused lanes of vectors may divide by
+/// zero, and some formulas over- or underflow by intent.
 class NoTraps {
  public:
   NoTraps() { std::feholdexcept(&environment_); }
@@ -1354,39 +1331,46 @@ class NoTraps {
 /// Keeps the first exception of some tasks until all of them have ended.
 class FirstError {
  public:
+#ifdef __cpp_exceptions
   /// Runs a task, unless one has failed.
   void guard(const Callback<int>& task, int i) {
-#ifdef __cpp_exceptions
     if (failed_.load(std::memory_order_relaxed)) return;
     try {
       task(i);
     } catch (...) {
       if (!failed_.exchange(true)) error_ = std::current_exception();
     }
-#else
-    task(i);
-#endif
   }
-
   void rethrow() const {
-#ifdef __cpp_exceptions
     if (error_) std::rethrow_exception(error_);
-#endif
   }
 
  private:
-#ifdef __cpp_exceptions
   std::atomic<bool> failed_{false};
   std::exception_ptr error_;
+#else
+  void guard(const Callback<int>& task, int i) { task(i); }
+  void rethrow() const {}
 #endif
 };
 
 #ifndef ISM_NO_THREADS
 /// Threads that sleep until there are tasks. A helper that wakes too late finds none and sleeps on;
-/// nobody waits for it.
+/// run() does not wait for it.
 class Crew {
  public:
-  explicit Crew(int helpers) { start(helpers); }
+  /// Starts as many helpers as the system gives.
+  explicit Crew(int helpers) {
+#ifdef __cpp_exceptions
+    try {
+#endif
+      helpers_.reserve(static_cast<std::size_t>(helpers));
+      for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
+#ifdef __cpp_exceptions
+    } catch (...) {
+    }
+#endif
+  }
   Crew(const Crew&) = delete;
   Crew& operator=(const Crew&) = delete;
   ~Crew() {
@@ -1419,19 +1403,6 @@ class Crew {
   int size() const { return static_cast<int>(helpers_.size()) + 1; }
 
  private:
-  /// As many helpers as the system gives.
-  void start(int helpers) {
-#ifdef __cpp_exceptions
-    try {
-#endif
-      helpers_.reserve(static_cast<std::size_t>(helpers));
-      for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
-#ifdef __cpp_exceptions
-    } catch (...) {
-    }
-#endif
-  }
-
   void work(const Callback<int>& task, int n) {
     for (int i = next_++; i < n; i = next_++) task(i);
   }
@@ -1462,8 +1433,8 @@ class Crew {
 };
 #endif
 
-/// A lock that is held for a few instructions, so nothing is allocated meanwhile. A job system may
-/// have threads where there is no <mutex>.
+/// A lock for a few instructions, during which nothing is allocated. std::mutex will not do: a job
+/// system may have threads where there is no <mutex>.
 class SpinLock {
  public:
   explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
@@ -1478,34 +1449,24 @@ class SpinLock {
 };
 
 #ifndef ISM_NO_THREADS
-#ifdef __linux__
-/// How many numbers a file begins with, two at most, and which.
-inline int read_numbers(const char* path, double* first, double* second) {
-  std::FILE* const file = std::fopen(path, "r");
-  if (file == nullptr) return 0;
-  const int n = std::fscanf(file, "%lf %lf", first, second);
-  std::fclose(file);
-  return n;
-}
-#endif
-
-/// How many processors there are for this thread and, in a container, for its share of time.
+/// The number of processors that this thread may use; in a container, what its quota pays for.
 inline int processor_count() {
   int n = static_cast<int>(std::thread::hardware_concurrency());
 #ifdef __linux__
   cpu_set_t allowed;
   if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) n = CPU_COUNT(&allowed);
-  double share = 0, period = 0, none;  // µs; cgroups v2 have them in one file
-  if (read_numbers("/sys/fs/cgroup/cpu.max", &share, &period) < 2 &&
-      read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_period_us", &period, &none) == 1)
-    read_numbers("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", &share, &none);
-  if (share > 0 && period > 0) n = static_cast<int>((std::min)(std::ceil(share / period), 1.0 * n));
+  if (std::FILE* const file = std::fopen("/sys/fs/cgroup/cpu.max", "r")) {
+    double quota = 0, period = 0;  // µs; the former may be "max"
+    if (std::fscanf(file, "%lf %lf", &quota, &period) == 2 && quota > 0 && period > 0)
+      n = static_cast<int>((std::min)(std::ceil(quota / period), 1.0 * n));
+    std::fclose(file);
+  }
 #endif
   return (std::max)(1, n);
 }
 #endif
 
-/// How many threads a call has, that of the caller included, if it has no job system of its own.
+/// The number of threads of a call, the caller's included, without a job system.
 inline int thread_count(const Options& options) {
 #ifdef ISM_NO_THREADS
   static_cast<void>(options);
@@ -1518,12 +1479,12 @@ inline int thread_count(const Options& options) {
 #endif
 }
 
-/// What a call has from its caller: threads, an ear for progress, and the wish to stop.
+/// Services of one call: threads, progress reports and cancellation.
 ///
-/// Independent tasks are cut without regard to the number of threads and write to places of their
-/// own, so results are the same bits for any number of threads. An exception of a task ends a run
-/// as soon as the tasks that were begun have ended. Stopping skips no task: what takes long asks
-/// is_stopped(), which stays true from then on, and leaves behind what may be thrown away.
+/// Tasks do not depend on the number of threads and write to memory of their own, so results have
+/// the same bits for any number of threads. An exception of a task ends a run once the tasks that
+/// have begun are done. Stopping skips no task: long tasks ask is_stopped(), which then stays true,
+/// and may return early; the caller discards their results.
 class Executor {
  public:
   using Task = Callback<int>;
@@ -1572,8 +1533,7 @@ class Executor {
   /// kCancelled or kTimeLimit once stopped, before kUnfinished.
   Status stop_status() const { return stop_status_; }
 
-  /// The clock stands still between a pause and the next resumption, which is what a thread calls
-  /// that goes on with the work.
+  /// Stop the clock and start it again; the thread that goes on with the work calls resume().
   void pause() { seconds_before_ = seconds(); }
   void resume() {
     clock_.lap();
@@ -1586,7 +1546,7 @@ class Executor {
   double fraction() const { return progress_.fraction; }
   void finish() { progress_.fraction = 1; }
 
-  /// What part of a call the embedding is.
+  /// The part of the call's time that the embedding takes.
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports how far the call is; for the calling thread.
@@ -1629,9 +1589,9 @@ class Executor {
     if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
   }
 
-  /// Reports once more, if that is due, after a task of the calling thread.
+  /// Reports again after a task of the calling thread, if the last report is 0.1 s old.
   void tick() const {
-    constexpr double kOften = 0.1;  // seconds
+    constexpr double kOften = 0.1;
     if (!tell_ || !is_caller() || since_told_.seconds() < kOften || progress_.what.empty()) return;
     tell_again();
   }
@@ -1833,8 +1793,8 @@ struct HalfEdgeMesh {
   /// The next outgoing half-edge of the same vertex counter-clockwise, or -1 past the boundary.
   int turn(int h) const { return twin[prev(h)]; }
 
-  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise; h / 3 is each of its
-  /// faces.
+  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise. Their faces, h / 3, are
+  /// all faces of v.
   template <class Visit>
   void for_each_outgoing(int v, Visit visit) const {
     for (int h = out[v]; h >= 0;) {
@@ -1845,7 +1805,7 @@ struct HalfEdgeMesh {
   }
 };
 
-/// Neighbours of a vertex; what is quadratic in them is not done where there are more.
+/// Most neighbours for which steps are taken that cost their square.
 inline constexpr int kHub = 128;
 
 /// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
@@ -1878,26 +1838,33 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
-/// Which connected surface a face belongs to, per face; they are counted from 0.
-inline Array<int> components_of(const HalfEdgeMesh& m) {
-  Array<int> component(m.n_faces, -1), stack;
-  int components = 0;
-  for (int seed = 0; seed < m.n_faces; ++seed) {
-    if (component[seed] >= 0) continue;
-    component[seed] = components;
-    stack.push_back(seed);
-    while (!stack.empty()) {
-      const int f = stack.back();
-      stack.pop_back();
-      for (int h = 3 * f; h < 3 * f + 3; ++h) {
-        const int t = m.twin[h];
-        if (t < 0 || component[t / 3] >= 0) continue;
-        component[t / 3] = components;
-        stack.push_back(t / 3);
-      }
-    }
-    ++components;
+/// Disjoint sets of the numbers below n; the least number of a set stands for it.
+class DisjointSets {
+ public:
+  explicit DisjointSets(int n = 0) : parent_(numbers_below(n)) {}
+  int find(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
   }
+  /// False if they were one set already.
+  bool unite(int i, int j) {
+    i = find(i), j = find(j);
+    parent_[(std::max)(i, j)] = (std::min)(i, j);
+    return i != j;
+  }
+
+ private:
+  Array<int> parent_;
+};
+
+/// The connected component of each face, counted from 0.
+inline Array<int> components_of(const HalfEdgeMesh& m) {
+  DisjointSets faces(m.n_faces);
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (m.twin[h] >= 0) faces.unite(h / 3, m.twin[h] / 3);
+  Array<int> component(m.n_faces);
+  for (int f = 0, n = 0; f < m.n_faces; ++f)
+    component[f] = faces.find(f) == f ? n++ : component[faces.find(f)];
   return component;
 }
 
@@ -1906,7 +1873,7 @@ inline int count_components(const HalfEdgeMesh& m) {
   return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
 }
 
-/// Lists the boundaries of all connected surfaces, one after the other.
+/// Lists the boundary loops, component by component.
 inline void trace_boundary(HalfEdgeMesh& m) {
   const Array<int> component = components_of(m);
   Array<char> seen(m.tail.size(), 0);
@@ -1933,7 +1900,7 @@ inline void trace_boundary(HalfEdgeMesh& m) {
   m.component.push_back(m.loops());
 }
 
-/// Finds a half-edge of every vertex, that of the boundary if there is one.
+/// Finds an outgoing half-edge of every vertex, the boundary one if there is one.
 inline void find_outgoing(HalfEdgeMesh& m) {
   m.out.assign(m.n_vertices, -1);
   for (int h = m.tail.size() - 1; h >= 0; --h)
@@ -1962,7 +1929,29 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   return build_half_edges(n_vertices, F, sorted_edges(F));
 }
 
-/// Triangles of which all corners are listed, one after the other.
+/// Shortest paths along edges from some vertices to all others.
+struct ShortestPaths {
+  Array<int> length;  // per vertex, in edges; -1 if there is none
+  Array<int> before;  // per vertex, the one before it, or -1
+
+  ShortestPaths(const HalfEdgeMesh& m, Array<int> queue)
+      : length(m.n_vertices, -1), before(m.n_vertices, -1) {
+    for (int v : queue) length[v] = 0;
+    for (int i = 0; i < queue.size(); ++i) {
+      const int u = queue[i];
+      m.for_each_outgoing(u, [&](int h) {
+        for (int v : {m.tip(h), m.tail[prev(h)]}) {
+          if (length[v] >= 0) continue;
+          length[v] = length[u] + 1;
+          before[v] = u;
+          queue.push_back(v);
+        }
+      });
+    }
+  }
+};
+
+/// Triangles from a list of their corners.
 inline Triangles triangles_from(const Array<int>& corners) {
   Triangles triangles(corners.size() / 3, 3);
   std::copy(corners.begin(), corners.end(), triangles.data());
@@ -2057,7 +2046,7 @@ struct Surface {
   double edge_length(int h) const {
     return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
   }
-  /// The vertex that the caller knows, or of one that was added, one beside it.
+  /// The caller's id of a vertex; of an added one, that of a vertex beside it.
   int given_id(int v) const {
     const int n = mesh.n_vertices - static_cast<int>(added.size());
     while (v >= n) v = added.data()[v - n].corners[0];
@@ -2112,9 +2101,9 @@ inline double unit_scale(const Points3& vertices) {
   return unit_scale(vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0);
 }
 
-/// Scales a surface to area 1, after it was moved to the origin along each axis that it is far away
-/// along. There, scaling alone would round away what its coordinates have left of its shape; moving
-/// is exact where the coordinate of the least magnitude is half of all others [Sterbenz 1974].
+/// Scales a surface to area 1. First moves it to the origin along each axis on which it is far
+/// away: scaling alone would round its shape away there, and moving is exact if the least
+/// coordinate is at least half of the largest one [Sterbenz 1974].
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
     for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
@@ -2168,8 +2157,8 @@ Points with_added(const Points& vertices, const std::vector<AddedVertex>& added)
   return all;
 }
 
-/// Adds vertices, one after the other; the surface stays the same. False, and the surface is of no
-/// use, if there is no such edge or triangle.
+/// Adds vertices one by one; the shape stays. False, and the surface is then unusable, if an edge
+/// or a triangle does not exist.
 inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   for (const AddedVertex& p : added) {
     const int h = find_place(s.mesh, p);
@@ -2183,8 +2172,8 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   return true;
 }
 
-/// Cuts a surface along inner edges, given by half-edges: at the tail of each, the side on its left
-/// keeps the vertex, and the other sides get copies, in that order.
+/// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
+/// the vertex; the other fans get copies, counter-clockwise.
 inline void cut_along(const Array<int>& edges, Surface& s) {
   HalfEdgeMesh& m = s.mesh;
   Array<char> is_cut(m.tail.size(), 0), is_split(m.n_vertices, 0);
@@ -2273,20 +2262,26 @@ inline JointSurface join(const SurfacePair& pair) {
 
 // ---- validation ----
 
-/// Collects problems, at most kMostOfAKind of each kind, in ids of the mesh given if this one was
-/// prepared from it.
+/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
+/// mesh was prepared from it.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
   explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
   int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
   int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
-  void add(Problem::Kind kind, Words message, Element element, const std::vector<int>& ids) {
+  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
+           const std::vector<int>& ids = {}) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
-  /// What concerns the mesh as a whole.
-  void add(Problem::Kind kind, Words message) { add(kind, message, Element::kVertex, {}); }
+  /// "vertex 3 is ...", "triangle 5 has ..."
+  void add_vertex(Problem::Kind kind, int v, Words what) {
+    add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
+  }
+  void add_triangle(Problem::Kind kind, int f, Words what) {
+    add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
+  }
   std::vector<Problem> problems;
 
  private:
@@ -2295,26 +2290,18 @@ class ProblemList {
 };
 
 inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
-  for (int v = 0; v < mesh.vertices.rows(); ++v) {
-    const Vec3 p = row3(mesh.vertices, v);
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-      list.add(Problem::Kind::kNonFiniteCoordinate,
-               {"vertex ", list.vertex(v), " has a coordinate that is not finite"},
-               Element::kVertex, {list.vertex(v)});
-  }
+  for (int v = 0; v < mesh.vertices.rows(); ++v)
+    if (!is_finite(row3(mesh.vertices, v)))
+      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
+                      {" has a coordinate that is not finite"});
 }
 
 inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
   const int n = static_cast<int>(mesh.vertices.rows());
-  for (int f = 0; f < mesh.triangles.rows(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const int v = mesh.triangles(f, k);
-      if (v < 0 || v >= n)
-        list.add(Problem::Kind::kIndexOutOfRange,
-                 {"triangle ", list.triangle(f), " refers to vertex ", v, ", but there are ", n,
-                  " vertices"},
-                 Element::kFace, {list.triangle(f)});
-    }
+  for (int h = 0; h < mesh.triangles.size(); ++h)
+    if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
+      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
+                        {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
 /// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
@@ -2322,29 +2309,25 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
 /// fourth powers of the ratio have to exist.
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
-  const auto edge = [&](int f, int k) {
-    return row3(vertices, F(f, (k + 1) % 3)) - row3(vertices, F(f, k));
+  const int n = static_cast<int>(F.rows());
+  const auto edge = [&](int h) {
+    return row3(vertices, F.data()[next(h)]) - row3(vertices, F.data()[h]);
   };
-  Array<double> extent(static_cast<int>(F.rows()), 0);
+  Array<double> extent(n, 0);
   double largest = 0;
-  for (int f = 0; f < F.rows(); ++f) {
-    for (int k = 0; k < 3; ++k)
-      for (int c = 0; c < 3; ++c) extent[f] = (std::max)(extent[f], std::abs(edge(f, k)[c]));
-    largest = (std::max)(largest, extent[f]);
-  }
-  Array<const char*> defects(static_cast<int>(F.rows()), nullptr);
-  for (int f = 0; f < F.rows(); ++f) {
-    Vec3 side[3];
-    double longest2 = 0;
-    for (int k = 0; k < 3; ++k) {
-      const Vec3 e = edge(f, k);
-      const double unit = extent[f] > 0 ? extent[f] : 1;  // divided by, so that squares exist
-      side[k] = {e.x / unit, e.y / unit, e.z / unit};
-      longest2 = (std::max)(longest2, squared_norm(side[k]));
+  for (int h = 0; h < 3 * n; ++h)
+    for (int c = 0; c < 3; ++c) {
+      extent[h / 3] = (std::max)(extent[h / 3], std::abs(edge(h)[c]));
+      largest = (std::max)(largest, extent[h / 3]);
     }
+  Array<const char*> defects(n, nullptr);
+  for (int f = 0; f < n; ++f) {
+    const double unit = unit_scale(extent[f]);  // so that squares exist
+    const Vec3 u = unit * edge(3 * f), v = unit * edge(3 * f + 1), w = unit * edge(3 * f + 2);
+    const double longest2 = (std::max)({squared_norm(u), squared_norm(v), squared_norm(w)});
     const char*& defect = defects[f];
     if (extent[f] < kSmallest * largest) defect = " is smaller than 1e-30 of the largest triangle";
-    if (!(norm(cross(side[0], side[1])) > kThinnest * longest2)) defect = " has no area";
+    if (!(norm(cross(u, v)) > kThinnest * longest2)) defect = " has no area";
     if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
       defect = " uses a vertex twice";
   }
@@ -2355,21 +2338,25 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
   for (int f = 0; f < defects.size(); ++f)
     if (defects[f] != nullptr)
-      list.add(Problem::Kind::kDegenerateTriangle, {"triangle ", list.triangle(f), defects[f]},
-               Element::kFace, {list.triangle(f)});
+      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
+}
+
+using Three = std::array<int, 3>;
+
+inline Three ascending(int a, int b, int c) {
+  Three three = {a, b, c};
+  std::sort(three.begin(), three.end());
+  return three;
 }
 
 inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
-  Array<std::array<int, 4>> corners;
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    std::array<int, 4> v = {mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2), f};
-    std::sort(v.begin(), v.begin() + 3);
-    corners.push_back(v);
-  }
+  const Triangles& F = mesh.triangles;
+  Array<std::pair<Three, int>> corners;
+  for (int f = 0; f < F.rows(); ++f) corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
   std::sort(corners.begin(), corners.end());
   for (int i = 1; i < corners.size(); ++i) {
-    if (!std::equal(corners[i].begin(), corners[i].begin() + 3, corners[i - 1].begin())) continue;
-    const int f = list.triangle(corners[i - 1][3]), g = list.triangle(corners[i][3]);
+    if (corners[i].first != corners[i - 1].first) continue;
+    const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
     list.add(Problem::Kind::kRepeatedTriangle,
              {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
   }
@@ -2377,116 +2364,76 @@ inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
   for_each_edge(uses, [&](int begin, int end) {
-    if (uses[begin].lo == uses[begin].hi) return;  // of a triangle that uses a vertex twice
-    if (end - begin == 1) return;
+    const int n = end - begin, h = uses[begin].half_edge;
+    const bool is_loop = uses[begin].lo == uses[begin].hi;  // of a triangle with a vertex twice
+    const bool runs_along =
+        mesh.triangles.data()[h] == mesh.triangles.data()[uses[end - 1].half_edge];
+    if (is_loop || n == 1 || (n == 2 && !runs_along)) return;
     std::vector<int> faces;
     for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
     const std::string edge =
         sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
-    if (faces.size() > 2)
-      list.add(Problem::Kind::kNonManifoldEdge,
-               {edge, " has ", end - begin, " triangles: ", join(faces)}, Element::kFace, faces);
-    if (faces.size() != 2) return;
-    const int h0 = uses[begin].half_edge, h1 = uses[begin + 1].half_edge;
-    if (mesh.triangles(h0 / 3, h0 % 3) == mesh.triangles(h1 / 3, h1 % 3))
+    if (n > 2)
+      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
+               Element::kFace, faces);
+    else
       list.add(Problem::Kind::kInconsistentOrientation,
                {"triangles ", join(faces), " run through ", edge, " in the same direction"},
                Element::kFace, faces);
   });
 }
 
-/// Vertices no triangle uses, and vertices whose triangles form more than one fan. The latter can
-/// be told only if triangles and edges are in order.
+/// Finds vertices that no triangle uses and, if triangles and edges are sound, vertices whose
+/// triangles form more than one fan.
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
   for (int v : m.tail) ++incident[v];
   for (int v = 0; v < m.n_vertices; ++v) {
-    if (incident[v] == 0) {
-      list.add(Problem::Kind::kUnreferencedVertex,
-               {"vertex ", list.vertex(v), " is used by no triangle"}, Element::kVertex,
-               {list.vertex(v)});
-      continue;
-    }
-    if (!edges_are_sound) continue;
     int fan = 0;
-    for (int h = m.out[v]; h >= 0 && fan < incident[v]; h = m.turn(h)) {
-      ++fan;
-      if (m.turn(h) == m.out[v]) break;
-    }
-    if (fan != incident[v])
-      list.add(Problem::Kind::kNonManifoldVertex,
-               {"vertex ", list.vertex(v), " joins ", incident[v],
-                " triangles that form more than one fan"},
-               Element::kVertex, {list.vertex(v)});
+    if (incident[v] == 0)
+      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
+    else if (edges_are_sound)
+      m.for_each_outgoing(v, [&](int) { ++fan; });
+    if (edges_are_sound && fan != incident[v])
+      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
+                      {" joins ", incident[v], " triangles that form more than one fan"});
   }
-}
-
-/// Replaces a cycle, as vertices in order, by the one that a half-edge closes with a tree, if that
-/// is shorter.
-inline void shorten_cycle(const HalfEdgeMesh& m, const Array<int>& to_parent,
-                          const Array<int>& depth, int h, std::vector<int>& shortest) {
-  std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
-  while (up.back() != down.back()) {
-    if (!shortest.empty() && up.size() + down.size() > shortest.size()) return;
-    std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
-    const int v = deeper.back(), e = to_parent[v];
-    deeper.push_back(m.tail[e] == v ? m.tip(e) : m.tail[e]);
-  }
-  up.insert(up.end(), down.rbegin() + 1, down.rend());
-  if (shortest.empty() || up.size() < shortest.size()) shortest = up;
 }
 
 /// A short cycle of edges that does not bound, as vertices in order; none on a surface without
-/// handles. A tree of shortest paths spans the vertices, and a tree of faces, in which an opening
-/// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
-/// [Eppstein 2003].
+/// handles. Shortest paths span the vertices; a tree of faces, in which an opening counts as one,
+/// crosses the other edges, those that close the longest cycles first; an edge that is left closes
+/// one that does not bound [Eppstein 2003; Erickson and Whittlesey 2005].
 inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
-  Array<int> to_parent(m.n_vertices, -1);  // a half-edge
-  Array<int> depth(m.n_vertices, -1), queue;
-  const int root = m.tail[0];
-  depth[root] = 0;
-  queue.push_back(root);
-  for (int i = 0; i < queue.size(); ++i)
-    m.for_each_outgoing(queue[i], [&](int h) {
-      for (int e : {h, prev(h)}) {
-        const int v = e == h ? m.tip(h) : m.tail[e];
-        if (depth[v] >= 0) continue;
-        depth[v] = depth[queue[i]] + 1;
-        to_parent[v] = e;
-        queue.push_back(v);
-      }
-    });
-  Array<char> is_taken(m.tail.size(), 0);  // by either tree
-  const auto take = [&](int h) {
-    is_taken[h] = 1;
-    if (m.twin[h] >= 0) is_taken[m.twin[h]] = 1;
+  const ShortestPaths paths(m, Array<int>(1, m.tail[0]));
+  Array<Three> order;  // by less length: half-edges, and what is behind them
+  const auto add = [&](int h, int behind) {
+    const int u = m.tail[h], v = m.tip(h);
+    if (paths.before[u] != v && paths.before[v] != u)
+      order.push_back({-paths.length[u] - paths.length[v], h, behind});
   };
-  for (int h : to_parent)
-    if (h >= 0) take(h);
-  Array<int> cell_of(m.tail.size());  // of the face behind a half-edge: a face or an opening
-  for (int h = 0; h < m.tail.size(); ++h) cell_of[h] = m.twin[h] / 3;
   for (int i = 0; i < m.loops(); ++i)
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) cell_of[m.boundary[k]] = m.n_faces + i;
-  Array<char> seen(m.n_faces + m.loops(), 0);
-  queue.assign(1, 0);
-  seen[0] = 1;
-  const auto visit = [&](int h, int cell) {
-    if (is_taken[h] || seen[cell]) return;
-    seen[cell] = 1;
-    take(h);
-    queue.push_back(cell);
-  };
-  for (int i = 0; i < queue.size(); ++i) {
-    const int cell = queue[i], loop = cell - m.n_faces;
-    if (loop < 0)
-      for (int h = 3 * cell; h < 3 * cell + 3; ++h) visit(h, cell_of[h]);
-    else
-      for (int k = m.loop[loop]; k < m.loop[loop + 1]; ++k) visit(m.boundary[k], m.boundary[k] / 3);
-  }
-  std::vector<int> shortest;
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) add(m.boundary[k], m.n_faces + i);
   for (int h = 0; h < m.tail.size(); ++h)
-    if (!is_taken[h] && h > m.twin[h]) shorten_cycle(m, to_parent, depth, h, shortest);
+    if (h < m.twin[h]) add(h, m.twin[h] / 3);
+  std::sort(order.begin(), order.end());
+  DisjointSets cells(m.n_faces + m.loops());
+  std::vector<int> shortest;
+  for (const auto& [length, h, behind] : order) {
+    if (cells.unite(h / 3, behind)) continue;
+    std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
+    const auto is_longer = [&] {
+      return !shortest.empty() && up.size() + down.size() > shortest.size();
+    };
+    while (up.back() != down.back() && !is_longer()) {
+      const bool is_up = paths.length[up.back()] >= paths.length[down.back()];
+      (is_up ? up : down).push_back(paths.before[(is_up ? up : down).back()]);
+    }
+    if (is_longer()) continue;
+    up.insert(up.end(), down.rbegin() + 1, down.rend());
+    shortest = up;
+  }
   return shortest;
 }
 
@@ -2509,11 +2456,10 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
       Element::kVertex, cycle);
 }
 
-/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
-/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
-/// triangle of both meshes.
-template <class T>
-Rows<T, 3> copied(const BufferView& view) {
+/// Copies a buffer; ids beyond an int become the least or the largest int. A buffer without data
+/// has no rows, nor has one with more than kMost: an int counts up to 50 items per triangle.
+template <class T, template <class> class IsType>
+Rows<T, 3> copied(const RowsView<IsType>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
   const bool is_there =
       view.data != nullptr && view.number_at != nullptr && view.rows > 0 && view.rows <= kMost;
@@ -2533,8 +2479,8 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// What keeps a mesh from being a clean surface; if nothing, m is its connectivity. If it was
-/// prepared, problems are told in ids of the mesh given.
+/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
+/// `prepared`: ids of problems are those of the mesh given.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
                                           const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
@@ -2577,27 +2523,8 @@ inline std::string counted(int n, const char* one, const char* many = nullptr) {
                          : sentence({n, " ", n == 1 ? one : many});
 }
 
-/// Disjoint sets of the numbers below n; the least number of a set stands for it.
-class DisjointSets {
- public:
-  explicit DisjointSets(int n = 0) {
-    for (int i = 0; i < n; ++i) parent_.push_back(i);
-  }
-  int find(int i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void unite(int i, int j) {
-    i = find(i), j = find(j);
-    parent_[(std::max)(i, j)] = (std::min)(i, j);
-  }
-
- private:
-  Array<int> parent_;
-};
-
-/// True if a closed surface has its inside outside: by the sum of signed volumes of the tetrahedra
-/// that its triangles span with a point. What hardly has a volume has no outside.
+/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
+/// between a point and its triangles. A volume close to zero does not count.
 inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
   constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
   if (!m.boundary.empty()) return false;
@@ -2616,12 +2543,18 @@ inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
 class Preparer {
  public:
   /// welds: vertices at one place may become one.
-  Preparer(const TriangleMesh& given, bool welds, Prepared& result)
-      : given_(given), F_(given.triangles), welds_(welds), result_(result) {
-    const int n = static_cast<int>(given.vertices.rows());
-    is_used_.assign(n, 0);
-    places_ = DisjointSets(n);
-    for (int v = 0; v < n; ++v) kept_copy_.push_back(v);
+  Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
+           Prepared& result)
+      : given_(given),
+        F_(given.triangles),
+        n_vertices_(static_cast<int>(given.vertices.rows())),
+        n_given_(static_cast<int>(F_.rows())),
+        welds_(welds),
+        result_(result),
+        is_used_(n_vertices_, 0),
+        has_landmark_(n_vertices_ + n_given_, 0),
+        kept_copy_(numbers_below(n_vertices_)),
+        places_(n_vertices_) {
     double largest = 0;
     for (int i = 0; i < F_.size(); ++i) {
       const Vec3 p = row3(given.vertices, F_.data()[i]);
@@ -2629,41 +2562,36 @@ class Preparer {
       largest = (std::max)({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
     }
     unit_ = unit_scale(largest);
+    for (const LandmarkPoint& l : landmarks) {
+      const int first = l.vertex >= 0 ? 0 : n_vertices_, n = l.vertex >= 0 ? n_vertices_ : n_given_;
+      const int at = l.vertex >= 0 ? l.vertex : l.point.face;
+      if (at >= 0 && at < n) has_landmark_[first + at] = 1;
+    }
   }
 
-  void run(const std::vector<LandmarkPoint>& landmarks) {
+  void run() {
     find_spots();
-    find_parts(landmarks);
+    find_parts();
     take_triangles();
     glue_all();
-    join_corners();
-    const int kept = choose_component(landmarks);
-    if (kept < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
-    if (is_one_sided_[kept])
+    choose_component();
+    if (kept_ < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
+    if (sides_.find(kept_) == sides_.find(kept_ + n_triangles()))
       return add_problem(Problem::Kind::kNotOrientable,
                          "the surface has one side only, as a Möbius strip has");
-    turn(kept);
-    build(kept);
+    build();
     HalfEdgeMesh m;
     result_.problems = find_problems(*result_.mesh, m, &result_);
     const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
-    for (int f : members_[kept]) turned_[f] ^= is_turned;
-    if (is_turned) build(kept);
-    tell_rest(kept, is_turned);
+    if (is_turned) turns_ = !turns_, build();
+    note_all(is_turned);
     place_copies();
   }
 
  private:
-  /// Says why the mesh stays what it is.
+  /// Gives the reason why the mesh stays as it is.
   void add_problem(Problem::Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
-    result_.repairs.clear();
-  }
-
-  /// Notes what was done to some vertices or triangles, if there are any.
-  void tell(Repair::Kind kind, Words message, Element element, const Array<int>& ids) {
-    if (ids.empty()) return;
-    result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
   }
 
   int vertex(int h) const { return F_.data()[corner_[h]]; }
@@ -2674,161 +2602,128 @@ class Preparer {
   double length(int h) const { return norm(point(next(h)) - point(h)); }
   int n_triangles() const { return source_.size(); }
 
-  /// Vertices at equal coordinates have the first one of them as their spot.
-  void find_spots() {
-    const int n = is_used_.size();
-    Array<int> order;
-    spot_.resize(n);
-    for (int v = 0; v < n; ++v) {
-      spot_[v] = v;
-      if (welds_ && is_used_[v]) order.push_back(v);
-    }
-    const auto before = [&](int u, int v) {
-      const Vec3 p = row3(given_.vertices, u), q = row3(given_.vertices, v);
-      return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z != q.z ? p.z < q.z : false;
-    };
-    std::sort(order.begin(), order.end(),
-              [&](int u, int v) { return before(u, v) || (!before(v, u) && u < v); });
-    for (int i = 0, first = 0; i < order.size(); ++i) {
-      if (i > 0 && before(order[i - 1], order[i])) first = i;
-      spot_[order[i]] = order[first];
-    }
-    place_.resize(n);
-    update_places();
+  /// Normal of a triangle; its length is twice the area.
+  Vec3 normal(int f) const {
+    const int h = 3 * f;
+    return cross(point(h + 1) - point(h), point(h + 2) - point(h));
   }
+  double double_area(int f) const { return norm(normal(f)); }
 
-  /// The parts of the mesh as it was given, connected by common vertices, in the order in which
-  /// they are kept where they lie on each other: most landmarks first, then most triangles.
-  void find_parts(const std::vector<LandmarkPoint>& landmarks) {
-    const int n = is_used_.size();
-    DisjointSets sets(n);
-    for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
-    Array<std::array<int, 3>> order;  // by fewer landmarks, fewer triangles, vertex
-    for (int v = 0; v < n; ++v) order.push_back({0, 0, v});
-    for (int f = 0; f < F_.rows(); ++f) --order[sets.find(F_(f, 0))][1];
-    for (const LandmarkPoint& l : landmarks) {
-      const bool at_vertex = l.vertex >= 0;
-      const int at = at_vertex ? l.vertex : l.point.face;
-      if (at < 0 || at >= (at_vertex ? n : F_.rows())) continue;
-      --order[sets.find(at_vertex ? at : F_(at, 0))][0];
+  /// The spot of a vertex is the first vertex with its coordinates.
+  void find_spots() {
+    Array<std::pair<std::array<double, 3>, int>> order;
+    for (int v = 0; v < n_vertices_; ++v) {
+      const Vec3 p = row3(given_.vertices, v);
+      if (welds_ && is_used_[v]) order.push_back({{p.x, p.y, p.z}, v});
     }
     std::sort(order.begin(), order.end());
-    Array<int> rank(n);
-    for (int i = 0; i < n; ++i) rank[order[i][2]] = i;
-    part_.resize(n);
-    for (int v = 0; v < n; ++v) part_[v] = rank[sets.find(v)];
+    spot_ = numbers_below(n_vertices_);
+    for (int i = 1; i < order.size(); ++i)
+      if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
   }
 
-  /// All triangles but repeated and degenerate ones.
+  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
+  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
+  void find_parts() {
+    DisjointSets sets(n_vertices_);
+    for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
+    Array<Three> order;  // by fewer landmarks, fewer triangles, vertex
+    for (int v = 0; v < n_vertices_; ++v) order.push_back({0, 0, v});
+    for (int f = 0; f < n_given_; ++f) --order[sets.find(F_(f, 0))][1];
+    for (int i = 0; i < has_landmark_.size(); ++i)
+      order[sets.find(i < n_vertices_ ? i : F_(i - n_vertices_, 0))][0] -= has_landmark_[i];
+    std::sort(order.begin(), order.end());
+    Array<int> rank(n_vertices_);
+    for (int i = 0; i < n_vertices_; ++i) rank[order[i][2]] = i;
+    part_.resize(n_vertices_);
+    for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
+  }
+
+  /// Takes all triangles but repeated and degenerate ones.
   void take_triangles() {
-    Array<int> degenerate, repeated;
-    for (int f = 0; f < F_.rows(); ++f) {
-      source_.push_back(f);
-      for (int k = 0; k < 3; ++k) corner_.push_back(3 * f + k);
-    }
-    drop_repeated(spot_, repeated);
+    source_ = numbers_below(n_given_);
+    corner_ = numbers_below(3 * n_given_);
+    place_ = numbers_below(n_vertices_);
+    drop_repeated(spot_);
     sew();
     drop_collapsed();
     mend_flat();
-    drop_repeated(place_, repeated);
-    sort_unique(repeated);
-    Array<char> is_told(static_cast<int>(F_.rows()), 0);
-    for (int f : source_) is_told[f] = 1;
-    for (int f : repeated) is_told[f] = 1;
-    for (int f = 0; f < is_told.size(); ++f)
-      if (!is_told[f]) degenerate.push_back(f);
-    tell(Repair::Kind::kDroppedDegenerate,
-         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
-         degenerate);
-    tell(Repair::Kind::kDroppedRepeated,
-         {"dropped ", counted(repeated.size(), "repeated triangle")}, Element::kFace, repeated);
+    drop_repeated(place_);
+    sort_unique(repeated_);
   }
 
-  void drop(const Array<char>& is_dropped) {
-    Array<int> corners, sources;
-    for (int h = 0; h < corner_.size(); ++h) {
-      if (is_dropped[h / 3]) continue;
-      if (h % 3 == 0) sources.push_back(source_[h / 3]);
-      corners.push_back(corner_[h]);
+  /// Drops the triangles of which is_dropped(f) is true.
+  template <class IsDropped>
+  void drop(const IsDropped& is_dropped) {
+    int n = 0;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (is_dropped(f)) continue;
+      for (int k = 0; k < 3; ++k) corner_[3 * n + k] = corner_[3 * f + k];
+      source_[n++] = source_[f];
     }
-    corner_.swap(corners);
-    source_.swap(sources);
+    source_.resize(n);
+    corner_.resize(3 * n);
   }
 
   /// Drops triangles with two corners at one place.
   void drop_collapsed() {
-    Array<char> is_dropped(n_triangles(), 0);
-    for (int h = 0; h < corner_.size(); ++h)
-      if (place(h) == place(next(h))) is_dropped[h / 3] = 1;
-    drop(is_dropped);
+    drop([&](int f) {
+      const int p = place(3 * f), q = place(3 * f + 1), r = place(3 * f + 2);
+      return p == q || q == r || r == p;
+    });
   }
 
-  /// Of triangles whose corners are at the same three of `at`, keeps that of the first part. Those
-  /// of one part that lie on each other without a common vertex, as closed lips may, all stay.
-  void drop_repeated(const Array<int>& at, Array<int>& repeated) {
-    struct Copy {
-      std::array<int, 3> at, place;
-      int part, triangle;
-      bool operator<(const Copy& o) const {
-        if (at != o.at) return at < o.at;
-        if (part != o.part) return part < o.part;
-        return place != o.place ? place < o.place : triangle < o.triangle;
-      }
+  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
+  /// that lie on each other without a common vertex, as closed lips may, all stay.
+  void drop_repeated(const Array<int>& at) {
+    const auto corners = [&](const Array<int>& a, int f) {
+      return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
     };
-    Array<Copy> copies;
-    for (int f = 0; f < n_triangles(); ++f) {
-      Copy copy = {{}, {}, part(3 * f), f};
-      for (int k = 0; k < 3; ++k) {
-        copy.at[static_cast<std::size_t>(k)] = at[vertex(3 * f + k)];
-        copy.place[static_cast<std::size_t>(k)] = place(3 * f + k);
-      }
-      std::sort(copy.at.begin(), copy.at.end());
-      std::sort(copy.place.begin(), copy.place.end());
-      copies.push_back(copy);
-    }
-    std::sort(copies.begin(), copies.end());
+    Array<std::tuple<Three, int, Three, int>> order;  // `at`, part, places, triangle
+    for (int f = 0; f < n_triangles(); ++f)
+      order.push_back({corners(at, f), part(3 * f), corners(place_, f), f});
+    std::sort(order.begin(), order.end());
     Array<char> is_dropped(n_triangles(), 0);
-    for (int i = 1, first = 0; i < copies.size(); ++i) {
-      if (copies[i].at != copies[first].at) first = i;
+    for (int i = 1, first = 0; i < order.size(); ++i) {
+      const auto& [spots, from, places, f] = order[i];
+      if (spots != std::get<0>(order[first])) first = i;
       if (i == first) continue;
-      const Copy &copy = copies[i], &before = copies[i - 1];
-      if (copy.part == copies[first].part && copy.place != before.place) continue;
-      is_dropped[copy.triangle] = 1;
-      repeated.push_back(source_[copy.triangle]);
-      for (int h = 3 * copy.triangle; h < 3 * copy.triangle + 3; ++h)
-        for (int k = 0; k < 3; ++k)
-          if (const int t = 3 * copies[first].triangle + k; at[vertex(h)] == at[vertex(t)])
-            kept_copy_[vertex(h)] = vertex(t);
+      if (from == std::get<1>(order[first]) && places != std::get<2>(order[i - 1])) continue;
+      is_dropped[f] = 1;
+      repeated_.push_back(source_[f]);
+      const int kept = std::get<3>(order[first]);
+      for (int h = 3 * f; h < 3 * f + 3; ++h)
+        for (int t = 3 * kept; t < 3 * kept + 3; ++t)
+          if (at[vertex(h)] == at[vertex(t)]) kept_copy_[vertex(h)] = vertex(t);
     }
-    drop(is_dropped);
+    drop([&](int f) { return is_dropped[f] != 0; });
   }
 
-  /// Where edges of different parts are at one spot, their vertices become one place; and so do, of
-  /// a boundary loop with such an edge, a seam, those that are at the spot of another one in a
-  /// seam. A loop that meets no other part stays apart.
+  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
+  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
+  /// part as well. A loop that meets no other part stays apart.
   void sew() {
-    DisjointSets loops(is_used_.size());
-    Array<char> is_border(corner_.size(), 0), is_seam(is_used_.size(), 0);
+    DisjointSets loops(n_vertices_);
+    Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
     Array<EdgeUse> edges;
     const Array<EdgeUse> uses = edge_uses(place_);
     for_each_edge(uses, [&](int begin, int end) {
       const int h = uses[begin].half_edge, t = next(h);
       if (spot(h) == spot(t) || spot(t) == spot(prev(h)) || spot(prev(h)) == spot(h)) return;
       is_border[h] = end - begin == 1;
-      if (is_border[h]) loops.unite(vertex(h), vertex(next(h)));
+      if (is_border[h]) loops.unite(vertex(h), vertex(t));
       edges.push_back(edge_use(h, spot_));
     });
     std::sort(edges.begin(), edges.end());
     const auto is_shared = [&](int begin, int end) {
-      bool differs = false;
       for (int i = begin; i < end; ++i)
-        differs |= part(edges[i].half_edge) != part(edges[begin].half_edge);
-      return differs;
+        if (part(edges[i].half_edge) != part(edges[begin].half_edge)) return true;
+      return false;
     };
     for_each_edge(edges, [&](int begin, int end) {
       if (!is_shared(begin, end)) return;
       for (int i = begin; i < end; ++i)
-        if (is_border[edges[i].half_edge]) is_seam[loops.find(vertex(edges[i].half_edge))] = 1;
+        if (const int h = edges[i].half_edge; is_border[h]) is_seam[loops.find(vertex(h))] = 1;
     });
     for_each_edge(edges, [&](int begin, int end) {
       const bool is_common = is_shared(begin, end);
@@ -2846,12 +2741,13 @@ class Preparer {
   }
 
   void update_places() {
-    for (int v = 0; v < place_.size(); ++v) place_[v] = places_.find(v);
+    for (int v = 0; v < n_vertices_; ++v) place_[v] = places_.find(v);
   }
 
   // ---- degenerate triangles ----
 
-  /// Takes degenerate triangles out so that no gap is left. What this makes may be degenerate, too.
+  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
+  /// degenerate, too.
   void mend_flat() {
     constexpr int kRounds = 50;
     for (int round = 0; round < kRounds; ++round) {
@@ -2870,9 +2766,8 @@ class Preparer {
         if (give_to_neighbour(f, uses)) has_changed = true;
       if (!has_changed) break;
     }
-    Array<char> is_dropped(n_triangles(), 0);
-    for (int f : flat_triangles()) is_dropped[f] = 1;
-    drop(is_dropped);
+    const Array<int> flat = flat_triangles();
+    drop([&](int f) { return std::binary_search(flat.begin(), flat.end(), f); });
   }
 
   Array<int> flat_triangles() const {
@@ -2885,8 +2780,8 @@ class Preparer {
     return flat;
   }
 
-  /// True if a triangle has a short edge, or all are short beside the mesh: its ends become one
-  /// place.
+  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
+  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
   bool unite_short_edge(int f) {
     constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
     int shortest = 3 * f;
@@ -2901,8 +2796,8 @@ class Preparer {
     return true;
   }
 
-  /// Where a corner lies on the longest edge, the triangle behind that is cut in two. False if
-  /// there is none, or one more: then nothing is missing without the flat one.
+  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
+  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
@@ -2944,13 +2839,9 @@ class Preparer {
   using Uses = Array<int>;
 
   void glue_all() {
-    const int n = n_triangles();
-    twin_.assign(3 * n, -1);
-    component_.resize(n);
-    turned_.assign(n, 0);
-    members_.resize(n);
-    is_one_sided_.assign(n, 0);
-    for (int f = 0; f < n; ++f) component_[f] = f, members_[f].push_back(f);
+    twin_.assign(corner_.size(), -1);
+    corners_ = DisjointSets(corner_.size());
+    sides_ = DisjointSets(2 * n_triangles());
     const Array<EdgeUse> uses = edge_uses(place_);
     for_each_edge(uses, [&](int begin, int end) {
       Uses here;
@@ -2961,232 +2852,204 @@ class Preparer {
     for (const Uses& here : crowded_) glue_crowded(here);
   }
 
+  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
+  /// those sides from which they run through the edge in opposite directions.
+  void glue(int h, int t) {
+    const int n = n_triangles(), f = h / 3, g = t / 3;
+    const bool runs_along = place(h) == place(t);
+    twin_[h] = t, twin_[t] = h;
+    corners_.unite(h, runs_along ? t : next(t));
+    corners_.unite(next(h), runs_along ? next(t) : t);
+    sides_.unite(f, runs_along ? g + n : g);
+    sides_.unite(f + n, runs_along ? g : g + n);
+  }
+
+  /// The first triangle of a component stands for it, and for its orientation.
+  int component(int f) { return (std::min)(sides_.find(f), sides_.find(f + n_triangles())); }
+  bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
+
   bool is_same_edge(int h, int t) const {
     const int u = vertex(h), v = vertex(next(h)), w = vertex(t), z = vertex(next(t));
     return (u == w && v == z) || (u == z && v == w);
   }
 
-  static Uses without(const Uses& all, int i, int k) {
-    Uses left;
-    for (int j = 0; j < all.size(); ++j)
-      if (j != i && j != k) left.push_back(all[j]);
-    return left;
-  }
-
-  /// Glues pairs, within a component first, then those with the same vertices of the mesh given,
-  /// then those that bend least.
-  void glue_crowded(Uses left) {
-    if (left.size() > kHub) return;  // to compare all pairs again and again would take too long
-    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
-    while (left.size() >= 2) {
-      int best_i = -1, best_k = -1;
+  /// Glues pairs of several triangles at an edge: those within a component first, then those with
+  /// the same vertices of the mesh given, then those that bend least.
+  void glue_crowded(const Uses& here) {
+    if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
+    for (int left = here.size(); left >= 2; left -= 2) {
+      int best_h = -1, best_t = -1;
       double least = kInfinity;
-      for (int i = 0; i < left.size(); ++i)
-        for (int k = i + 1; k < left.size(); ++k) {
-          const bool is_other = component_[left[i] / 3] != component_[left[k] / 3];
-          const bool runs_along = is_forward(left[i]) == is_forward(left[k]);
-          if (!is_other && runs_along) continue;
-          const double along = dot(normal(left[i] / 3), normal(left[k] / 3));
-          const double cost = (is_other ? kOtherComponent : 0) +
-                              (is_same_edge(left[i], left[k]) ? 0 : kOtherVertices) +
-                              (runs_along ? along : -along);
-          if (cost < least) least = cost, best_i = i, best_k = k;
-        }
-      if (best_i < 0) return;
-      glue(left[best_i], left[best_k]);
-      left = without(left, best_i, best_k);
+      for (int i = 0; i < here.size(); ++i)
+        for (int k = i + 1; k < here.size(); ++k)
+          if (const double cost = cost_to_glue(here[i], here[k]); cost < least)
+            least = cost, best_h = here[i], best_t = here[k];
+      if (best_h < 0) return;
+      glue(best_h, best_t);
     }
   }
 
-  Vec3 normal(int f) const {
-    const int h = 3 * f;
-    const Vec3 n = normalized(cross(point(h + 1) - point(h), point(h + 2) - point(h)));
-    return turned_[f] ? -1 * n : n;
-  }
-
-  /// Does a half-edge, as its triangle is turned now, lead from the smaller to the larger place?
-  bool is_forward(int h) const { return (place(h) < place(next(h))) != (turned_[h / 3] != 0); }
-
-  void glue(int h, int t) {
-    twin_[h] = t, twin_[t] = h;
-    int to = component_[h / 3], from = component_[t / 3];
-    const bool is_turn = is_forward(h) == is_forward(t);
-    if (to == from) {
-      if (is_turn) is_one_sided_[to] = 1;
-      return;
-    }
-    if (members_[to].size() < members_[from].size()) std::swap(to, from);
-    for (int f : members_[from]) {
-      component_[f] = to;
-      turned_[f] ^= is_turn;
-      members_[to].push_back(f);
-    }
-    members_[from].clear();
-    is_one_sided_[to] |= is_one_sided_[from];
-  }
-
-  /// Corners that are glued at an edge are one vertex.
-  void join_corners() {
-    corners_ = DisjointSets(corner_.size());
-    for (int h = 0; h < twin_.size(); ++h) {
-      const int t = twin_[h];
-      if (t < h) continue;
-      const bool runs_along = place(h) == place(t);
-      corners_.unite(h, runs_along ? t : next(t));
-      corners_.unite(next(h), runs_along ? next(t) : t);
-    }
+  /// Infinite if one is glued already, or if gluing would leave a component with one side.
+  double cost_to_glue(int h, int t) {
+    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
+    if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
+    const int f = h / 3, g = t / 3;
+    const bool is_other = component(f) != component(g), runs_along = place(h) == place(t);
+    const int side_of_g = runs_along ? g + n_triangles() : g;
+    if (!is_other && sides_.find(f) != sides_.find(side_of_g)) return kInfinity;
+    const double bend = dot(normalized(normal(f)), normalized(normal(g)));
+    return (is_other ? kOtherComponent : 0) + (is_same_edge(h, t) ? 0 : kOtherVertices) +
+           (runs_along ? bend : -bend);
   }
 
   // ---- what is kept ----
 
-  /// The component with most landmarks, of several the largest; -1 if there is none.
-  int choose_component(const std::vector<LandmarkPoint>& landmarks) const {
-    const Array<int> n_landmarks = count_landmarks(landmarks);
-    int best = -1;
-    double largest = -1;
-    for (int c = 0; c < members_.size(); ++c) {
-      if (members_[c].empty()) continue;
-      double area = 0;
-      for (int f : members_[c]) area += double_area(f);
-      if (best >= 0 && (n_landmarks[c] < n_landmarks[best] ||
-                        (n_landmarks[c] == n_landmarks[best] && area <= largest)))
-        continue;
-      best = c;
-      largest = area;
-    }
-    return best;
-  }
-
-  /// Per component, the vertices and triangles on it that have landmarks.
-  Array<int> count_landmarks(const std::vector<LandmarkPoint>& landmarks) const {
-    const int n = static_cast<int>(given_.vertices.rows());
-    Array<char> is_at(n + static_cast<int>(F_.rows()), 0);  // vertices, then triangles
-    for (const LandmarkPoint& l : landmarks) {
-      const bool at_vertex = l.vertex >= 0;
-      const int at = at_vertex ? l.vertex : l.point.face;
-      if (at >= 0 && at < (at_vertex ? n : F_.rows())) is_at[at_vertex ? at : n + at] = 1;
-    }
-    Array<std::array<int, 2>> found;
+  /// Keeps the component with most landmarks, of several the largest, and the orientation of most
+  /// of its area.
+  void choose_component() {
+    Array<std::array<int, 2>> found;  // landmarks in components
     for (int h = 0; h < corner_.size(); ++h)
-      for (int at : {vertex(h), n + source_[h / 3]})
-        if (is_at[at]) found.push_back({component_[h / 3], at});
-    std::sort(found.begin(), found.end());
-    Array<int> count(members_.size(), 0);
-    for (int i = 0; i < found.size(); ++i) count[found[i][0]] += i == 0 || found[i] != found[i - 1];
-    return count;
-  }
-
-  double double_area(int f) const {
-    return norm(cross(point(3 * f + 1) - point(3 * f), point(3 * f + 2) - point(3 * f)));
-  }
-
-  /// Gives the component that is kept the orientation of most of its area.
-  void turn(int kept) {
+      for (int at : {vertex(h), n_vertices_ + source_[h / 3]})
+        if (has_landmark_[at]) found.push_back({component(h / 3), at});
+    sort_unique(found);
+    Array<std::array<double, 2>> score(n_triangles());  // landmarks and area
+    for (const std::array<int, 2>& landmark : found) ++score[landmark[0]][0];
+    for (int f = 0; f < n_triangles(); ++f) score[component(f)][1] += double_area(f);
+    if (score.empty()) return;
+    kept_ = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
     double turned = 0;
-    for (int f : members_[kept]) turned += turned_[f] ? double_area(f) : -double_area(f);
-    for (int f : members_[kept]) turned_[f] ^= turned > 0;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (component(f) != kept_) continue;
+      members_.push_back(f);
+      turned += is_turned(f) ? double_area(f) : -double_area(f);
+    }
+    turns_ = turned > 0;
   }
 
-  void build(int kept) {
-    std::sort(members_[kept].begin(), members_[kept].end());
-    // Vertices in the order of the first vertex given that became one.
-    Array<int> source(corner_.size(), -1), roots;
-    for (int f : members_[kept])
+  void build() {
+    Array<int> source(corner_.size(), n_vertices_);  // of corners that are one vertex
+    Array<std::array<int, 2>> order;                 // vertices by the first one that became it
+    for (int f : members_)
       for (int h = 3 * f; h < 3 * f + 3; ++h) {
-        int& v = source[corners_.find(h)];
-        if (v < 0) roots.push_back(corners_.find(h));
-        v = v < 0 ? vertex(h) : (std::min)(v, vertex(h));
+        int& first = source[corners_.find(h)];
+        first = (std::min)(first, vertex(h));
       }
-    std::sort(roots.begin(), roots.end(),
-              [&](int a, int b) { return source[a] != source[b] ? source[a] < source[b] : a < b; });
-    Array<int> id(corner_.size(), -1);
+    for (int h = 0; h < corner_.size(); ++h)
+      if (source[h] < n_vertices_) order.push_back({source[h], h});
+    std::sort(order.begin(), order.end());
+    TriangleMesh mesh = {Points3(order.size(), 3), Triangles(members_.size(), 3)};
+    Array<int> id(corner_.size());
     result_.given_vertex.clear();
-    for (int i = 0; i < roots.size(); ++i) {
-      id[roots[i]] = i;
-      result_.given_vertex.push_back(source[roots[i]]);
+    for (int i = 0; i < order.size(); ++i) {
+      id[order[i][1]] = i;
+      result_.given_vertex.push_back(order[i][0]);
+      set_row(mesh.vertices, i, row3(given_.vertices, order[i][0]));
     }
     result_.given_corner.clear();
     result_.given_triangle.clear();
-    std::fill(result_.new_vertex.begin(), result_.new_vertex.end(), -1);
-    std::fill(result_.new_triangle.begin(), result_.new_triangle.end(), -1);
-    Array<int> corners;
+    result_.new_vertex.assign(result_.new_vertex.size(), -1);
+    result_.new_triangle.assign(result_.new_triangle.size(), -1);
     over_.clear();
     cut_.clear();
-    for (int f : members_[kept]) {
-      int& new_triangle = result_.new_triangle.data()[source_[f]];
-      if (new_triangle < 0) new_triangle = corners.size() / 3;
+    for (int i = 0; i < members_.size(); ++i) {
+      const int f = members_[i];
+      const bool turns = is_turned(f) != turns_;
+      if (turns) over_.push_back(source_[f]);
       result_.given_triangle.push_back(source_[f]);
-      if (turned_[f]) over_.push_back(source_[f]);
+      int& new_triangle = result_.new_triangle.data()[source_[f]];
+      if (new_triangle < 0) new_triangle = i;
       for (int k : {0, 1, 2}) {
-        const int h = 3 * f + (turned_[f] ? (3 - k) % 3 : k), v = id[corners_.find(h)];
-        corners.push_back(v);
+        const int h = 3 * f + (turns ? (3 - k) % 3 : k), v = id[corners_.find(h)];
+        mesh.triangles(i, k) = v;
         result_.given_corner.push_back(corner_[h]);
         int& new_vertex = result_.new_vertex.data()[vertex(h)];
         if (new_vertex >= 0 && new_vertex != v) cut_.push_back(vertex(h));
         if (new_vertex < 0 || v < new_vertex) new_vertex = v;
       }
     }
-    TriangleMesh mesh = {Points3(roots.size(), 3), triangles_from(corners)};
-    for (int i = 0; i < roots.size(); ++i)
-      set_row(mesh.vertices, i, row3(given_.vertices, source[roots[i]]));
     result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
     sort_unique(over_);
     sort_unique(cut_);
   }
 
-  /// Vertices that were dropped with copies of triangles are where those of the ones kept are.
+  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
   void place_copies() {
-    for (int v = 0; v < kept_copy_.size(); ++v)
+    for (int v = 0; v < n_vertices_; ++v)
       if (result_.new_vertex.data()[v] < 0)
         result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
+  // ---- what was done ----
+
   /// `is_turned`: the surface was inside out.
-  void tell_rest(int kept, bool is_turned) {
-    Array<int> welded, unused, elsewhere;
-    int n_welded = 0;
-    for (int v = 0; v < is_used_.size(); ++v) {
-      if (!is_used_[v]) unused.push_back(v);
-      const int w = result_.new_vertex.data()[v];
-      n_welded += w >= 0;
-      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
-    }
-    for (int h = 0; h < corner_.size(); h += 3)
-      if (component_[h / 3] != kept) elsewhere.push_back(source_[h / 3]);
-    sort_unique(elsewhere);
-    tell(Repair::Kind::kWelded, {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
-         Element::kVertex, welded);
-    int n_cut = 0;
-    Array<int> at_cuts;
-    for (const Uses& here : crowded_) {
-      if (!is_cut(here, kept)) continue;
-      ++n_cut;
-      for (int h : here) at_cuts.push_back(source_[h / 3]);
-    }
-    sort_unique(at_cuts);
-    tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
-         Element::kFace, at_cuts);
-    tell(Repair::Kind::kCutVertices,
+  void note_all(bool is_turned) {
+    note_dropped();
+    note_welded();
+    note_cut_edges();
+    note(Repair::Kind::kCutVertices,
          {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
          Element::kVertex, cut_);
-    tell(Repair::Kind::kTurnedTriangles,
+    note(Repair::Kind::kTurnedTriangles,
          {"turned ", counted(over_.size(), "triangle"), " over",
           is_turned ? ": most of the surface was inside out" : ""},
          Element::kFace, over_);
-    int others = -1;
-    for (const Array<int>& members : members_) others += !members.empty();
-    tell(Repair::Kind::kDroppedComponents,
-         {"dropped ", counted(others, "component"), ", ", counted(elsewhere.size(), "triangle")},
-         Element::kFace, elsewhere);
-    tell(Repair::Kind::kDroppedVertices,
+    note_components();
+    Array<int> unused;
+    for (int v = 0; v < n_vertices_; ++v)
+      if (!is_used_[v]) unused.push_back(v);
+    note(Repair::Kind::kDroppedVertices,
          {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
          Element::kVertex, unused);
   }
 
-  /// True if something that shared an edge with what is kept was cut off, at one place.
-  bool is_cut(const Uses& here, int kept) const {
+  void note(Repair::Kind kind, Words message, Element element, const Array<int>& ids) {
+    if (!ids.empty())
+      result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
+  }
+
+  void note_dropped() {
+    Array<char> is_known(n_given_, 0);
+    for (int f : source_) is_known[f] = 1;
+    for (int f : repeated_) is_known[f] = 1;
+    Array<int> degenerate;
+    for (int f = 0; f < n_given_; ++f)
+      if (!is_known[f]) degenerate.push_back(f);
+    note(Repair::Kind::kDroppedDegenerate,
+         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
+         degenerate);
+    note(Repair::Kind::kDroppedRepeated,
+         {"dropped ", counted(repeated_.size(), "repeated triangle")}, Element::kFace, repeated_);
+  }
+
+  void note_welded() {
+    Array<int> welded;
+    int n = 0;
+    for (int v = 0; v < n_vertices_; ++v) {
+      const int w = result_.new_vertex.data()[v];
+      n += w >= 0;
+      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
+    }
+    note(Repair::Kind::kWelded, {"welded ", n, " vertices to ", n - welded.size()},
+         Element::kVertex, welded);
+  }
+
+  void note_cut_edges() {
+    int n = 0;
+    Array<int> triangles;
+    for (const Uses& here : crowded_) {
+      if (!is_cut(here)) continue;
+      ++n;
+      for (int h : here) triangles.push_back(source_[h / 3]);
+    }
+    sort_unique(triangles);
+    note(Repair::Kind::kCutEdges, {"cut ", counted(n, "edge"), " of more than two triangles"},
+         Element::kFace, triangles);
+  }
+
+  /// True if one of some triangles at an edge is kept and another one was cut off it.
+  bool is_cut(const Uses& here) {
     for (int h : here) {
-      if (component_[h / 3] != kept) continue;
+      if (component(h / 3) != kept_) continue;
       if (twin_[h] < 0) return true;
       for (int t : here)
         if (t != h && t != twin_[h] && is_same_edge(h, t)) return true;
@@ -3194,35 +3057,51 @@ class Preparer {
     return false;
   }
 
+  void note_components() {
+    Array<int> dropped, elsewhere;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (component(f) == kept_) continue;
+      dropped.push_back(component(f));
+      elsewhere.push_back(source_[f]);
+    }
+    sort_unique(dropped);
+    sort_unique(elsewhere);
+    note(Repair::Kind::kDroppedComponents,
+         {"dropped ", counted(dropped.size(), "component"), ", ",
+          counted(elsewhere.size(), "triangle")},
+         Element::kFace, elsewhere);
+  }
+
   const TriangleMesh& given_;
   const Triangles& F_;
+  const int n_vertices_, n_given_;  // vertices and triangles given
   const bool welds_;
   Prepared& result_;
-  double unit_;                // of lengths
-  Array<char> is_used_;        // per vertex given, by a triangle
-  Array<int> spot_;            // per vertex given, the first one at its coordinates
-  Array<int> part_;            // per vertex given, its part of the mesh; the first is kept first
-  Array<int> kept_copy_;       // per vertex given, that of the triangle that was kept instead
-  DisjointSets places_;        // of vertices given that are at one place,
-  Array<int> place_;           // and per vertex the first one of its
-  Array<int> source_;          // per triangle that is left, the one given that it is a part of
-  Array<int> corner_;          // per corner of those, the one given
-  Array<int> twin_;            // per half-edge of those, the one it is glued to, or -1
-  Array<int> component_;       // per triangle
-  Array<char> turned_;         // per triangle, in its component
-  Array<Array<int>> members_;  // per component, its triangles
-  Array<char> is_one_sided_;   // per component
-  DisjointSets corners_;       // those of one vertex
-  Array<int> over_, cut_;      // triangles given that were turned, vertices that were cut
-  Array<Uses> crowded_;        // places of more than two half-edges
+  double unit_ = 1;           // of lengths
+  Array<char> is_used_;       // per vertex given, by a triangle
+  Array<char> has_landmark_;  // vertices given, then triangles
+  Array<int> spot_;           // per vertex given, the first one at its coordinates
+  Array<int> part_;           // per vertex given, its part of the mesh; the first is kept first
+  Array<int> kept_copy_;      // per vertex given, that of the triangle that was kept instead
+  DisjointSets places_;       // of vertices given that are at one place,
+  Array<int> place_;          // and per vertex the first one of its
+  Array<int> source_;         // per triangle that is left, the one given that it is a part of
+  Array<int> corner_;         // per corner of those, the one given
+  Array<int> twin_;           // per half-edge of those, the one it is glued to, or -1
+  DisjointSets corners_;      // those of one vertex
+  DisjointSets sides_;        // those of one side of a component: triangles, then their backs
+  int kept_ = -1;             // the component that is,
+  Array<int> members_;        // its triangles,
+  bool turns_ = false;        // and the orientation it gets, true for that of the backs
+  Array<Uses> crowded_;       // places of more than two half-edges
+  Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
 };
 
-/// A mesh, and what is wrong with it; if nothing, m is its connectivity.
+/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
 inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   const auto identity = [](Eigen::Index n) {
-    std::vector<int> ids;
-    for (int i = 0; i < n; ++i) ids.push_back(i);
-    return ids;
+    const Array<int> ids = numbers_below(static_cast<int>(n));
+    return std::vector<int>(ids.begin(), ids.end());
   };
   Prepared result;
   result.given = result.mesh = mesh;
@@ -3233,19 +3112,17 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   return result;
 }
 
-/// Nothing but unused vertices is out of range.
+/// True if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
     if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
-  for (int i = 0; i < mesh.triangles.size(); ++i) {
-    const Vec3 p = row3(mesh.vertices, mesh.triangles.data()[i]);
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) return false;
-  }
+  for (int i = 0; i < mesh.triangles.size(); ++i)
+    if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
   return true;
 }
 
-/// If a surface that was cut along its handles has other defects, to weld what lies at one place
-/// could undo the cuts; then that is not done.
+/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
+/// there are none, nothing is welded.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -3256,10 +3133,10 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
       problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
-  if (welds) Preparer(*given, true, welded).run(landmarks);
+  if (welds) Preparer(*given, landmarks, true, welded).run();
   if (welds && welded.problems.empty()) return welded;
   Prepared not_welded = before;
-  Preparer(*given, false, not_welded).run(landmarks);
+  Preparer(*given, landmarks, false, not_welded).run();
   const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
   return !welds || (not_welded.problems.empty() && is_whole) ? not_welded : welded;
 }
@@ -5818,8 +5695,8 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
 //
 // Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian; their blend
 //             with earlier ones; the squared Laplacian.
-// Invariants: block matrices are made row by row: what a row sums is found from its vertex, so rows
-//             are independent, and sums run in the order of polygons and faces, never of threads.
+// Invariants: block matrices are built row by row, each from the faces around a vertex; so rows are
+//             independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
 /// The parts of the objective that Options weigh.
@@ -5897,9 +5774,9 @@ inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measu
   return true;
 }
 
-/// E at the positions x.x (§5); the overlay is computed anew. Gives up, with an infinite E, if that
-/// is too large, and as soon as E would exceed `limit` even if what is left of it covered all the
-/// area there is without any distortion.
+/// Computes the overlay and E at the positions x.x (§5). Gives up, with an infinite E, if the
+/// overlay is too large, or as soon as E would exceed `limit` even if the rest of the surfaces was
+/// covered without distortion.
 inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
@@ -5917,8 +5794,8 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
 
 // ---- block matrices, row by row ----
 
-/// Consecutive rows of a block matrix. What a row is the sum of is added twice: first only columns
-/// count, then, in their places, the blocks.
+/// Consecutive rows of a block matrix. The summands of a row are added twice: the first time finds
+/// its columns, the second time sums the blocks.
 class RowWriter {
  public:
   explicit RowWriter(int columns = 0) : place_(columns, -1) {}
@@ -5964,7 +5841,7 @@ class RowWriter {
   Array<int> place_;  // per column, of its block if that is in the row
 };
 
-/// A matrix of which fill(r, row) adds the blocks of row r, the same ones whenever it is called.
+/// Builds a matrix: fill(r, row) adds the summands of row r, the same ones at every call.
 inline BlockMatrix build_rows(int rows, const Executor& executor,
                               const Callback<int, RowWriter&>& fill) {
   constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
@@ -6040,18 +5917,13 @@ struct QuadraticModel {
   bool has_hessian() const { return !H.start.empty(); }
 };
 
-/// What a triangle contributes: its own energy and, in its vertices, that of its polygons.
+/// Derivatives of the energy of a triangle and its polygons with respect to its vertices.
 struct FaceTerm {
   Mat2 hessian[3][3];
   Vec2 gradient[3];
 };
 
-/// What a triangle contributes to the gradient alone.
-struct FaceForce {
-  Vec2 at[3];
-};
-
-/// What the polygons in a triangle of A contribute between its corners and a vertex of B.
+/// Second derivatives of the polygons in a triangle of A, by its vertices and one of B.
 struct Coupling {
   int vertex;
   Mat2 hessian[3];
@@ -6085,14 +5957,19 @@ inline void embedding_terms(const Surface& s, const Points2& x, int begin, int e
   }
 }
 
+inline Array<Vec2> sum_gradients(const HalfEdgeMesh& m, const Array<FaceTerm>& terms) {
+  Array<Vec2> gradient(m.n_vertices);
+  for (int h = 0; h < m.tail.size(); ++h) gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
+  return gradient;
+}
+
 /// Sums the terms of triangles, vertex by vertex. add_others(h, row) adds what else the corner at
 /// which half-edge h starts is coupled to.
 inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& terms,
                                 const Executor& executor,
                                 const Callback<int, RowWriter&>& add_others) {
   QuadraticModel model;
-  model.gradient.resize(m.n_vertices);
-  for (int h = 0; h < m.tail.size(); ++h) model.gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
+  model.gradient = sum_gradients(m, terms);
   model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
     m.for_each_outgoing(u, [&](int h) {
       for (int k = 0; k < 3; ++k)
@@ -6109,44 +5986,30 @@ class ModelBuilder {
   ModelBuilder(const JointSurface& s, const Weights& weights, const Executor& executor)
       : s_(s), weights_(weights), executor_(executor) {}
 
-  /// Derivatives of all polygons and triangles, projected one by one (Algorithm 1, lines 4 to 7).
-  void differentiate_elements(const Iterate& x) {
+  /// Derivatives of all polygons and triangles (Algorithm 1, lines 4 to 7): gradients, which cost a
+  /// fraction, and Hessians, projected one by one.
+  void differentiate_elements(const Iterate& x, bool with_hessians = true) {
+    with_hessians_ = with_hessians;
     by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
     polygon_in_b_.resize(x.overlay.polygons.size());
     coupling_.resize(s_.faces_a);
     face_.resize(s_.mesh.n_faces);
     run_by_work(0, s_.faces_a, [&](int begin, int end) {
-      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      differentiate_embedding(x, begin, end);
       for (int f = begin; f < end; ++f) coupling_[f].clear();
       differentiate_polygons(x, by_face_.start[begin], by_face_.start[end]);
     });
     run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
-      embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
+      differentiate_embedding(x, begin, end);
       for (int f = begin; f < end; ++f)
         for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
           add(polygon_in_b_[by_face_.item[i]], face_[f]);
     });
   }
 
-  /// The gradient alone, which costs a fraction of that.
   Array<Vec2> gradient(const Iterate& x) {
-    by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
-    force_in_b_.resize(x.overlay.polygons.size());
-    force_.resize(s_.mesh.n_faces);
-    run_by_work(0, s_.faces_a, [&](int begin, int end) {
-      embedding_forces(x, begin, end);
-      add_polygon_forces(x, by_face_.start[begin], by_face_.start[end]);
-    });
-    run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
-      embedding_forces(x, begin, end);
-      for (int f = begin; f < end; ++f)
-        for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
-          for (int k = 0; k < 3; ++k) force_[f].at[k] += force_in_b_[by_face_.item[i]].at[k];
-    });
-    Array<Vec2> gradient(s_.mesh.n_vertices);
-    for (int h = 0; h < s_.mesh.tail.size(); ++h)
-      gradient[s_.mesh.tail[h]] += force_[h / 3].at[h % 3];
-    return gradient;
+    differentiate_elements(x, false);
+    return sum_gradients(s_.mesh, face_);
   }
 
   /// Sums the terms of the last differentiate_elements() (line 8).
@@ -6172,15 +6035,15 @@ class ModelBuilder {
     });
   }
 
-  static void add(const FaceTerm& term, FaceTerm& sum) {
+  void add(const FaceTerm& term, FaceTerm& sum) const {
     for (int i = 0; i < 3; ++i) {
       sum.gradient[i] += term.gradient[i];
-      for (int j = 0; j < 3; ++j) sum.hessian[i][j] += term.hessian[i][j];
+      for (int j = 0; j < 3 && with_hessians_; ++j) sum.hessian[i][j] += term.hessian[i][j];
     }
   }
 
-  /// Fills a batch with the polygons from `begin` on of those grouped by face, the last one again
-  /// where there are no more.
+  /// Fills a batch with polygons, from number `begin` of those grouped by face; repeats the last
+  /// one to fill the lanes.
   void load_polygons(const Iterate& x, int begin, int end, PolygonBatch& batch) const {
     for (int lane = 0; lane < kLanes; ++lane) {
       const OverlayPolygon& p =
@@ -6195,8 +6058,12 @@ class ModelBuilder {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
       load_polygons(x, begin, end, *batch);
-      differentiate(*weights_.measure, weights_.kappa, *batch);
-      project_spd<6>(batch->hessian, weights_.epsilon);
+      if (with_hessians_) {
+        differentiate(*weights_.measure, weights_.kappa, *batch);
+        project_spd<6>(batch->hessian, weights_.epsilon);
+      } else {
+        differentiate_once(*weights_.measure, weights_.kappa, *batch);
+      }
       for (int lane = 0; lane < kLanes && begin + lane < end; ++lane)
         store(x, by_face_.item[begin + lane], lane, *batch);
     }
@@ -6206,40 +6073,27 @@ class ModelBuilder {
     return {batch.gradient[2 * corner][lane], batch.gradient[2 * corner + 1][lane]};
   }
 
-  void add_polygon_forces(const Iterate& x, int begin, int end) {
-    const auto batch = std::make_unique<PolygonBatch>();
-    for (; begin < end; begin += kLanes) {
-      load_polygons(x, begin, end, *batch);
-      differentiate_once(*weights_.measure, weights_.kappa, *batch);
-      for (int lane = 0; lane < kLanes && begin + lane < end; ++lane) {
-        const int id = by_face_.item[begin + lane];
-        force_in_b_[id] = FaceForce();
-        if (batch->is_negligible[lane]) continue;
-        for (int j = 0; j < 3; ++j) {
-          force_[x.overlay.polygons[id].ta].at[j] += force(*batch, j, lane);
-          force_in_b_[id].at[j] = force(*batch, 3 + j, lane);
-        }
-      }
-    }
-  }
-
-  void embedding_forces(const Iterate& x, int begin, int end) {
+  void differentiate_embedding(const Iterate& x, int begin, int end) {
+    if (with_hessians_)
+      return embedding_terms(s_, x.x, begin, end, weights_.epsilon, weights_.barrier, face_);
     for (int f = begin; f < end; ++f) {
       const CornerWeights<double> B(s_.rest_inverse[f].entry);
       const TriangleDensity<double> w = triangle_density(x.jacobian[f].entry);
       for (int i = 0; i < 3; ++i)
-        force_[f].at[i] = weights_.barrier * s_.area[f] * point_gradient(w, B, i);
+        face_[f].gradient[i] = weights_.barrier * s_.area[f] * point_gradient(w, B, i);
     }
   }
 
   void store(const Iterate& x, int id, int lane, const PolygonBatch& batch) {
     const OverlayPolygon& p = x.overlay.polygons[id];
     FaceTerm &a = face_[p.ta], &b = polygon_in_b_[id];
-    b = FaceTerm();
+    std::fill_n(b.gradient, 3, Vec2());
+    if (with_hessians_) b = FaceTerm();
     if (batch.is_negligible[lane]) return;
     for (int j = 0; j < 3; ++j) {
       a.gradient[j] += force(batch, j, lane);
       b.gradient[j] = force(batch, 3 + j, lane);
+      if (!with_hessians_) continue;
       Coupling& coupling = coupling_with(s_.mesh.corner(p.tb, j), coupling_[p.ta]);
       for (int i = 0; i < 3; ++i) {
         a.hessian[i][j] += batch.hessian.block(i, j, lane);
@@ -6249,7 +6103,7 @@ class ModelBuilder {
     }
   }
 
-  /// That with a vertex, if it is among the last ones, or else a new one.
+  /// The coupling with a vertex, if it is one of the last 16, else a new one.
   static Coupling& coupling_with(int vertex, Array<Coupling>& couplings) {
     constexpr int kLast = 16;
     const int n = couplings.size();
@@ -6266,7 +6120,7 @@ class ModelBuilder {
   Array<FaceTerm> polygon_in_b_;     // per polygon, its part between vertices of B
   Array<Array<Coupling>> coupling_;  // per triangle of A
   Array<FaceTerm> face_;
-  Array<FaceForce> force_in_b_, force_;  // of the gradient alone: per polygon, per triangle
+  bool with_hessians_ = true;
 };
 
 // ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
@@ -6309,7 +6163,7 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   row.push_back({u, 0});
   const auto add = [&](int v, double weight) {
     row[0].value += weight;
-    // Neighbours come in order: again, if at all, comes the last one or, in the end, the first.
+    // Each neighbour comes twice: in a row, but for the first one, which also comes last.
     if (row.back().column == v) return void(row.back().value -= weight);
     if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
     row.push_back({v, -weight});
@@ -6323,8 +6177,8 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
 }
 
 /// Lᵀ M L = C M⁻¹ C, which treats both coordinates alike. Scaled by the mean area, so that ω_L has
-/// no unit. A row of C couples all its vertices, so that of a vertex with very many neighbours is
-/// left out: it is smoothed by the rows of the neighbours, like vertices of the boundary.
+/// no unit. A row of C couples all its vertices, so rows with very many are left out: such a vertex
+/// is smoothed by the rows of its neighbours, as vertices of the boundary are.
 inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
   const Array<double> mass = vertex_areas(s);
   const Array<RowEntry> none;
@@ -6350,7 +6204,7 @@ struct LinearSystem {
   ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
 
-/// The blocks of the diagonal, which are the first of their rows, times a factor.
+/// Scales the blocks of the diagonal, which are the first of their rows.
 inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   for (int r = 0; r < matrix.rows(); ++r) {
     Mat2& block = matrix.value[matrix.start[r]];
@@ -6358,7 +6212,7 @@ inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   }
 }
 
-/// A matrix on a larger pattern.
+/// The same matrix with explicit zeros on a larger pattern.
 inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
   BlockMatrix result;
   result.start = pattern.start;
@@ -6409,21 +6263,22 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
 
 // ==== [11] LANDMARKS AND CONSTRAINTS (paper §4.5, §4.6) ==========================================
 //
-// Purpose:    where landmarks lie, also once vertices are added; and what a vertex may not do,
-//             as a change of the linear system: a follower is a fixed combination of vertices of
-//             the other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move
-//             (held boundaries, fixed vertices, rigid motions, §4.6).
-// Invariants: with P the linear map from the unknowns that are left to all rows, the system becomes
-//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. What is left out keeps a unit row, so rows keep their
-//             numbers.
+// Purpose:    places of landmarks, also after vertices are added; constraints of vertices, as a
+//             reduction of the linear system: a follower is a fixed combination of vertices of the
+//             other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move (held
+//             boundaries, fixed vertices, rigid motions, §4.6).
+// Invariants: with P the linear map from the unknowns to all coordinates, the system becomes
+//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Coordinates that are no unknowns keep a unit row, so
+//             rows keep their numbers.
 // Fails:      never; entry points refuse constraints that contradict each other.
 
 // ---- landmarks on the surfaces ----
 
-/// Where an end of a landmark lies: at a vertex, the other corners being -1, or like an added one.
+/// Place of one end of a landmark: at a vertex (the other corners are -1), on an edge or in a
+/// triangle.
 using Place = AddedVertex;
 
-/// The vertex at which a place is, or -1.
+/// The vertex of a place, or -1 if it is on an edge or in a triangle.
 inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
 
 inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
@@ -6437,7 +6292,7 @@ inline Vec2 mean(const Place& p, const Points2& x) {
   return sum;
 }
 
-/// Leaves out corners that are -1 or have hardly any weight; false if that leaves none.
+/// Removes corners that are -1 or have hardly any weight; false if none is left.
 inline bool tidy(Place& p) {
   int n = 0;
   for (int k = 0; k < 3; ++k) {
@@ -6450,8 +6305,8 @@ inline bool tidy(Place& p) {
   return n > 0;
 }
 
-/// The same place once a vertex has been added: it takes the part of the corner that it leaves
-/// least of, so that the others are those of the piece in which the place lies.
+/// Updates a place after a vertex was added: the vertex replaces the corner whose weight would
+/// become zero first, so the corners are again those of the piece in which the place lies.
 inline void follow(const AddedVertex& added, int id, Place& p) {
   int at[3], last = -1;
   double least = kInfinity;
@@ -6469,13 +6324,13 @@ inline void follow(const AddedVertex& added, int id, Place& p) {
   tidy(p);
 }
 
-/// The same place on a mesh of n vertices to which some have been added.
+/// A place of a mesh of n vertices, after vertices were added to it.
 inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
   for (const AddedVertex& vertex : added) follow(vertex, n++, p);
   return p;
 }
 
-/// The vertex of such a mesh that is at a place, which is added where there is none.
+/// The vertex at a place of such a mesh; adds one if there is none.
 inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
   const Place here = located(p, n, added);
   if (vertex_at(here) >= 0) return vertex_at(here);
@@ -6488,7 +6343,7 @@ struct PlacedLandmark {
   Landmark given;
 };
 
-/// Landmarks on the surfaces, once the last of their vertices have been added.
+/// Landmarks after the last vertices of the surfaces, a and b, were added.
 inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
                                      const std::vector<AddedVertex>& a,
                                      const std::vector<AddedVertex>& b, const SurfacePair& pair) {
@@ -6519,7 +6374,7 @@ inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
   return pairs;
 }
 
-/// How the caller gave an end of a landmark.
+/// One end of a landmark in the ids given.
 inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
 inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
 inline std::string name_of(const LandmarkPoint& p) {
@@ -6546,6 +6401,19 @@ struct Follower {
   int row;
   int master[3];
   Vec3 weight;
+
+  template <class Visit>
+  void for_each_master(const Visit& visit) const {
+    for (int k = 0; k < 3; ++k)
+      if (weight[k] != 0) visit(master[k], weight[k]);
+  }
+  /// Σ_k weight_k at(master_k).
+  template <class At>
+  Vec2 mean(const At& at) const {
+    Vec2 sum;
+    for_each_master([&](int v, double w) { sum += w * at(v); });
+    return sum;
+  }
 };
 
 /// A vertex in a triangle.
@@ -6553,111 +6421,41 @@ inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3
   return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
 }
 
-/// The vertex of A in a landmark on that of B, written as a point of a triangle around it.
+/// Holds the vertex of A of a landmark at that of B, a corner of a triangle around it.
 inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
   const int h = s.mesh.out[s.n_a + l.b];
   return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
 
-/// The linear map P.
-class Substitution {
- public:
-  Substitution(const Array<Follower>& followers, int rows)
-      : followers_(followers), follower_of_(rows, -1) {
-    for (int i = 0; i < followers.size(); ++i) follower_of_[followers[i].row] = i;
-  }
-  bool is_follower(int row) const { return follower_of_[row] >= 0; }
-
-  /// visit(row, weight) for every unknown that the position of `row` depends on.
-  template <class Visit>
-  void for_each_source(int row, const Visit& visit) const {
-    if (!is_follower(row)) return visit(row, 1.0);
-    const Follower& follower = followers_[follower_of_[row]];
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0) visit(follower.master[k], follower.weight[k]);
-  }
-
- private:
-  const Array<Follower>& followers_;
-  Array<int> follower_of_;
-};
-
-/// A follower of which a master is one, too, and that master.
+/// A follower and one of its masters that is a follower, too.
 struct Chain {
   int row = -1, master = -1;
 };
 
 inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
-  const Substitution P(followers, s.mesh.n_vertices);
+  Array<char> follows(s.mesh.n_vertices, 0);
+  for (const Follower& follower : followers) follows[follower.row] = 1;
+  Chain chain;
   for (const Follower& follower : followers)
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0 && P.is_follower(follower.master[k]))
-        return {follower.row, follower.master[k]};
-  return {};
+    follower.for_each_master([&](int v, double) {
+      if (follows[v] && chain.row < 0) chain = {follower.row, v};
+    });
+  return chain;
 }
 
-/// Pᵀ A P. Of the rows and columns of followers, `unit` on the diagonal stays.
-inline BlockMatrix substituted(const Substitution& P, BlockMatrix A, double unit,
-                               const Executor& executor) {
-  Array<Block> moved;
-  const auto add = [&](int i, int j, const Mat2& value) {
-    if (i <= j) moved.push_back({i, j, value});
-  };
-  for (int r = 0; r < A.rows(); ++r)
-    for (int b = A.start[r]; b < A.start[r + 1]; ++b) {
-      const int c = A.column[b];
-      if (!P.is_follower(r) && !P.is_follower(c)) continue;
-      const Mat2 value = A.value[b];
-      A.value[b] = diagonal(r == c ? unit : 0);
-      P.for_each_source(r, [&](int i, double wi) {
-        P.for_each_source(c, [&](int j, double wj) {
-          add(i, j, wi * wj * value);
-          if (r != c) add(j, i, wi * wj * transposed(value));
-        });
-      });
-    }
-  return sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
-}
-
-/// Pᵀ g.
-inline void substitute(const Array<Follower>& followers, Array<Vec2>& gradient) {
-  for (const Follower& follower : followers) {
-    const Vec2 force = gradient[follower.row];
-    gradient[follower.row] = {};
-    for (int k = 0; k < 3; ++k)
-      if (follower.weight[k] != 0) gradient[follower.master[k]] += follower.weight[k] * force;
-  }
-}
-
-/// Replaces x by P x in a system.
-inline void substitute(const Array<Follower>& followers, const Executor& executor,
-                       LinearSystem& system) {
-  if (followers.empty()) return;
-  const Substitution P(followers, system.H.rows());
-  system.H = substituted(P, std::move(system.H), 1, executor);
-  if (system.has_Q()) system.Q = substituted(P, std::move(system.Q), 0, executor);
-  substitute(followers, system.gradient);
-}
-
-/// P d: gives the followers the direction that their masters' say.
+/// P d: sets the directions of followers from those of their masters.
 inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
-  for (const Follower& follower : followers) {
-    Vec2 sum;
-    for (int k = 0; k < 3; ++k) sum += follower.weight[k] * d[follower.master[k]];
-    d[follower.row] = sum;
-  }
+  for (const Follower& follower : followers)
+    d[follower.row] = follower.mean([&](int v) { return d[v]; });
 }
 
-/// Puts the followers where their masters say.
+/// Sets the positions of followers from those of their masters.
 inline void place_followers(const Array<Follower>& followers, Points2& x) {
-  for (const Follower& follower : followers) {
-    Vec2 p;
-    for (int k = 0; k < 3; ++k) p += follower.weight[k] * row2(x, follower.master[k]);
-    set_row(x, follower.row, flush_tiny(p));
-  }
+  for (const Follower& follower : followers)
+    set_row(x, follower.row, flush_tiny(follower.mean([&](int v) { return row2(x, v); })));
 }
 
-/// The largest distance, on the surfaces, of a follower from where it is to be.
+/// The largest distance, on the surfaces, between a follower and the point at which it is held.
 inline double pin_residual(const Surface& s, const Array<Follower>& followers, const Points2& x) {
   double largest = 0;
   for (const Follower& follower : followers) {
@@ -6684,34 +6482,8 @@ struct FixedCoordinates {
   bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
 };
 
-/// Takes fixed coordinates out of a matrix: `unit` on the diagonal stays of their rows and columns.
-inline void eliminate(const FixedCoordinates& is_fixed, double unit, BlockMatrix& A) {
-  for (int r = 0; r < A.rows(); ++r)
-    for (int b = A.start[r]; b < A.start[r + 1]; ++b)
-      for (int c = 0; c < 2; ++c) {
-        Mat2& block = A.value[b];
-        if (is_fixed(r, c)) block(c, 0) = block(c, 1) = 0;
-        if (is_fixed(A.column[b], c)) block(0, c) = block(1, c) = 0;
-        if (r == A.column[b] && is_fixed(r, c)) block(c, c) = unit;
-      }
-}
-
-inline void eliminate(const FixedCoordinates& is_fixed, Array<Vec2>& gradient) {
-  for (int r = 0; r < gradient.size(); ++r) {
-    if (is_fixed(r, 0)) gradient[r].x = 0;
-    if (is_fixed(r, 1)) gradient[r].y = 0;
-  }
-}
-
-/// And out of a system, so that their step is 0.
-inline void eliminate(const FixedCoordinates& is_fixed, LinearSystem& system) {
-  eliminate(is_fixed, 1, system.H);
-  if (system.has_Q()) eliminate(is_fixed, 0, system.Q);
-  eliminate(is_fixed, system.gradient);
-}
-
-/// Fixes what held boundaries must not move. A vertex in a row with its neighbours, parallel to an
-/// axis, may slide along it.
+/// Fixes the coordinates of held boundaries. With Boundary::kSlide, a vertex in line with both
+/// neighbours, parallel to an axis, may move along it.
 inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary boundary,
                            FixedCoordinates& is_fixed) {
   if (boundary == Boundary::kFree) return;
@@ -6725,6 +6497,70 @@ inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary bou
       is_fixed(v, 1) = !(slides && p.x == q.x && q.x == r.x);
     }
   }
+}
+
+// ---- the system of the unknowns ----
+
+/// Pᵀ A P, with `unit` on the diagonal of coordinates that are no unknowns.
+inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                           BlockMatrix A, double unit, const Executor& executor) {
+  Array<const Follower*> follower_of(A.rows(), nullptr);
+  for (const Follower& follower : followers) follower_of[follower.row] = &follower;
+  const auto for_each_source = [&](int row, const auto& visit) {
+    follower_of[row] != nullptr ? follower_of[row]->for_each_master(visit) : visit(row, 1.0);
+  };
+  Array<Block> moved;
+  const auto move = [&](int r, int c, Mat2& block) {
+    if (follower_of[r] == nullptr && follower_of[c] == nullptr) return;
+    const Mat2 value = block;
+    block = diagonal(r == c ? unit : 0);
+    for_each_source(r, [&](int i, double wi) {
+      for_each_source(c, [&](int j, double wj) {
+        if (i <= j) moved.push_back({i, j, wi * wj * value});
+        if (j <= i && r != c) moved.push_back({j, i, wi * wj * transposed(value)});
+      });
+    });
+  };
+  const auto fix = [&](int r, int c, Mat2& block) {
+    for (int k = 0; k < 2; ++k) {
+      if (is_fixed(r, k)) block(k, 0) = block(k, 1) = 0;
+      if (is_fixed(c, k)) block(0, k) = block(1, k) = 0;
+      if (is_fixed(r, k) && r == c) block(k, k) = unit;
+    }
+  };
+  const auto for_each_block = [&](const auto& visit) {
+    for (int r = 0; r < A.rows(); ++r)
+      for (int b = A.start[r]; b < A.start[r + 1]; ++b) visit(r, A.column[b], A.value[b]);
+  };
+  if (!followers.empty()) {
+    for_each_block(move);
+    A = sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
+  }
+  for_each_block(fix);
+  return A;
+}
+
+/// Pᵀ g.
+inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                   Array<Vec2>& gradient) {
+  for (const Follower& follower : followers) {
+    const Vec2 force = gradient[follower.row];
+    gradient[follower.row] = {};
+    follower.for_each_master([&](int v, double w) { gradient[v] += w * force; });
+  }
+  for (int r = 0; r < gradient.size(); ++r) {
+    if (is_fixed(r, 0)) gradient[r].x = 0;
+    if (is_fixed(r, 1)) gradient[r].y = 0;
+  }
+}
+
+/// Reduces a system to the unknowns. In its solution other coordinates are 0, until
+/// expand_direction() sets those of followers.
+inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
+                   const Executor& executor, LinearSystem& system) {
+  system.H = reduced(followers, is_fixed, std::move(system.H), 1, executor);
+  if (system.has_Q()) system.Q = reduced(followers, is_fixed, std::move(system.Q), 0, executor);
+  reduce(followers, is_fixed, system.gradient);
 }
 
 // ---- rigid motions (§4.6) ----
@@ -6776,42 +6612,24 @@ inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
   return rigid_motion(std::atan2(turn.y, turn.x), c0, c1);
 }
 
-/// What the best similarity from one set of points to another leaves of their second moment: from
-/// 0, where it fits, to 1.
+/// The part of the second moment that the best similarity between two sets of points does not
+/// explain: 0 if it fits, at most 1.
 inline double misfit(const Points2& from, const Points2& to) {
   return 1 - squared_norm(correlation(from, to)) /
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
 }
 
-/// Numbers of edges from the boundary, breadth first.
-inline Array<int> boundary_distances(const HalfEdgeMesh& m) {
-  Array<int> distance(m.n_vertices, -1), queue;
-  for (int h : m.boundary) {
-    distance[m.tail[h]] = 0;
-    queue.push_back(m.tail[h]);
-  }
-  for (int i = 0; i < queue.size(); ++i) {
-    const int u = queue[i];
-    m.for_each_outgoing(u, [&](int h) {
-      for (int v : {m.tip(h), m.tail[prev(h)]}) {
-        if (distance[v] >= 0) continue;
-        distance[v] = distance[u] + 1;
-        queue.push_back(v);
-      }
-    });
-  }
-  return distance;
-}
-
-/// Where g(B) is held to remove rigid motions: the most central vertex goes to the origin, a
-/// boundary vertex far from it to the x-axis. Both depend on the surface, not on the positions.
+/// Vertices of B that are held to remove rigid motions: the most central one at the origin, a
+/// boundary vertex far from it on the x-axis. The choice depends on the surface, not on positions.
 struct Anchors {
   int center = 0;
   int rim = 0;
 };
 
 inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& followers) {
-  Array<int> distance = boundary_distances(s.mesh);
+  Array<int> boundary;
+  for (int h : s.mesh.boundary) boundary.push_back(s.mesh.tail[h]);
+  Array<int> distance = ShortestPaths(s.mesh, boundary).length;
   for (const Follower& follower : followers) distance[follower.row] = -1;
   Anchors anchors = {s.n_a, s.n_a};
   for (int v = s.n_a; v < s.mesh.n_vertices; ++v)
@@ -6827,8 +6645,8 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
   return anchors;
 }
 
-/// Moves both planes rigidly so that the anchors are where they belong; leaves them, if rounding
-/// would cost the injectivity of so thin an embedding.
+/// Moves both planes rigidly so that the anchors are where they belong, unless rounding would make
+/// the embedding of thin triangles lose its injectivity.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
   Points2 y = transformed(x, rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2()));
@@ -7648,8 +7466,7 @@ class Optimizer {
     LinearSystem system =
         blend(history_, options_.tuning.history_decay, others_, laplacian_, executor_);
     add_spring_gradient(springs_, x_.x, system.gradient);
-    substitute(followers_, executor_, system);
-    eliminate(is_fixed_, system);
+    reduce(followers_, is_fixed_, executor_, system);
     log_.seconds_assembly += timer.lap();
     return system;
   }
@@ -7949,8 +7766,7 @@ class Optimizer {
   /// A gradient at y, with that of the springs, in the unknowns.
   Array<Vec2> of_unknowns(Array<Vec2> gradient, const Points2& y) const {
     add_spring_gradient(springs_, y, gradient);
-    substitute(followers_, gradient);
-    eliminate(is_fixed_, gradient);
+    reduce(followers_, is_fixed_, gradient);
     return gradient;
   }
 
@@ -8722,7 +8538,7 @@ class FlatNewton {
     for (int h : m_.boundary)
       prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x_, m_.tail[h]);
     add_product(system.shifted(0), prescribed, system.gradient);
-    eliminate(is_fixed_, system);
+    reduce(problem_.followers, is_fixed_, executor_, system);
     Array<Vec2> d;
     if (!solve(system, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
@@ -8761,8 +8577,7 @@ class FlatNewton {
     constexpr int kMostTrials = 30;
     const Array<Vec2> gradient = system.gradient;
     add_springs_and_scaffold(system);
-    substitute(problem_.followers, executor_, system);
-    eliminate(is_fixed_, system);
+    reduce(problem_.followers, is_fixed_, executor_, system);
     Array<Vec2> d;
     if (!solve(system, d)) return false;
     expand_direction(problem_.followers, d);
@@ -12346,7 +12161,7 @@ inline Array<int> cross_at(const Surface& s, int center) {
   const int arms = (std::min)(4, spokes.size());
   Array<char> is_taken(m.n_vertices, 0);
   is_taken[center] = 1;
-  Array<int> edges, tips;
+  Array<int> edges;
   for (int i = 0; i < arms; ++i) {
     edges.push_back(spokes[i * spokes.size() / arms]);
     is_taken[m.tip(edges.back())] = 1;
@@ -14939,7 +14754,7 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 const char* to_string(Status s) { return detail::words_of(s).name; }
 
 double memory_estimate(const MeshView& a, const MeshView& b, const Options& options) {
-  const auto count = [](const BufferView& view) { return static_cast<double>(view.rows); };
+  const auto count = [](const auto& view) { return static_cast<double>(view.rows); };
   return detail::memory_of_run(count(a.positions) + count(b.positions), count(a.triangles),
                                count(b.triangles), options);
 }

@@ -326,7 +326,7 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
     evaluate(s, weights, at);
     models.differentiate_elements(at);
     LinearSystem system = blend(Array<QuadraticModel>(1, models.assemble()), 1, {}, {}, executor);
-    eliminate(is_fixed, system);
+    reduce({}, is_fixed, executor, system);
     return system;
   };
   const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(start.data(), start.size());
