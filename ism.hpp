@@ -272,8 +272,7 @@ enum class Status {
                       // optimisation failed, and the message tells; the result is still valid
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
   kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
-  kMemoryLimit,       // it would take more memory than Options::max_memory, and nothing was begun;
-                      // or the overlay has more than 16 million polygons
+  kMemoryLimit,       // the overlay has more than 16 million polygons
   kInvalidMesh,       // an input mesh is not a clean surface, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
@@ -595,8 +594,6 @@ struct Options {
   /// > 0: a call, or all steps of a Solver together, take no longer; change() and restore() begin
   /// to count anew.
   double max_seconds = std::numeric_limits<double>::infinity();
-  /// > 0, in bytes: a call ends with kMemoryLimit before it begins if memory_estimate() is more.
-  double max_memory = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
   /// count as pinned. Where the start puts one beside the other surface, it is refused; or, if both
@@ -691,7 +688,7 @@ struct Result : Outcome {
 /// fewer than three landmarks, four pairs of places are tried. Where an outline is in its own way
 /// or a surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
 /// Options::initial_f and initial_g are not read. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
-/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure, kMemoryLimit. Thread-safe.
+/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -711,13 +708,6 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// surfaces, as have pairs of which one surface is closed.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
-
-/// About how many bytes compute_map() or a Solver takes at its peak, beyond what the caller has.
-/// Counts vertices and triangles only, which may be invalid. With default options, on ten pairs of
-/// 4 to 46 thousand triangles and on generated ones, it was 0.79 to 1.25 times what the process
-/// grew by. The most was taken where the start fits badly: the steps are long, and the memory of
-/// the iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
-double memory_estimate(const MeshView& a, const MeshView& b, const Options& options = {});
 
 /// What a Solver knows, as plain arrays, to be written to a file and read again. Of use together
 /// with the same meshes, landmarks and options, and the same build of the library.
@@ -832,14 +822,6 @@ struct Remesh {
   std::vector<char> covered;  // per vertex
 };
 
-/// An opening of a surface: a boundary loop that is not the outer one.
-struct Opening {
-  Side side = Side::kA;
-  int vertex = -1;  // the first one given of its loop; see Options::outer_a
-  int edges = 0;    // of its loop
-  double over = 0;  // the part of the other surface that lies over it, from 0 to 1; not covered
-};
-
 namespace detail {
 struct MapData;
 }
@@ -887,11 +869,6 @@ class SurfaceMap {
   /// (§6.3), ask for the edges of its polygons.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
-  /// The same of a curve, given by points of A. Points without a common triangle of the embedded
-  /// mesh are joined by a straight line of the plane, and not at all across the seam of closed
-  /// surfaces. A point whose face is out of range interrupts the curve.
-  std::vector<Polyline> forward_curve(const Polyline& points) const;
-  std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the unit of its mesh; NaN if there is no such face, as for the
   /// point of an image that is not covered.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
@@ -900,8 +877,6 @@ class SurfaceMap {
   /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1
   /// if the map is not its own; not scaled if keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
-  /// The openings of both surfaces, those of A first. Costs an overlay for each that has some.
-  std::vector<Opening> openings() const;
 
  private:
   friend Remesh remesh(const SurfaceMap& map, Side side);
@@ -2438,74 +2413,6 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   }
 }
 
-/// Replaces a cycle, as vertices in order, by the one that a half-edge closes with a tree, if that
-/// is shorter.
-inline void shorten_cycle(const HalfEdgeMesh& m, const Array<int>& to_parent,
-                          const Array<int>& depth, int h, std::vector<int>& shortest) {
-  std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
-  while (up.back() != down.back()) {
-    if (!shortest.empty() && up.size() + down.size() > shortest.size()) return;
-    std::vector<int>& deeper = depth[up.back()] >= depth[down.back()] ? up : down;
-    const int v = deeper.back(), e = to_parent[v];
-    deeper.push_back(m.tail[e] == v ? m.tip(e) : m.tail[e]);
-  }
-  up.insert(up.end(), down.rbegin() + 1, down.rend());
-  if (shortest.empty() || up.size() < shortest.size()) shortest = up;
-}
-
-/// A short cycle of edges that does not bound, as vertices in order; none on a surface without
-/// handles. A tree of shortest paths spans the vertices, and a tree of faces, in which an opening
-/// counts as one, all that it does not cross; an edge that neither tree needs closes a cycle
-/// [Eppstein 2003].
-inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
-  Array<int> to_parent(m.n_vertices, -1);  // a half-edge
-  Array<int> depth(m.n_vertices, -1), queue;
-  const int root = m.tail[0];
-  depth[root] = 0;
-  queue.push_back(root);
-  for (int i = 0; i < queue.size(); ++i)
-    m.for_each_outgoing(queue[i], [&](int h) {
-      for (int e : {h, prev(h)}) {
-        const int v = e == h ? m.tip(h) : m.tail[e];
-        if (depth[v] >= 0) continue;
-        depth[v] = depth[queue[i]] + 1;
-        to_parent[v] = e;
-        queue.push_back(v);
-      }
-    });
-  Array<char> is_taken(m.tail.size(), 0);  // by either tree
-  const auto take = [&](int h) {
-    is_taken[h] = 1;
-    if (m.twin[h] >= 0) is_taken[m.twin[h]] = 1;
-  };
-  for (int h : to_parent)
-    if (h >= 0) take(h);
-  Array<int> cell_of(m.tail.size());  // of the face behind a half-edge: a face or an opening
-  for (int h = 0; h < m.tail.size(); ++h) cell_of[h] = m.twin[h] / 3;
-  for (int i = 0; i < m.loops(); ++i)
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) cell_of[m.boundary[k]] = m.n_faces + i;
-  Array<char> seen(m.n_faces + m.loops(), 0);
-  queue.assign(1, 0);
-  seen[0] = 1;
-  const auto visit = [&](int h, int cell) {
-    if (is_taken[h] || seen[cell]) return;
-    seen[cell] = 1;
-    take(h);
-    queue.push_back(cell);
-  };
-  for (int i = 0; i < queue.size(); ++i) {
-    const int cell = queue[i], loop = cell - m.n_faces;
-    if (loop < 0)
-      for (int h = 3 * cell; h < 3 * cell + 3; ++h) visit(h, cell_of[h]);
-    else
-      for (int k = m.loop[loop]; k < m.loop[loop + 1]; ++k) visit(m.boundary[k], m.boundary[k] / 3);
-  }
-  std::vector<int> shortest;
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (!is_taken[h] && h > m.twin[h]) shorten_cycle(m, to_parent, depth, h, shortest);
-  return shortest;
-}
-
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
@@ -2515,14 +2422,8 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  std::vector<int> cycle = handle_cycle(m);
-  for (int& v : cycle) v = list.vertex(v);
-  list.add(
-      Problem::Kind::kHandles,
-      {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it, for ",
-       "example along the cycle of ", static_cast<int>(cycle.size()), " edges through vertex ",
-       cycle[0]},
-      Element::kVertex, cycle);
+  list.add(Problem::Kind::kHandles,
+           {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
 /// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
@@ -10810,19 +10711,17 @@ struct EmbeddedPair {
   Overlay overlay;
   FaceGroups by_face;
   double extent = 0;         // of the plane, from the origin
-  Array<int> across;         // per half-edge, its twin, or that beyond the seam; or -1
   Array<int> place_on_seam;  // per vertex, or -1
+  bool is_closed = false;    // there is a seam
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
-      : s(std::move(surface)), x(std::move(positions)), across(s.mesh.twin) {
+      : s(std::move(surface)), x(std::move(positions)) {
     for (int i = 0; i < x.size(); ++i) extent = (std::max)(extent, std::abs(x.data()[i]));
     compute_overlay(s, x, overlay);
     sew(seam);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
-
-  bool is_closed() const { return !seam_.empty(); }
 
   /// What corner i of a polygon is. At the seam, vertices of A and B coincide; what the symbolic
   /// perturbation has between them is no corner of its own.
@@ -10847,23 +10746,6 @@ struct EmbeddedPair {
     return {1, id(h), id(t)};
   }
 
-  /// All there are of a vertex, which is one of them; -1 is none.
-  Array<int> copies_of(int v) const {
-    Array<int> copies(1, v);
-    const int place = v < 0 ? -1 : place_on_seam[v];
-    if (place < 0) return copies;
-    const SeamVertex& at = seam_[place];
-    const int first = v < s.n_a ? at.a : s.n_a + at.b;
-    const int second = v < s.n_a ? at.copy_a : s.n_a + at.copy_b;
-    copies.push_back(v == first ? second : first);
-    return copies;
-  }
-
-  /// False for a triangle of the body and one of the cap.
-  bool are_in_one_part(int face, int other) const {
-    return part_.empty() || part_[face] == part_[other];
-  }
-
   /// The vertex of a face that has a place on the seam, as one of its corners; or -1.
   int corner_on_seam(int face, int place) const {
     for (int k = 0; k < 3; ++k)
@@ -10873,22 +10755,12 @@ struct EmbeddedPair {
 
   /// Takes out what the perturbation has put between vertices of the seam, which has no area.
   void sew(const Array<SeamVertex>& seam) {
-    seam_ = seam;
+    is_closed = !seam.empty();
     place_on_seam.assign(s.mesh.n_vertices, -1);
     if (seam.empty()) return;
-    part_ = components_of(s.mesh);
     for (int i = 0; i < seam.size(); ++i)
       for (int v : {seam[i].a, seam[i].copy_a, s.n_a + seam[i].b, s.n_a + seam[i].copy_b})
         place_on_seam[v] = i;
-    const auto join_edges = [&](int u, int v, int copy_u, int copy_v) {
-      const int h = find_edge(s.mesh, u, v), t = find_edge(s.mesh, copy_v, copy_u);
-      if (h >= 0 && t >= 0) across[h] = t, across[t] = h;
-    };
-    for (int i = 0; i < seam.size(); ++i) {
-      const SeamVertex &p = seam[i], &q = seam[(i + 1) % seam.size()];
-      join_edges(p.a, q.a, p.copy_a, q.copy_a);
-      join_edges(s.n_a + p.b, s.n_a + q.b, s.n_a + p.copy_b, s.n_a + q.copy_b);
-    }
     Array<OverlayPolygon> kept;
     for (const OverlayPolygon& p : overlay.polygons) {
       int corners = 0;
@@ -10920,7 +10792,7 @@ struct EmbeddedPair {
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
     for_each_target(face, [&](int t) {
       const Barycentric b = barycentric(s.mesh, x, t, p);
-      best.consider(t, b.weights, is_closed() ? kInfinity : b.slack);
+      best.consider(t, b.weights, is_closed ? kInfinity : b.slack);
     });
   }
 
@@ -10944,7 +10816,6 @@ struct EmbeddedPair {
 
  private:
   Array<SeamVertex> seam_;
-  Array<int> part_;  // per face, body or cap of its surface; empty without a seam
 };
 
 // ---- the meshes given, and as they were embedded ----
@@ -11194,89 +11065,37 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
   return o;
 }
 
-// ---- curves ----
-
-/// A point as a point of every face it lies in: one, or those around its edge or vertex, also
-/// beyond a seam. As it was given, it comes first.
-inline Array<SurfacePoint> everywhere(const EmbeddedPair& pair, const SurfacePoint& p) {
-  const HalfEdgeMesh& m = pair.s.mesh;
-  Array<SurfacePoint> all(1, p);
-  const auto add = [&](int h, double tail, double tip) {
-    Vec3 weights;
-    weights[h % 3] = tail;
-    weights[next(h) % 3] = tip;
-    if (h / 3 != p.face) all.push_back(surface_point(h / 3, weights));
-  };
-  for (int k = 0; k < 3; ++k) {
-    if (p.barycentric[k] != 1) continue;
-    const int v = m.corner(p.face, k);
-    for (int copy : pair.copies_of(v)) m.for_each_outgoing(copy, [&](int h) { add(h, 1, 0); });
-    return all;
-  }
-  for (int k = 0; k < 3; ++k) {  // corner k does not count: the point is on the edge behind it
-    const int h = next(3 * p.face + k), beyond = pair.across[h];
-    if (p.barycentric[k] == 0 && beyond >= 0)
-      add(beyond, p.barycentric[next(h) % 3], p.barycentric[h % 3]);
-  }
-  return all;
-}
+// ---- paths ----
 
 /// The part of a segment of the plane in one triangle, from parameter s to t.
-struct CurvePart {
+struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
-  bool operator<(const CurvePart& o) const { return s < o.s; }
+  bool operator<(const SegmentPart& o) const { return s < o.s; }
 };
 
-/// Maps curves of one mesh to the other: straight in the plane, each segment is clipped by the
-/// triangles of the other mesh that the overlay knows to be there, and covered by the stretches
-/// that reach farthest. Triangles are taken a little larger than they are, so that neither rounding
-/// nor running along an edge tears a curve.
-class CurveMapper {
+/// Maps paths along edges of one mesh to the other: straight in the plane, each edge is clipped by
+/// the triangles that have a polygon beside it, and covered by the parts that reach farthest.
+/// Triangles are taken a little larger than they are, so that neither rounding nor running along an
+/// edge interrupts a path.
+class PathMapper {
  public:
-  explicit CurveMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
+  explicit PathMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
-  /// A path along edges of a mesh given.
-  std::vector<Polyline> map_path(const Origin& origin, int first_face,
-                                 const std::vector<int>& vertices) {
+  /// The image of a path along edges of a mesh given, whose first face in A ⊔ B is `first_face`.
+  std::vector<Polyline> map(const Origin& origin, int first_face,
+                            const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
       const Array<int> edge = origin.along(vertices[i], vertices[i + 1]);
-      if (edge.empty()) interrupt();
+      if (edge.empty()) is_open_ = false;
       for (int directed : edge) {
-        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed), t = m_.twin[h];
+        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed);
         const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
-        Array<int> faces(1, h / 3);
-        if (t >= 0) faces.push_back(t / 3);
-        add_segment(directed >= 0 ? tail : tip, directed >= 0 ? tip : tail, faces);
+        if (directed >= 0)
+          add_segment(tail, tip, parts_along(h, tail, tip));
+        else
+          add_segment(tip, tail, parts_along(h, tip, tail));
       }
-    }
-    return std::move(polylines_);
-  }
-
-  /// Points with a negative face are none.
-  std::vector<Polyline> map_curve(const Polyline& points) {
-    for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-      if (!is_valid(points[i]) || !is_valid(points[i + 1])) {
-        interrupt();
-        continue;
-      }
-      const Array<SurfacePoint> from = everywhere(pair_, points[i]);
-      const Array<SurfacePoint> to = everywhere(pair_, points[i + 1]);
-      int k = 0, l = 0;  // in one triangle, if there is one
-      for (int at_k = from.size() - 1; at_k >= 0; --at_k)
-        for (int at_l = to.size() - 1; at_l >= 0; --at_l)
-          if (from[at_k].face == to[at_l].face) k = at_k, l = at_l;
-      if (!pair_.are_in_one_part(from[k].face, to[l].face)) {
-        interrupt();
-        continue;
-      }
-      Array<int> faces;
-      for (const Array<SurfacePoint>* ends : {&from, &to})
-        for (const SurfacePoint& p : *ends)
-          if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
-      const Vec2 p = pair_.planar_position(from[k]), q = pair_.planar_position(to[l]);
-      if (from[k].face != to[l].face) add_faces_at_boundary(p, q, from[k].face, faces);
-      add_segment(p, q, faces);
     }
     return std::move(polylines_);
   }
@@ -11284,33 +11103,25 @@ class CurveMapper {
  private:
   static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
 
-  static bool is_valid(const SurfacePoint& s) {
-    return s.face >= 0 && std::isfinite(s.barycentric[0] + s.barycentric[1] + s.barycentric[2]);
+  /// What the edge pq of half-edge h passes through in the other mesh.
+  Array<SegmentPart> parts_along(int h, Vec2 p, Vec2 q) const {
+    Array<SegmentPart> parts;
+    for (int side : {h, m_.twin[h]}) {
+      if (side < 0) continue;
+      pair_.for_each_target(side / 3, [&](int target) {
+        SegmentPart part;
+        part.face = target;
+        if (clip(p, q, part)) parts.push_back(part);
+      });
+    }
+    std::sort(parts.begin(), parts.end());
+    return parts;
   }
 
-  void interrupt() { is_open_ = false; }
-
-  /// A segment that leaves the plane of a mesh may come back into it, where it meets a boundary.
-  void add_faces_at_boundary(Vec2 p, Vec2 q, int face, Array<int>& faces) const {
-    const bool of_a = face < pair_.s.faces_a;
-    const Vec2 d = q - p, slack = {kTouch * pair_.extent, kTouch * pair_.extent};
-    const auto meets = [&](Vec2 lo, Vec2 hi) {  // pq: along both axes, and across it
-      const Vec2 r = 0.5 * (hi - lo) + slack, c = hi + slack - r;
-      return boxes_meet(lower(p, q), upper(p, q), c - r, c + r) &&
-             std::abs(cross(d, c - p)) <= std::abs(d.x) * r.y + std::abs(d.y) * r.x;
-    };
-    const auto add = [&](int i) {
-      const int f = m_.boundary[of_a ? i : pair_.s.boundary_a + i] / 3;
-      if (pair_.are_in_one_part(f, face)) faces.push_back(f);
-      return false;
-    };
-    (of_a ? pair_.overlay.boundary_a : pair_.overlay.boundary_b).find(meets, add);
-  }
-
-  /// Narrows a stretch of pq to a triangle; false if nothing is left.
-  bool clip(Vec2 p, Vec2 q, int face, CurvePart& part) const {
+  /// Narrows a part of pq to its triangle; false if nothing is left.
+  bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
     constexpr double kRounding = 1e-14;  // of the size of the plane
-    for (int h = 3 * face; h < 3 * face + 3; ++h) {
+    for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
       const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
       const double slack = kRounding * pair_.extent * norm(edge);
       const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
@@ -11322,47 +11133,22 @@ class CurveMapper {
     return part.s <= part.t;
   }
 
-  /// Follows pq through the first mesh from some faces on, and collects what it passes through in
-  /// the second one.
-  Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
-    Array<CurvePart> stretches;
-    std::set<int> visited;
-    while (!faces.empty()) {
-      const int f = faces.back();
-      faces.pop_back();
-      CurvePart in_from;
-      if (!clip(p, q, f, in_from)) continue;
-      if (!visited.insert(f).second) continue;
-      pair_.for_each_target(f, [&](int target) {
-        CurvePart part = in_from;
-        part.face = target;
-        if (clip(p, q, target, part)) stretches.push_back(part);
-      });
-      for (int h = 3 * f; h < 3 * f + 3; ++h)
-        if (m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
-    }
-    std::sort(stretches.begin(), stretches.end());
-    return stretches;
-  }
-
-  void add_segment(Vec2 p, Vec2 q, Array<int>& faces) {
-    if (p == q) return;
-    const Array<CurvePart> stretches = collect(p, q, faces);
+  void add_segment(Vec2 p, Vec2 q, const Array<SegmentPart>& parts) {
     double at = 0;
-    for (int next = 0; next < stretches.size();) {
-      CurvePart best;
+    for (int next = 0; next < parts.size();) {
+      SegmentPart best;
       best.t = at;
-      for (; next < stretches.size() && stretches[next].s <= at + kTouch; ++next)
-        if (stretches[next].t > best.t) best = stretches[next];
+      for (; next < parts.size() && parts[next].s <= at + kTouch; ++next)
+        if (parts[next].t > best.t) best = parts[next];
       if (best.t > at + kTouch) {
         append(p, q, best.face, at, best.t);
         at = best.t;
-      } else if (next < stretches.size()) {
-        interrupt();
-        at = stretches[next].s;
+      } else if (next < parts.size()) {
+        is_open_ = false;
+        at = parts[next].s;
       }
     }
-    if (at < 1 - kTouch) interrupt();
+    if (at < 1 - kTouch) is_open_ = false;
   }
 
   void append(Vec2 p, Vec2 q, int face, double s, double t) {
@@ -11370,7 +11156,7 @@ class CurveMapper {
       return closest_in_face(m_, pair_.x, face, p + r * (q - p));
     };
     if (is_open_)
-      polylines_.back().pop_back();  // its last point is the first of this stretch
+      polylines_.back().pop_back();  // its last point is the first of this part
     else
       polylines_.emplace_back();
     polylines_.back().push_back(point(s));
@@ -11447,13 +11233,7 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   std::vector<Polyline> map_path(const std::vector<int>& vertices, Side from) const {
     if (!ok()) return {};
-    return own(CurveMapper(pair).map_path(origin(from), first_face(from), vertices));
-  }
-
-  std::vector<Polyline> map_curve(Polyline points, Side from) const {
-    if (!ok()) return {};
-    for (SurfacePoint& p : points) p = joint(p, from);
-    return own(CurveMapper(pair).map_curve(points));
+    return own(PathMapper(pair).map(origin(from), first_face(from), vertices));
   }
 
   /// Where a point lies in space.
@@ -11657,81 +11437,6 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
   return result;
 }
 
-// ---- openings ----
-
-/// The insides of all openings of one side as a mesh of their own.
-struct OpeningInsides {
-  std::vector<Opening> openings;
-  Array<int> at;       // per vertex of A ⊔ B, the opening that it is at, or -1
-  Array<int> opening;  // per triangle
-  Surface surface;
-  Points2 x;
-};
-
-inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
-  const HalfEdgeMesh& m = pair.s.mesh;
-  const int part = side == Side::kA ? 0 : 1;
-  OpeningInsides insides;
-  insides.at.assign(m.n_vertices, -1);
-  if (pair.is_closed()) return insides;
-  Scaffold none;
-  none.n_vertices = m.n_vertices;
-  Array<int> corners, vertices;
-  for (int loop = m.component[part]; loop < m.component[part + 1]; ++loop) {
-    if (runs_counter_clockwise(m, pair.x, loop)) continue;
-    const Array<int> ring = around_opening(m, loop);
-    for (int v : EarClipper(none, pair.x, ring).run()) corners.push_back(v);
-    while (insides.opening.size() < corners.size() / 3)
-      insides.opening.push_back(static_cast<int>(insides.openings.size()));
-    for (int v : ring) {
-      insides.at[v] = static_cast<int>(insides.openings.size());
-      vertices.push_back(v);
-    }
-    insides.openings.push_back({side, -1, ring.size(), 0});
-  }
-  std::sort(vertices.begin(), vertices.end());
-  Points3 flat(vertices.size(), 3);
-  insides.x.resize(vertices.size(), 2);
-  for (int i = 0; i < vertices.size(); ++i) {
-    const Vec2 p = row2(pair.x, vertices[i]);
-    set_row(insides.x, i, p);
-    set_row(flat, i, Vec3{p.x, p.y, 0});
-  }
-  for (int& v : corners)
-    v = static_cast<int>(std::lower_bound(vertices.begin(), vertices.end(), v) - vertices.begin());
-  insides.surface =
-      build_surface(build_half_edges(vertices.size(), triangles_from(corners)), flat, true);
-  return insides;
-}
-
-/// How much of the other surface lies over the openings of one side.
-inline std::vector<Opening> openings_of(const MapData& data, Side side) {
-  if (!data.ok()) return {};
-  OpeningInsides insides = insides_of_openings(data.pair, side);
-  if (insides.openings.empty()) return {};
-  const bool of_a = side == Side::kA;
-  const Array<int>& vertex = data.origin(side).vertex;
-  for (int v = vertex.size() - 1; v >= 0; --v) {
-    const int at = vertex[v] < 0 ? -1 : insides.at[data.first_vertex(side) + vertex[v]];
-    if (at >= 0) insides.openings[static_cast<std::size_t>(at)].vertex = v;
-  }
-  const JointSurface& s = data.pair.s;
-  const Points2 x_other = of_a ? rows_between(data.pair.x, s.n_a, s.mesh.n_vertices)
-                               : rows_between(data.pair.x, 0, s.n_a);
-  const EmbeddedPair over(join({build_surface(data.mesh(other(side)), false), insides.surface}),
-                          stacked(x_other, insides.x));
-  for (const OverlayPolygon& p : over.overlay.polygons) {
-    const SixPoints x = six_points(over.s.mesh, over.x, p);
-    const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
-    const int opening = insides.opening[p.tb - over.s.faces_a];
-    const double on_surface = area / triangle_map(over.s, over.x, p.ta, 1).determinant;
-    double& covered = insides.openings[static_cast<std::size_t>(opening)].over;
-    covered += (std::min)(on_surface, over.s.area[p.ta]) / over.s.area_a;  // rounded, where thin
-    covered = (std::min)(covered, 1.0);
-  }
-  return insides.openings;
-}
-
 }  // namespace detail
 
 Status SurfaceMap::status() const { return data_->status; }
@@ -11744,7 +11449,7 @@ Points2 SurfaceMap::planar_positions(Side side) const {
   return side == Side::kA ? detail::rows_between(data_->pair.x, 0, n_a)
                           : detail::rows_between(data_->pair.x, n_a, n);
 }
-bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
+bool SurfaceMap::is_closed() const { return data_->pair.is_closed; }
 MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
@@ -11765,12 +11470,6 @@ std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices)
 std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
   return data_->map_path(vertices, Side::kB);
 }
-std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
-  return data_->map_curve(points, Side::kA);
-}
-std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
-  return data_->map_curve(points, Side::kB);
-}
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kA);
 }
@@ -11786,13 +11485,6 @@ MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
 }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
-}
-
-std::vector<Opening> SurfaceMap::openings() const {
-  std::vector<Opening> all;
-  for (Side side : {Side::kA, Side::kB})
-    for (const Opening& o : detail::openings_of(*data_, side)) all.push_back(o);
-  return all;
 }
 
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
@@ -14109,7 +13801,6 @@ inline bool check_options(const Options& o, Outcome& outcome) {
       {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
       {o.max_iterations >= 0, "max_iterations must be at least 0"},
       {o.max_seconds > 0, "max_seconds must be positive"},
-      {o.max_memory > 0, "max_memory must be positive"},
       {o.tolerance >= 0, "tolerance must be at least 0"},
       {t.window >= 1, "window must be at least 1"},
       {o.threads >= 0, "threads must be at least 0"}};
@@ -14173,41 +13864,6 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
          claim(prepared_b, Side::kB, "pinned", options.pins_b, bonds_b, outcome);
 }
 
-/// memory_estimate() from counts. The peak is where a system is factorised. Bytes of an item are
-/// those of its types; numbers of items, and what the factor needs, are fitted to runs.
-inline double memory_of_run(double vertices, double faces_a, double faces_b,
-                            const Options& options) {
-  if (!(vertices > 1)) return 0;
-  const double faces = faces_a + faces_b;
-  // Triangles, and crossings of edges: 3.3 of equilateral triangles at random, 3.4 to 5.1 in maps.
-  const double polygons = faces + 4 * std::sqrt(faces_a * faces_b);
-  const double models =
-      (std::max)(1, (std::min)(options.tuning.history_length, options.max_iterations));
-  const double blocks_of_model = 4 * vertices + 1.2 * polygons;
-  const double history = (models + 1) * (36 * blocks_of_model + 32 * vertices);
-  // The union of all models and of Q. Per block: both matrices and their analysis, update matrices;
-  // the factor, by nested dissection.
-  const double of_Q = options.tuning.omega_start > 0 ? 10 : 1;
-  const double blocks = of_Q * vertices + (1.1 + 0.07 * (std::min)(models, 12.0)) * polygons;
-  const double solver = blocks * (150 + 44 * std::log2(vertices));
-  const double iterates = thread_count(options) + 4;  // trials, and some more
-  const double elements = polygons * (490 + 34 * iterates) + faces * (890 + 47 * iterates);
-  constexpr double kAllocator = 1.03;  // what its pieces waste,
-  constexpr double kOnce = 1e6;        // and code and stacks, touched for the first time
-  return kOnce + kAllocator * (history + solver + elements);
-}
-
-inline bool check_memory(const TriangleMesh& a, const TriangleMesh& b, const Options& options,
-                         Outcome& outcome) {
-  const double needed = memory_estimate(a, b, options);
-  const auto in_mb = [](double bytes) { return static_cast<int>((std::min)(bytes / 1e6, 1e9)); };
-  return needed <= options.max_memory ||
-         fail(outcome, Status::kMemoryLimit,
-              {"this takes about ", in_mb(needed) + 1, " MB of memory and max_memory is ",
-               in_mb(options.max_memory),
-               " MB: raise it, or take coarser meshes or a shorter history"});
-}
-
 /// A mesh as a call takes it. The copy is made here.
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
@@ -14244,8 +13900,7 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
 inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
                        Options& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
                        Outcome& outcome) {
-  if (!check_options(options, outcome) || !check_memory(*a.mesh, *b.mesh, options, outcome) ||
-      !check_problems(a.problems, Side::kA, outcome) ||
+  if (!check_options(options, outcome) || !check_problems(a.problems, Side::kA, outcome) ||
       !check_problems(b.problems, Side::kB, outcome))
     return false;
   pair = {surface_of(a, options.keep_scale), surface_of(b, options.keep_scale)};
@@ -15400,12 +15055,6 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 }
 
 const char* to_string(Status s) { return detail::words_of(s).name; }
-
-double memory_estimate(const MeshView& a, const MeshView& b, const Options& options) {
-  const auto count = [](const BufferView& view) { return static_cast<double>(view.rows); };
-  return detail::memory_of_run(count(a.positions) + count(b.positions), count(a.triangles),
-                               count(b.triangles), options);
-}
 
 Options Options::paper() {
   Options options;
