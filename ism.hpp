@@ -24,7 +24,7 @@
 //   ism::Result result = ism::compute_map(a, b, landmarks);
 //   if (ism::is_usable(result.status)) {
 //     ism::SurfaceMap map(result);
-//     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
+//     ism::SurfacePoint image = map.forward_vertex(0);       // of vertex 0 of A, on B
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
@@ -147,6 +147,34 @@ T rounded(double x) {
     return x < static_cast<double>((Limits::max)()) ? static_cast<T>(std::round(x))
                                                     : (Limits::max)();
 }
+
+/// #×3 numbers in memory of the caller's, which is read during a call and not kept: ids of any
+/// integer type, or positions, float or double.
+template <bool are_ids>
+struct ArrayView {
+  const void* data = nullptr;
+  std::ptrdiff_t rows = 0;
+  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
+  double (*read)(const void* place) = nullptr;       // a number of their type
+
+  ArrayView() = default;
+  /// The numbers of a row behind each other, the next row `stride` bytes behind the last one.
+  template <class T>
+  ArrayView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride = 3 * sizeof(T))
+      : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), read(number_at<T>) {
+    static_assert(are_ids ? std::is_integral<T>::value : std::is_floating_point<T>::value,
+                  "positions are float or double, ids are integers");
+  }
+  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
+  template <class Matrix>
+  ArrayView(const Eigen::DenseBase<Matrix>& matrix)
+      : ArrayView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0) {
+    static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
+                  "a view needs a matrix in memory, not an expression");
+    row_stride = matrix.derived().rowStride() * column_stride;
+    column_stride *= matrix.derived().colStride();
+  }
+};
 }  // namespace detail
 
 /// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
@@ -165,75 +193,19 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// #×3 numbers in memory of the caller's, which is read during a call and not kept.
-struct BufferView {
-  const void* data = nullptr;
-  std::ptrdiff_t rows = 0;
-  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
-  double (*number_at)(const void* place) = nullptr;  // reads one of their type
-
- protected:
-  BufferView() = default;
-  template <class T>
-  BufferView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride)
-      : data(first),
-        rows(n),
-        row_stride(stride),
-        column_stride(sizeof(T)),
-        number_at(detail::number_at<T>) {}
-  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
-  template <class Matrix>
-  BufferView(const Eigen::DenseBase<Matrix>& matrix)
-      : BufferView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0, 0) {
-    constexpr std::ptrdiff_t size = sizeof(typename Matrix::Scalar);
-    static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
-                  "a view needs a matrix in memory, not an expression");
-    row_stride = matrix.derived().rowStride() * size;
-    column_stride = matrix.derived().colStride() * size;
-  }
-};
-
-/// Positions: x, y and z behind each other, the next vertex `stride` bytes behind the last one.
-struct PositionsView : BufferView {
-  PositionsView() = default;
-  template <class Real>
-  PositionsView(const Real* xyz, std::ptrdiff_t vertices, std::ptrdiff_t stride = 3 * sizeof(Real))
-      : BufferView(xyz, vertices, stride) {
-    static_assert(std::is_floating_point<Real>::value, "positions are float or double");
-  }
-  template <class Matrix>
-  PositionsView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #V×3
-    static_assert(std::is_floating_point<typename Matrix::Scalar>::value,
-                  "they are float or double");
-  }
-};
-
-/// Triangles: three 0-based vertex ids of any integer type, the next triangle `stride` bytes behind
-/// the last one.
-struct TrianglesView : BufferView {
-  TrianglesView() = default;
-  template <class Id>
-  TrianglesView(const Id* ids, std::ptrdiff_t triangles, std::ptrdiff_t stride = 3 * sizeof(Id))
-      : BufferView(ids, triangles, stride) {
-    static_assert(std::is_integral<Id>::value, "ids of vertices are integers");
-  }
-  template <class Matrix>
-  TrianglesView(const Eigen::DenseBase<Matrix>& matrix) : BufferView(matrix) {  // #F×3
-    static_assert(std::is_integral<typename Matrix::Scalar>::value, "ids are integers");
-  }
-};
-
-/// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
-/// pairs of matrices become by themselves; a function that needs a mesh for longer copies it once,
-/// and what it returns shares that copy.
+/// A mesh in memory of the caller's: positions x, y, z and 0-based vertex ids of triangles, each a
+/// matrix of Eigen's with three columns, or {pointer, number of rows, bytes from one to the next}.
+/// All functions take meshes as views, which a TriangleMesh and pairs of matrices become by
+/// themselves; a function that needs a mesh for longer copies it once, and its result shares that.
 ///
 ///   struct Vertex { float position[3], normal[3], uv[2]; };  // and std::uint16_t indices
 ///   ism::MeshView a({vertices[0].position, n, sizeof(Vertex)}, {indices.data(), triangles});
 struct MeshView {
-  PositionsView positions;
-  TrianglesView triangles;
+  detail::ArrayView<false> positions;
+  detail::ArrayView<true> triangles;
   MeshView() = default;
-  MeshView(const PositionsView& x, const TrianglesView& f) : positions(x), triangles(f) {}
+  MeshView(const detail::ArrayView<false>& x, const detail::ArrayView<true>& f)
+      : positions(x), triangles(f) {}
   MeshView(const TriangleMesh& mesh) : positions(mesh.vertices), triangles(mesh.triangles) {}
 };
 
@@ -279,10 +251,9 @@ enum class Status {
   kInvalidPositions,  // given planar positions are not an injective embedding
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
-  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
-  kNoOverlap,          // f(A) and g(B) do not overlap at the start
-  kNumericalFailure    // an embedding failed, please report the mesh; or at the start, E or its
-                       // derivatives are not finite; or the arithmetic is not IEEE's
+  kNoOverlap,         // f(A) and g(B) do not overlap at the start
+  kNumericalFailure   // an embedding failed, please report the mesh; or at the start, E or its
+                      // derivatives are not finite; or the arithmetic is not IEEE's
 };
 
 /// True for the statuses under which there is what was asked for, of compute_map() a valid
@@ -306,7 +277,7 @@ struct Outcome {
   std::vector<Warning> warnings;
 };
 
-/// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
+/// One defect of a mesh, found or mended: a sentence with the ids, and the ids once more as data.
 struct Problem {
   enum class Kind {
     kEmpty,
@@ -320,10 +291,11 @@ struct Problem {
     kUnreferencedVertex,
     kSeveralComponents,
     kNotOrientable,
-    kHandles
+    kHandles,
+    kUnwelded  // mended only: vertices that lie on each other, or at the ends of a short edge
   };
   Kind kind;
-  std::string message;   // for example "edge 3-7 has 3 triangles: 0, 5, 9"
+  std::string message;   // "edge 3-7 has 3 triangles: 0, 5, 9", or "turned 5 triangles over"
   Element element;       // vertices or faces are what
   std::vector<int> ids;  // these are
 };
@@ -335,10 +307,12 @@ struct Problem {
 /// Reports at most 20 problems of each kind. Cost O(#F log #F). Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
-/// A point of a surface: a triangle and barycentric coordinates that add up to 1.
+/// A point of a surface: a triangle and barycentric coordinates that add up to 1; or, as the image
+/// of a point outside of the overlap, none.
 struct SurfacePoint {
   int face = -1;
   Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
+  bool exists() const { return face >= 0; }
 };
 
 /// One end of a landmark: a vertex or a point in a triangle; either converts to it.
@@ -349,29 +323,11 @@ struct LandmarkPoint {
   LandmarkPoint(const SurfacePoint& p) : point(p) {}
 };
 
-/// One kind of change that prepare() made.
-struct Repair {
-  enum class Kind {
-    kDroppedDegenerate,
-    kDroppedRepeated,
-    kWelded,             // vertices that lie on each other, or at the ends of a short edge
-    kCutEdges,           // edges of more than two triangles
-    kCutVertices,        // vertices of more than one fan
-    kTurnedTriangles,    // so that all have one orientation, see prepare()
-    kDroppedComponents,  // without landmarks, or smaller
-    kDroppedVertices     // that no triangle uses
-  };
-  Kind kind;
-  std::string message;   // for example "turned 5 triangles over"
-  Element element;       // vertices or faces of the mesh given are what
-  std::vector<int> ids;  // these are
-};
-
 /// A mesh made clean, and where its elements come from.
 struct Prepared {
   SharedMesh given = std::make_shared<TriangleMesh>();  // a copy of it
   SharedMesh mesh = given;                              // the same one, if nothing was wrong
-  std::vector<Repair> repairs;                          // what was done
+  std::vector<Problem> repairs;                         // what was done
   std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
   /// first; corner k of triangle f is 3 f + k.
@@ -441,20 +397,9 @@ struct IterationLog {
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
-/// A coarse level of Tuning::coarsest.
-struct CoarseLevel {
-  int vertices_a = 0, vertices_b = 0;
-  int iterations = 0;
-  double mean_distortion = 0;  // of its map, at the end
-  double seconds = 0;
-};
-
-/// What a call is at.
-enum class Phase { kEmbedding, kOptimization };
-
 /// What the progress callback receives.
 struct Progress {
-  Phase phase = Phase::kEmbedding;
+  bool is_embedding = true;                 // false: it optimises
   double fraction = 0;                      // of the call, an estimate in [0, 1] that never falls
   std::string what;                         // a few words, for a progress line
   const IterationLog* iteration = nullptr;  // after each one on the meshes given, else null
@@ -508,63 +453,6 @@ DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
 DistortionMeasure asap();
 
-/// How the optimisation works. The defaults were chosen on real pairs; each line tells when another
-/// value may be of use.
-struct Tuning {
-  /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
-  /// and E_Φ meets a wall where the overlap would have to grow into them. More, where what is not
-  /// covered shall keep its shape in the plane.
-  double barrier_weight = 3e-4;
-  /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if a run stalls soon: the
-  /// directions are then closer to steepest descent.
-  double spd_epsilon = 1e-3;
-  /// The memory of §5.3: how many Hessians, and the factor by which the next older one weighs less.
-  /// The paper's is 6 and 0.5. Less, where memory is short. 1, with omega_start = 0, is PN,
-  /// projected Newton (§5.1); more, with 0, is SPN (§5.3).
-  int history_length = 6;      // ≥ 1
-  double history_decay = 0.8;  // in (0, 1]
-  /// ≥ 0: once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as
-  /// they pay. They use its factor and a gradient only, take a fraction of its time, and count as
-  /// iterations. Their gradients join the memory, which carries the run over more of the kinks that
-  /// E has where vertices cross edges of the other mesh. 0 is the paper's method.
-  int quasi_newton_steps = 6;
-  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
-  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
-  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
-  /// animals ends 3% higher.
-  int coarsest = 700;
-  /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
-  /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
-  /// and is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long,
-  /// one of animals 2.5 times; with 2 an ear and a horn of another pair stay apart, and it ends 2%
-  /// higher. A smaller first value, where the start is good already.
-  double omega_start = 1e4;
-  double omega_factor = 3.0;
-  double omega_least = 1e-4;
-  /// > 0: the longest way of a vertex in a step, in radii of the domain, and the most covered area
-  /// that a step may lose, as a fraction of the area of either mesh. Less, if a run leaves a start
-  /// whose correspondence was good.
-  double max_displacement = 0.2;
-  double max_coverage_loss = 0.05;
-  /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
-  /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly. Less,
-  /// where the surfaces have only a part in common.
-  double least_coverage = 0.5;
-  /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
-  /// 1 tries them all, as the paper does; that doubles the time of the search.
-  int search_stride = 3;
-  /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
-  /// find with the factor for ω_L. 1e-6 neither costs nor gains anything.
-  double solve_tolerance = 1e-3;
-  /// ≥ 1: the iterations over which Options::tolerance is averaged, half as many after coarse
-  /// levels. It bridges the pauses before E falls again; while ω_L comes down and is above 1e-3,
-  /// nothing stops.
-  int window = 20;
-  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
-  /// step on that would make one meet itself. Without, a run stalls there.
-  bool scaffold = true;
-};
-
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
@@ -574,7 +462,7 @@ struct Options {
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
   int max_iterations = 1000;  // ≥ 0, on the meshes given; with 0 there are no coarse levels either
-  /// Stop when, averaged over the last iterations of Tuning::window, E fell by less than this
+  /// Stop when, averaged over 20 iterations (10 after coarse levels), E fell by less than this
   /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
   /// without a fall, a quasi-Newton step as a fifth of one.
   double tolerance = 3e-4;  // ≥ 0
@@ -599,8 +487,8 @@ struct Options {
   /// count as pinned. Where the start puts one beside the other surface, it is refused; or, if both
   /// are closed, held from when the map is closed.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where the
-  /// map of closed surfaces is to be closed (see close).
+  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where
+  /// both surfaces are closed.
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end. Those on the boundaries must then have the same order on A and B; where boundaries
@@ -617,16 +505,27 @@ struct Options {
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
-  bool prepare = true;  // meshes with problems are prepared; false: they are refused
-  bool weld = true;     // preparing may weld; false: see prepare()
-  bool close = true;    // maps of two closed surfaces are closed; false: the surfaces stay cut open
-  Tuning tuning;
+  bool weld = true;  // meshes with problems are prepared, which may weld; false: see prepare()
 
-  /// The paper's constants: κ = 0 for every measure of the library, ω_R = 1e-8, history of 6 with
-  /// 0.5, ω_L from 1e9 to any smaller, α = 1.25, all steps of the line search, at most 550
-  /// iterations; no coarse levels, no least_coverage, no quasi-Newton steps, no scaffold. Of what
-  /// the paper does not have, max_displacement and max_coverage_loss stay: without them the empty
-  /// overlap is reached in the first iterations.
+  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
+  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
+  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
+  /// animals ends 3% higher.
+  int coarsest = 700;
+  /// ≥ 1: how many Hessians the memory of §5.3 has. Less, where computer memory is short. With
+  /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
+  int history_length = 6;
+  /// ≥ 0: ω_L of §5.4 at the start. With 0 there is no preconditioner, nor are there quasi-Newton
+  /// steps. A smaller value, where the start is good already.
+  double omega_start = 1e4;
+  /// The paper's constants in place of the library's, for comparison; see paper().
+  bool as_published = false;
+
+  /// The method as it was published: as_published, κ = 0 for every measure of the library, ω_L from
+  /// 1e9 on, at most 550 iterations, no coarse levels. as_published means: ω_R = 1e-8, α = 1.25, a
+  /// memory that decays by 0.5, all steps of the line search, no quasi-Newton steps, no scaffold,
+  /// no least coverage. Of what the paper does not have, the longest step and the largest loss of
+  /// coverage in a step stay: without them the empty overlap is reached in the first iterations.
   static Options paper();
 };
 
@@ -670,7 +569,7 @@ struct Result : Outcome {
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // what the optimisation started from
   IterationLog initial;  // the energies of the start (iteration 0, no step)
-  std::vector<CoarseLevel> coarse;  // the levels before the log, coarsest first
+  std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   /// What the log goes on from: the start, or the map of the coarse levels, whose E may be higher.
   IterationLog log_begin;
   /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
@@ -747,7 +646,6 @@ class Solver {
   /// injective iterate; on each coarse level, the one when it was first asked for there, until the
   /// run is stopped. Valid until the next call of another function.
   const Result& result() const;
-  Phase phase() const;
   double fraction() const;  // of all there is to do, an estimate that never falls in between
 
   /// What restore() needs: little while there is no map, else some positions of all vertices.
@@ -768,12 +666,6 @@ class Solver {
 
  private:
   std::unique_ptr<detail::Run> run_;
-};
-
-/// An image under the map: no image when the point lies outside the overlap.
-struct MappedPoint {
-  bool covered = false;
-  SurfacePoint point;
 };
 
 /// A curve on a surface: the segment from point i to i + 1 lies in the triangle of point i.
@@ -815,13 +707,6 @@ struct DistortionSummary {
   double area_a = 0, area_b = 0;        // covered
 };
 
-/// A mesh with the geometry of the other surface. It has the vertices of the mesh given; those
-/// without an image are in no triangle and lie on the first image.
-struct Remesh {
-  TriangleMesh mesh;
-  std::vector<char> covered;  // per vertex
-};
-
 namespace detail {
 struct MapData;
 }
@@ -829,8 +714,8 @@ struct MapData;
 /// Φ = g⁻¹ ∘ f as a function, in both directions. Cheap to copy; copies share their data.
 ///
 ///   ism::SurfaceMap map(result);
-///   ism::MappedPoint image = map.forward_vertex(7);
-///   if (image.covered) use(map.position_on_b(image.point));
+///   ism::SurfacePoint image = map.forward_vertex(7);
+///   if (image.exists()) use(map.position_on_b(image));
 ///
 /// Vertices and triangles have the ids of the meshes that the caller gave, also where these were
 /// prepared, cut open, or have vertices added. What prepare() dropped is not covered; copies of a
@@ -857,12 +742,12 @@ class SurfaceMap {
   bool is_closed() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
-  MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
-  MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
-  MappedPoint forward_vertex(int a) const;
-  MappedPoint backward_vertex(int b) const;
-  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of A
-  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of B
+  SurfacePoint forward(const SurfacePoint& on_a) const;   // Φ
+  SurfacePoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
+  SurfacePoint forward_vertex(int a) const;
+  SurfacePoint backward_vertex(int b) const;
+  std::vector<SurfacePoint> forward_vertices() const;   // one per vertex of A
+  std::vector<SurfacePoint> backward_vertices() const;  // one per vertex of B
   /// The image on B of a path along edges of A, given by its vertices: a polyline for every stretch
   /// of it that is covered, in order, with a point on every edge of B it crosses. Where two
   /// vertices have no edge, the path is interrupted. Of a polygon mesh that was cut into triangles
@@ -879,7 +764,8 @@ class SurfaceMap {
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
-  friend Remesh remesh(const SurfaceMap& map, Side side);
+  friend TriangleMesh remesh(const SurfaceMap& map, Side side);
+  friend Outcome verify(const SurfaceMap& map);
   std::shared_ptr<const detail::MapData> data_;
 };
 
@@ -892,19 +778,15 @@ class SurfaceMap {
 /// where it shows. Cost O(n log n), some microseconds per triangle and polygon. Thread-safe.
 Outcome verify(const SurfaceMap& map);
 
-/// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
-Remesh remesh(const SurfaceMap& map, Side side);
-
-/// Attributes of elements.
-struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does not fit
-  Values values;               // a row per element, as many columns as were given
-  std::vector<char> covered;   // per row; a row that is not covered is 0
-};
+/// The mesh on one side on the other surface: compatible remeshing. It has the vertices of the mesh
+/// given; those without an image are in no triangle and lie on the first image. Linear cost,
+/// thread-safe.
+TriangleMesh remesh(const SurfaceMap& map, Side side);
 
 /// How attributes of some elements become those of others: a sparse matrix, by rows. Value i is the
 /// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
 /// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
-struct Transfer : Outcome {
+struct Transfer {
   int n_sources = 0;  // elements that the values given belong to
   std::vector<int> offsets = {0};
   std::vector<int> sources;
@@ -913,19 +795,21 @@ struct Transfer : Outcome {
   int rows() const { return static_cast<int>(offsets.size()) - 1; }
   bool covers(int i) const { return offsets.data()[i] < offsets.data()[i + 1]; }
 
-  Attributes apply(const Values& values) const;
+  /// From a row per source to a row per element, zeros where it is not covered. Without rows if
+  /// `values` has not n_sources rows.
+  Values apply(const Values& values) const;
 
   /// The same of arrays of the caller's, for n_sources and rows() elements, where `columns` numbers
   /// of an element lie behind each other, and the next element's a stride of bytes behind. Integers
-  /// are rounded, and kept within what T can be. What is not covered keeps its value.
-  /// kInvalidAttributes, and nothing is read or written, if there are more or fewer elements.
+  /// are rounded, and kept within what T can be. What is not covered keeps its value. False, and
+  /// nothing is read or written, if there are more or fewer elements.
   template <class T>
-  Outcome apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
-                T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
-    const Outcome outcome = check(n_values, n_results);
+  bool apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
+             T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
+    if (n_values != n_sources || n_results != rows()) return false;
     const char* const from = reinterpret_cast<const char*>(values);
     char* const to = reinterpret_cast<char*>(result);
-    for (int i = 0; i < rows() && outcome.status == Status::kDone; ++i)
+    for (int i = 0; i < rows(); ++i)
       for (int c = 0; c < columns && covers(i); ++c) {
         double sum = 0;
         for (int k = offsets.data()[i]; k < offsets.data()[i + 1]; ++k)
@@ -934,12 +818,8 @@ struct Transfer : Outcome {
         const T value = detail::rounded<T>(sum);
         std::memcpy(to + i * result_stride + c * std::ptrdiff_t{sizeof(T)}, &value, sizeof(T));
       }
-    return outcome;
+    return true;
   }
-
- private:
-  /// Whether it can be applied to as many rows, and fills as many.
-  Outcome check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const;
 };
 
 /// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
@@ -1581,13 +1461,13 @@ class Executor {
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports how far the call is; for the calling thread.
-  void tell(Phase phase, double fraction, Words what, const IterationLog* iteration) const {
-    const double before = phase == Phase::kEmbedding ? 0 : embedding_share_;
-    const double share = phase == Phase::kEmbedding ? embedding_share_ : 1 - embedding_share_;
+  void tell(bool is_embedding, double fraction, Words what, const IterationLog* iteration) const {
+    const double before = is_embedding ? 0 : embedding_share_;
+    const double share = is_embedding ? embedding_share_ : 1 - embedding_share_;
     progress_.fraction = (std::max)(
         {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
     if (!tell_) return;
-    progress_.phase = phase;
+    progress_.is_embedding = is_embedding;
     progress_.what = sentence(what);
     progress_.iteration = iteration;
     tell_again();
@@ -2429,16 +2309,16 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
 /// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
 /// without data has no rows, nor has one with too many: the longest lists have some 50 items per
 /// triangle of both meshes.
-template <class T>
-Rows<T, 3> copied(const BufferView& view) {
+template <class T, bool are_ids>
+Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
   const bool is_there =
-      view.data != nullptr && view.number_at != nullptr && view.rows > 0 && view.rows <= kMost;
+      view.data != nullptr && view.read != nullptr && view.rows > 0 && view.rows <= kMost;
   Rows<T, 3> copy(is_there ? view.rows : 0, 3);
   for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
     for (int c = 0; c < 3; ++c)
-      copy.data()[3 * i + c] = rounded<T>(view.number_at(
-          static_cast<const char*>(view.data) + i * view.row_stride + c * view.column_stride));
+      copy.data()[3 * i + c] = rounded<T>(view.read(static_cast<const char*>(view.data) +
+                                                    i * view.row_stride + c * view.column_stride));
   return copy;
 }
 
@@ -2578,7 +2458,7 @@ class Preparer {
   }
 
   /// Notes what was done to some vertices or triangles, if there are any.
-  void tell(Repair::Kind kind, Words message, Element element, const Array<int>& ids) {
+  void tell(Problem::Kind kind, Words message, Element element, const Array<int>& ids) {
     if (ids.empty()) return;
     result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
   }
@@ -2654,10 +2534,10 @@ class Preparer {
     for (int f : repeated) is_told[f] = 1;
     for (int f = 0; f < is_told.size(); ++f)
       if (!is_told[f]) degenerate.push_back(f);
-    tell(Repair::Kind::kDroppedDegenerate,
+    tell(Problem::Kind::kDegenerateTriangle,
          {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
          degenerate);
-    tell(Repair::Kind::kDroppedRepeated,
+    tell(Problem::Kind::kRepeatedTriangle,
          {"dropped ", counted(repeated.size(), "repeated triangle")}, Element::kFace, repeated);
   }
 
@@ -3071,7 +2951,7 @@ class Preparer {
     for (int h = 0; h < corner_.size(); h += 3)
       if (component_[h / 3] != kept) elsewhere.push_back(source_[h / 3]);
     sort_unique(elsewhere);
-    tell(Repair::Kind::kWelded, {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
+    tell(Problem::Kind::kUnwelded, {"welded ", n_welded, " vertices to ", n_welded - welded.size()},
          Element::kVertex, welded);
     int n_cut = 0;
     Array<int> at_cuts;
@@ -3081,21 +2961,21 @@ class Preparer {
       for (int h : here) at_cuts.push_back(source_[h / 3]);
     }
     sort_unique(at_cuts);
-    tell(Repair::Kind::kCutEdges, {"cut ", counted(n_cut, "edge"), " of more than two triangles"},
-         Element::kFace, at_cuts);
-    tell(Repair::Kind::kCutVertices,
+    tell(Problem::Kind::kNonManifoldEdge,
+         {"cut ", counted(n_cut, "edge"), " of more than two triangles"}, Element::kFace, at_cuts);
+    tell(Problem::Kind::kNonManifoldVertex,
          {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
          Element::kVertex, cut_);
-    tell(Repair::Kind::kTurnedTriangles,
+    tell(Problem::Kind::kInconsistentOrientation,
          {"turned ", counted(over_.size(), "triangle"), " over",
           is_turned ? ": most of the surface was inside out" : ""},
          Element::kFace, over_);
     int others = -1;
     for (const Array<int>& members : members_) others += !members.empty();
-    tell(Repair::Kind::kDroppedComponents,
+    tell(Problem::Kind::kSeveralComponents,
          {"dropped ", counted(others, "component"), ", ", counted(elsewhere.size(), "triangle")},
          Element::kFace, elsewhere);
-    tell(Repair::Kind::kDroppedVertices,
+    tell(Problem::Kind::kUnreferencedVertex,
          {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
          Element::kVertex, unused);
   }
@@ -5739,6 +5619,61 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
 //             are independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
+/// The constants of the optimisation. They were chosen on real pairs.
+struct Tuning {
+  /// ω_R of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers, and
+  /// E_Φ meets a wall where the overlap would have to grow into them.
+  double barrier_weight = 3e-4;
+  double spd_epsilon = 1e-3;   // ε of §5.1, the least eigenvalue of a polygon's Hessian
+  double history_decay = 0.8;  // of §5.3: the next older Hessian weighs so much less
+  /// Once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as they
+  /// pay. Their gradients join the memory.
+  int quasi_newton_steps = 6;
+  /// α of §5.4, by which an iteration may change ω_L, and the value below which ω_L hardly acts and
+  /// is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long, one
+  /// of animals 2.5 times; with 2 an ear and a horn of another pair stay apart.
+  double omega_factor = 3;
+  double omega_least = 1e-4;
+  /// The longest way of a vertex in a step, in radii of the domain, and the most covered area that
+  /// a step may lose, as a fraction of the area of either mesh.
+  double max_displacement = 0.2;
+  double max_coverage_loss = 0.05;
+  /// The share of the area covered at the start that stays covered. Many steps, each within
+  /// max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
+  double least_coverage = 0.5;
+  /// The line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
+  int search_stride = 3;
+  /// Relative error of the directions for ω_L / α and α ω_L, which conjugate gradients find with
+  /// the factor for ω_L. 1e-6 neither costs nor gains anything.
+  double solve_tolerance = 1e-3;
+  /// The iterations over which Options::tolerance is averaged, half as many after coarse levels. It
+  /// bridges the pauses before E falls again; while ω_L comes down and is above 1e-3, nothing
+  /// stops.
+  int window = 20;
+  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
+  /// step on that would make one meet itself. Without, a run stalls there.
+  bool scaffold = true;
+};
+
+/// What a run has from Options, with the constants that follow from them.
+struct RunOptions : Options {
+  Tuning tuning;
+  explicit RunOptions(const Options& options = {}) : Options(options) {
+    if (as_published) {
+      tuning.barrier_weight = 1e-8;
+      tuning.history_decay = 0.5;
+      tuning.omega_factor = 1.25;
+      tuning.omega_least = tuning.least_coverage = 0;
+      tuning.search_stride = 1;
+      tuning.solve_tolerance = 1e-12;
+      tuning.window = 10;
+      tuning.scaffold = false;
+    }
+    tuning.omega_least = (std::min)(tuning.omega_least, omega_start);
+    if (as_published || omega_start == 0) tuning.quasi_newton_steps = 0;
+  }
+};
+
 /// The parts of the objective that Options weigh.
 struct Weights {
   double kappa;    // κ
@@ -5752,7 +5687,7 @@ inline double coverage_reward(const Options& options) {
   return (std::max)(0.0, options.coverage_weight + options.measure.isometry());
 }
 
-inline Weights weights_of(const Options& options) {
+inline Weights weights_of(const RunOptions& options) {
   return {coverage_reward(options), options.tuning.barrier_weight, options.tuning.spd_epsilon,
           &options.measure};
 }
@@ -7463,7 +7398,7 @@ class GradientBundle {
 
 class Optimizer {
  public:
-  Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers,
+  Optimizer(const JointSurface& s, const RunOptions& options, const Array<Follower>& followers,
             const Executor& executor)
       : s_(s),
         options_(options),
@@ -7471,7 +7406,7 @@ class Optimizer {
         weights_(weights_of(options)),
         executor_(executor),
         models_(s, weights_, executor_),
-        omega_(options.tuning.omega_start) {
+        omega_(options.omega_start) {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -7583,9 +7518,9 @@ class Optimizer {
   }
 
   /// True unless a memory is one that no run could have.
-  static bool is_sound(const Memory& memory, const Tuning& tuning) {
+  static bool is_sound(const Memory& memory, const RunOptions& options) {
     const QuickSteps& quick = memory.quick;
-    const std::int64_t most = most_entries(tuning) + tuning.quasi_newton_steps;
+    const std::int64_t most = most_entries(options) + options.tuning.quasi_newton_steps;
     bool has_hessian = false;
     for (const Visit& visit : memory.visited) has_hessian = has_hessian || visit.has_hessian;
     return std::isfinite(quick.omega) && quick.step > 0 && quick.step <= 1 &&
@@ -7647,9 +7582,9 @@ class Optimizer {
   static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
   /// Of the memory, quasi-Newton steps since its newest Hessian apart.
-  static std::int64_t most_entries(const Tuning& tuning) {
+  static std::int64_t most_entries(const RunOptions& options) {
     constexpr std::int64_t kGradientsPerHessian = 4;
-    return kGradientsPerHessian * tuning.history_length;
+    return kGradientsPerHessian * options.history_length;
   }
 
   /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
@@ -7675,8 +7610,7 @@ class Optimizer {
   /// After restore(), the models of the memory anew; false if the caller stops.
   bool remember_visited() {
     while (history_.size() < visited_.size()) {  // the oldest one first
-      executor_.tell(Phase::kOptimization, 0, {"computing the derivatives in the memory anew"},
-                     nullptr);
+      executor_.tell(false, 0, {"computing the derivatives in the memory anew"}, nullptr);
       const Visit& visit = visited_[visited_.size() - 1 - history_.size()];
       Iterate x;
       x.x = visit.x;
@@ -7731,8 +7665,8 @@ class Optimizer {
 
   void forget() {
     int hessians = 0, keep = 0;
-    while (keep < visited_.size() && keep < most_entries(options_.tuning) &&
-           (hessians += visited_[keep].has_hessian) <= options_.tuning.history_length)
+    while (keep < visited_.size() && keep < most_entries(options_) &&
+           (hessians += visited_[keep].has_hessian) <= options_.history_length)
       ++keep;
     visited_.resize(keep);
     history_.resize((std::min)(keep, history_.size()));
@@ -8169,7 +8103,7 @@ class Optimizer {
   }
 
   const JointSurface& s_;
-  const Options& options_;
+  const RunOptions& options_;
   const Array<Follower>& followers_;
   Weights weights_;
   StepRules rules_{};
@@ -9893,7 +9827,7 @@ class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-               const Options& options, const Executor& executor, Approach approach,
+               const RunOptions& options, const Executor& executor, Approach approach,
                const OutlinePair* outlines)
       : pair_(pair),
         landmarks_(landmarks),
@@ -9998,8 +9932,7 @@ class PairEmbedder {
   void tell(Words what) const {
     const int n = pair_.a.mesh.n_vertices + pair_.b.mesh.n_vertices;
     const int active = (a_ ? a_->active() : 0) + (b_ ? b_->active() : 0);
-    executor_.tell(Phase::kEmbedding, a_ && b_ ? active / static_cast<double>(n) : 0, what,
-                   nullptr);
+    executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
 
   /// What the boundaries may do once they have left the circle.
@@ -10205,7 +10138,7 @@ class PairEmbedder {
     Array<int> order;        // the most promising one first
     int tried = 0, best = -1;
     double least = kInfinity;
-    Options options;                       // of the one that is optimised
+    RunOptions options;                    // of the one that is optimised
     const Array<Follower> followers = {};  // none
     Result result;
     std::unique_ptr<Optimizer> optimizer;
@@ -10302,7 +10235,7 @@ class PairEmbedder {
 
   const SurfacePair& pair_;
   const Array<PlacedLandmark> landmarks_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   const Approach approach_;
   const bool is_held_;
@@ -10330,7 +10263,7 @@ class PairEmbedder {
 
 /// Adds the vertices at exact landmarks, and at those on boundaries that are held. False if that
 /// leaves a triangle too thin, or their order is wrong.
-inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const Options& options,
+inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                                   SurfacePair& pair, std::vector<AddedVertex>& a,
                                   std::vector<AddedVertex>& b, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
@@ -10386,7 +10319,7 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>&
 
 class LandmarkJoiner {
  public:
-  LandmarkJoiner(SurfacePair& pair, const Array<VertexPair>& landmarks, const Options& options,
+  LandmarkJoiner(SurfacePair& pair, const Array<VertexPair>& landmarks, const RunOptions& options,
                  const Executor& executor)
       : pair_(pair), options_(options), executor_(executor), landmarks_(landmarks) {}
 
@@ -10431,7 +10364,7 @@ class LandmarkJoiner {
       const bool is_last = weight_ > kHardest || apart_.empty();
       join_landmarks(s_, x_, apart_, joined_);
       if (is_last) return false;
-      executor_.tell(Phase::kEmbedding, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
+      executor_.tell(true, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
       for (const VertexPair& l : apart_)
         problem.springs.push_back({l.a, s_.n_a + l.b, weight_ / landmarks_.size()});
@@ -10471,7 +10404,7 @@ class LandmarkJoiner {
   }
 
   SurfacePair& pair_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   const Array<VertexPair> landmarks_;
   Array<VertexPair> apart_, joined_;
@@ -10499,7 +10432,7 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given.
-  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const Options& options,
+  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const RunOptions& options,
            const Executor& executor)
       : pair_(pair), landmarks_(landmarks), options_(options), executor_(executor) {}
 
@@ -10614,7 +10547,7 @@ class Embedder {
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   Stage stage_ = Stage::kBegin;
   std::unique_ptr<OutlineBuilder> outline_builder_;
@@ -10796,26 +10729,23 @@ struct EmbeddedPair {
     });
   }
 
-  MappedPoint image(const DeepestFace& best, Vec2 p) const {
+  SurfacePoint image(const DeepestFace& best, Vec2 p) const {
     if (best.face < 0) return {};
-    return {true, closest_in_face(s.mesh, x, best.face, p)};
+    return closest_in_face(s.mesh, x, best.face, p);
   }
 
-  MappedPoint map(const SurfacePoint& point) const {
+  SurfacePoint map(const SurfacePoint& point) const {
     DeepestFace best;
     const Vec2 p = planar_position(point);
     consider_face(point.face, p, best);
     return image(best, p);
   }
 
-  MappedPoint map_vertex(int v) const {
+  SurfacePoint map_vertex(int v) const {
     DeepestFace best;
     s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
     return image(best, row2(x, v));
   }
-
- private:
-  Array<SeamVertex> seam_;
 };
 
 // ---- the meshes given, and as they were embedded ----
@@ -11193,13 +11123,10 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   /// And back.
   SurfacePoint own(SurfacePoint p) const {
+    if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
     p.face -= first_face(side);
     return origin(side).to_given(p);
-  }
-  MappedPoint own(MappedPoint image) const {
-    if (image.covered) image.point = own(image.point);
-    return image;
   }
   std::vector<Polyline> own(std::vector<Polyline> polylines) const {
     for (Polyline& polyline : polylines)
@@ -11207,25 +11134,25 @@ struct MapData : Outcome {                                 // kDone if the pair 
     return polylines;
   }
 
-  MappedPoint map(const SurfacePoint& point, Side from) const {
+  SurfacePoint map(const SurfacePoint& point, Side from) const {
     const SurfacePoint p = joint(point, from);
-    return p.face < 0 ? MappedPoint() : own(pair.map(p));
+    return p.exists() ? own(pair.map(p)) : p;
   }
 
-  MappedPoint map_vertex(int given, Side from) const {
+  SurfacePoint map_vertex(int given, Side from) const {
     const Array<int>& vertex = origin(from).vertex;
     const int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
     if (v < 0) return {};
-    MappedPoint image = pair.map_vertex(first_vertex(from) + v);
+    SurfacePoint image = pair.map_vertex(first_vertex(from) + v);
     const Array<std::array<int, 2>>& copies = origin(from).copies;
     const auto* copy = std::lower_bound(copies.begin(), copies.end(), std::array<int, 2>{v, -1});
-    for (; copy != copies.end() && (*copy)[0] == v && !image.covered; ++copy)
+    for (; copy != copies.end() && (*copy)[0] == v && !image.exists(); ++copy)
       image = pair.map_vertex(first_vertex(from) + (*copy)[1]);
     return own(image);
   }
 
-  std::vector<MappedPoint> map_vertices(Side from) const {
-    std::vector<MappedPoint> images;
+  std::vector<SurfacePoint> map_vertices(Side from) const {
+    std::vector<SurfacePoint> images;
     for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
       images.push_back(map_vertex(v, from));
     return images;
@@ -11450,18 +11377,18 @@ Points2 SurfaceMap::planar_positions(Side side) const {
                           : detail::rows_between(data_->pair.x, n_a, n);
 }
 bool SurfaceMap::is_closed() const { return data_->pair.is_closed; }
-MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
+SurfacePoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
-MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
+SurfacePoint SurfaceMap::backward(const SurfacePoint& on_b) const {
   return data_->map(on_b, Side::kB);
 }
-MappedPoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
-MappedPoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
-std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
+SurfacePoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
+SurfacePoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
+std::vector<SurfacePoint> SurfaceMap::forward_vertices() const {
   return data_->map_vertices(Side::kA);
 }
-std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
+std::vector<SurfacePoint> SurfaceMap::backward_vertices() const {
   return data_->map_vertices(Side::kB);
 }
 std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
@@ -11566,14 +11493,15 @@ class CoarseToFine {
 
   /// `x`: the embeddings of both surfaces.
   CoarseToFine(const SurfacePair& pair, const JointSurface& s, const Points2& x,
-               const Array<Follower>& followers, const Options& options, const Executor& executor)
+               const Array<Follower>& followers, const RunOptions& options,
+               const Executor& executor)
       : pair_(pair),
         s_(s),
         x_(x),
         followers_(followers),
         options_(options),
         executor_(executor),
-        depth_(depth_of(s, options.tuning.coarsest)) {
+        depth_(depth_of(s, options.coarsest)) {
     options_.max_iterations = 500;
     options_.initial_f.resize(0, 2);
     options_.initial_g.resize(0, 2);
@@ -11588,11 +11516,11 @@ class CoarseToFine {
   }
 
   /// True if the surfaces have enough vertices for a coarse level.
-  static bool has_levels(const JointSurface& s, const Options& options) {
-    return depth_of(s, options.tuning.coarsest) > 0;
+  static bool has_levels(const JointSurface& s, const RunOptions& options) {
+    return depth_of(s, options.coarsest) > 0;
   }
 
-  const std::vector<CoarseLevel>& levels() const { return levels_; }
+  const std::vector<IterationLog>& levels() const { return levels_; }
   int level() const { return level_; }
 
   /// By how much E fell on the coarsest level, from the embedding on. What returns makes E rise,
@@ -11601,7 +11529,7 @@ class CoarseToFine {
 
   /// The map so far on the surfaces given, or the embedding if there is none.
   Points2 positions() const {
-    if (!a_ || levels_.front().iterations == 0) return x_;
+    if (!a_ || levels_.front().iteration == 0) return x_;
     Hierarchy a = *a_, b = *b_;
     if (optimizer_) take_positions(a, b);
     for (Hierarchy* h : {&a, &b})
@@ -11619,7 +11547,7 @@ class CoarseToFine {
     JointSurface s;
     Points2 x;
     Array<Follower> followers;
-    Options options;
+    RunOptions options;
   };
 
   /// How many times the number of vertices can be divided.
@@ -11633,12 +11561,12 @@ class CoarseToFine {
   /// How many of n vertices a coarse level should have; level 0 is the finest.
   int vertices_of(int n, int level) const {
     for (int i = 0; i < level; ++i) n /= kRatio;
-    return (std::max)(n, options_.tuning.coarsest);
+    return (std::max)(n, options_.coarsest);
   }
 
   bool decimate() {
     constexpr double kWorthwhile = 0.75;  // of the vertices may be left
-    executor_.tell(Phase::kOptimization, 0, {"decimating both surfaces"}, nullptr);
+    executor_.tell(false, 0, {"decimating both surfaces"}, nullptr);
     const auto hierarchy = [&](const Surface& s, Side side, int first) {
       const int n = s.mesh.n_vertices;
       return std::make_unique<Hierarchy>(s, side, protected_vertices(first, n),
@@ -11704,29 +11632,25 @@ class CoarseToFine {
       optimizer_->keep_covered(rules_);
       optimizer_->lower_omega(kNextOmega);
     }
-    levels_.push_back({here_.a.vertex.size(), here_.b.vertex.size(), 0, 0, 0});
+    levels_.push_back(log_.log_begin);
     return log_.status == Status::kUnfinished;
   }
 
   bool optimize() {
-    CoarseLevel& level = levels_.back();
-    Timer timer;
     const bool has_more = optimizer_->iterate(log_);
-    level.iterations = static_cast<int>(log_.log.size());
-    level.mean_distortion = log_.final_state().mean_distortion;
-    level.seconds += timer.lap();
+    levels_.back() = log_.final_state();
     tell({"optimising a coarse map, ", here_.s.mesh.n_vertices, " vertices"});
     if (has_more || executor_.is_stopped()) return true;
     if (level_ == depth_) gain_ = log_.initial.energy - log_.final_state().energy;
     take_positions(*a_, *b_);
     optimizer_.reset();
-    return level.iterations > 0;
+    return !log_.log.empty();
   }
 
   void tell(Words what) const {
     constexpr double kShare = 0.2;  // of the optimisation
     const double done = depth_ - level_ + (optimizer_ ? optimizer_->fraction(log_) : 1);
-    executor_.tell(Phase::kOptimization, kShare * done / depth_, what, nullptr);
+    executor_.tell(false, kShare * done / depth_, what, nullptr);
   }
 
   void take_positions(Hierarchy& a, Hierarchy& b) const {
@@ -11782,13 +11706,13 @@ class CoarseToFine {
     Array<Spring> springs;
     const EmbeddedPair pair(level.s, level.x);
     const auto tie = [&](int v) {
-      const MappedPoint image = pair.map_vertex(v);
-      if (!image.covered) return;
+      const SurfacePoint image = pair.map_vertex(v);
+      if (!image.exists()) return;
       Place on, here;
       here.corners[0] = v;
       here.weights[0] = 1;
-      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.point.face, k);
-      on.weights = image.point.barycentric;
+      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.face, k);
+      on.weights = image.barycentric;
       add_springs(here, on, kStiffness, springs);
     };
     for (int v : here_.a.vertex) tie(level.a.place[v]);
@@ -11800,7 +11724,7 @@ class CoarseToFine {
   const JointSurface& s_;
   Points2 x_;
   const Array<Follower>& followers_;
-  Options options_;  // of all levels
+  RunOptions options_;  // of all levels
   const Executor& executor_;
   const int depth_;  // how many coarse levels there are
   int level_ = 0;    // the one the hierarchies are at, depth_ is the coarsest
@@ -11810,7 +11734,7 @@ class CoarseToFine {
   std::unique_ptr<FlatNewton> newton_;    // and on the way to the next one
   StepRules rules_;                       // of the coarsest level
   Result log_;
-  std::vector<CoarseLevel> levels_;
+  std::vector<IterationLog> levels_;
   double gain_ = 0;
 };
 
@@ -11821,7 +11745,7 @@ class CoarseToFine {
 // Purpose:    attributes carried between the surfaces, remeshing.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
 //             exactly; what one mesh gives to the meta mesh it gets back.
-// Fails:      with a status where attributes do not fit a mesh.
+// Fails:      by no rows where attributes do not fit a mesh.
 
 namespace detail {
 
@@ -11934,28 +11858,13 @@ inline void share_integral(const MetaSide& side, int f, int first, int last, Arr
 
 }  // namespace detail
 
-Attributes Transfer::apply(const Values& values) const {
-  Attributes result;
+Values Transfer::apply(const Values& values) const {
   const int columns = static_cast<int>(values.cols());
   const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
-  Values filled = Values::Zero(rows(), columns);
-  static_cast<Outcome&>(result) =
-      apply(values.data(), values.rows(), stride, columns, filled.data(), rows(), stride);
-  if (result.status != Status::kDone) return result;
-  result.values.swap(filled);
-  for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
+  Values result = Values::Zero(rows(), columns);
+  if (!apply(values.data(), values.rows(), stride, columns, result.data(), rows(), stride))
+    result.resize(0, columns);
   return result;
-}
-
-Outcome Transfer::check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const {
-  Outcome outcome = *this;
-  const bool fits = n_values == n_sources;
-  if (status == Status::kDone && !(fits && n_results == rows()))
-    detail::fail(outcome, Status::kInvalidAttributes,
-                 {fits ? "the result has " : "the attributes have ",
-                  std::to_string(fits ? n_results : n_values), " rows, but ",
-                  fits ? rows() : n_sources, " are needed"});
-  return outcome;
 }
 
 Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
@@ -11991,29 +11900,25 @@ Transfer transfer(const MetaMesh& meta, Side from, Element element, Element targ
                           to_meta(meta, from, element));
 }
 
-Remesh remesh(const SurfaceMap& map, Side side) {
+TriangleMesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const detail::Origin& origin = data.origin(side);
-  Remesh result;
-  result.mesh.vertices = Points3::Zero(origin.given->vertices.rows(), 3);
-  const std::vector<MappedPoint> images = data.map_vertices(side);
-  Eigen::Vector3d first = {0, 0, 0};  // image
-  for (std::size_t v = images.size(); v-- > 0;)
-    if (images[v].covered) first = data.position_of_given(images[v].point, detail::other(side));
-  for (const MappedPoint& image : images) {
-    const auto v = static_cast<Eigen::Index>(result.covered.size());
-    result.covered.push_back(image.covered);
-    result.mesh.vertices.row(v) =
-        image.covered ? data.position_of_given(image.point, detail::other(side)) : first;
-  }
+  const Side other = detail::other(side);
+  const Triangles& triangles = data.origin(side).triangles;
+  const std::vector<SurfacePoint> images = data.map_vertices(side);
+  const auto exists = [](const SurfacePoint& p) { return p.exists(); };
+  const auto first = std::find_if(images.begin(), images.end(), exists);
+  TriangleMesh result;
+  result.vertices = Points3::Zero(static_cast<Eigen::Index>(images.size()), 3);
+  for (std::size_t v = 0; v < images.size() && first != images.end(); ++v)
+    result.vertices.row(static_cast<Eigen::Index>(v)) =
+        data.position_of_given(exists(images[v]) ? images[v] : *first, other);
   detail::Array<int> corners;
-  for (int f = 0; f < origin.triangles.rows(); ++f) {
-    bool is_covered = true;
-    for (int k = 0; k < 3; ++k)
-      is_covered = is_covered && result.covered.data()[origin.triangles(f, k)] != 0;
-    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(origin.triangles(f, k));
+  for (int f = 0; f < triangles.rows(); ++f) {
+    const int* const corner = triangles.data() + 3 * std::ptrdiff_t{f};
+    if (std::all_of(corner, corner + 3, [&](int v) { return exists(images.data()[v]); }))
+      for (int k = 0; k < 3; ++k) corners.push_back(corner[k]);
   }
-  result.mesh.triangles = detail::triangles_from(corners);
+  result.triangles = detail::triangles_from(corners);
   return result;
 }
 
@@ -12764,10 +12669,10 @@ inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>&
 
 /// Holds a vertex where it is on the other surface; false if it is not there.
 inline bool add_pin(const EmbeddedPair& pair, int row, Array<Follower>& followers) {
-  const MappedPoint image = pair.map_vertex(row);
-  if (image.covered)
-    followers.push_back(follower_in(pair.s.mesh, row, image.point.face, weights_of(image.point)));
-  return image.covered;
+  const SurfacePoint image = pair.map_vertex(row);
+  if (image.exists())
+    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image)));
+  return image.exists();
 }
 
 /// Vertices of two surfaces that are held on the other one.
@@ -12780,7 +12685,7 @@ struct Held {
 class Closer {
  public:
   Closer(const SurfacePair& closed, const SurfacePair& open, const Array<PlacedLandmark>& landmarks,
-         const Held& held, const Options& options, const Executor& executor)
+         const Held& held, const RunOptions& options, const Executor& executor)
       : closed_(closed),
         open_(open),
         landmarks_(landmarks),
@@ -13127,7 +13032,7 @@ class Closer {
   const SurfacePair &closed_, &open_;
   const Array<PlacedLandmark>& landmarks_;
   const Held& held_;
-  Options options_;
+  RunOptions options_;
   const Executor& executor_;
   EmbeddedPair pair_;  // the surfaces that are open
   int tried_ = 0;      // seams
@@ -13730,7 +13635,7 @@ inline void rescale(double factor, Surface& s) {
 }
 
 /// Gives the surfaces the sizes that landmarks tell, if that is of use; see Options::keep_scale.
-inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& options,
+inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                       SurfacePair& pair, Outcome& outcome) {
   constexpr double kFar = 100;
   const RelativeSize size = relative_size(pair, landmarks);
@@ -13754,7 +13659,7 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& opt
 
 /// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
 inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side side,
-                        Options& options, Outcome& outcome) {
+                        RunOptions& options, Outcome& outcome) {
   int& outer = side == Side::kA ? options.outer_a : options.outer_b;
   const int given = outer, n = static_cast<int>(prepared.new_vertex.size());
   outer = given >= 0 && given < n ? prepared.new_vertex.data()[given] : -1;
@@ -13775,35 +13680,19 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
 
 inline bool check_options(const Options& o, Outcome& outcome) {
   if (!check_arithmetic(outcome)) return false;
-  const Tuning& t = o.tuning;
   const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
-  const auto in_0_to_1 = [](double x) { return x >= 0 && x < 1; };
   const struct {
     bool is_met;
     const char* text;
-  } rules[] = {
-      {o.measure.is_complete(), "measure must have a density"},
-      {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
-      {at_least_0(t.barrier_weight) && t.barrier_weight > 0, "barrier_weight must be positive"},
-      {at_least_0(t.spd_epsilon) && t.spd_epsilon > 0, "spd_epsilon must be positive"},
-      {t.history_length >= 1, "history_length must be at least 1"},
-      {t.history_decay > 0 && t.history_decay <= 1, "history_decay must be in (0, 1]"},
-      {at_least_0(t.omega_start), "omega_start must be at least 0"},
-      {at_least_0(t.omega_factor) && t.omega_factor > 1, "omega_factor must be above 1"},
-      {t.omega_least >= 0 && (t.omega_least <= t.omega_start || t.omega_start == 0),
-       "omega_least must be in [0, omega_start]"},
-      {t.max_displacement > 0, "max_displacement must be positive"},
-      {t.max_coverage_loss > 0, "max_coverage_loss must be positive"},
-      {in_0_to_1(t.least_coverage), "least_coverage must be in [0, 1)"},
-      {t.search_stride >= 1 && t.search_stride <= 8, "search_stride must be in [1, 8]"},
-      {t.quasi_newton_steps >= 0, "quasi_newton_steps must be at least 0"},
-      {t.coarsest >= 0, "coarsest must be at least 0"},
-      {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
-      {o.max_iterations >= 0, "max_iterations must be at least 0"},
-      {o.max_seconds > 0, "max_seconds must be positive"},
-      {o.tolerance >= 0, "tolerance must be at least 0"},
-      {t.window >= 1, "window must be at least 1"},
-      {o.threads >= 0, "threads must be at least 0"}};
+  } rules[] = {{o.measure.is_complete(), "measure must have a density"},
+               {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
+               {o.history_length >= 1, "history_length must be at least 1"},
+               {at_least_0(o.omega_start), "omega_start must be at least 0"},
+               {o.coarsest >= 0, "coarsest must be at least 0"},
+               {o.max_iterations >= 0, "max_iterations must be at least 0"},
+               {o.max_seconds > 0, "max_seconds must be positive"},
+               {o.tolerance >= 0, "tolerance must be at least 0"},
+               {o.threads >= 0, "threads must be at least 0"}};
   for (const auto& rule : rules)
     if (!rule.is_met)
       return fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule.text});
@@ -13839,7 +13728,7 @@ inline bool claim(const Prepared& prepared, Side side, const char* how, std::vec
 /// exact landmark lies on both boundaries or on none.
 inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
                               const HalfEdgeMesh& b, const Prepared& prepared_b,
-                              const Array<PlacedLandmark>& landmarks, Options& options,
+                              const Array<PlacedLandmark>& landmarks, RunOptions& options,
                               Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
   Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
@@ -13868,8 +13757,6 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
   const SharedMesh given = shared(mesh);
-  HalfEdgeMesh m;
-  if (!options.prepare) return std::make_shared<const Prepared>(as_given(given, m));
   std::vector<LandmarkPoint> ends;
   for (const Landmark& l : landmarks) ends.push_back(side == Side::kA ? l.a : l.b);
   return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
@@ -13898,19 +13785,16 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
 /// Checks everything a call was given, and builds the surfaces. Ids in the options become those of
 /// the prepared meshes.
 inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
-                       Options& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
+                       RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
                        Outcome& outcome) {
   if (!check_options(options, outcome) || !check_problems(a.problems, Side::kA, outcome) ||
       !check_problems(b.problems, Side::kB, outcome))
     return false;
   pair = {surface_of(a, options.keep_scale), surface_of(b, options.keep_scale)};
   const HalfEdgeMesh &m = pair.a.mesh, &n = pair.b.mesh;
-  if (options.close && m.loops() == 0 && n.loops() == 0 &&
-      !(options.fixed_a.empty() && options.fixed_b.empty()))
-    return fail(
-        outcome, Status::kInvalidPins,
-        {"where maps of closed surfaces are closed, no vertex can be fixed in the plane: set ",
-         "close to false, or pin it"});
+  if (m.loops() == 0 && n.loops() == 0 && !(options.fixed_a.empty() && options.fixed_b.empty()))
+    return fail(outcome, Status::kInvalidPins,
+                {"of two closed surfaces, no vertex can be fixed in the plane: pin it"});
   return take_rows(a, "initial_f", options.initial_f, outcome) &&
          take_rows(b, "initial_g", options.initial_g, outcome) &&
          check_loops(m, a, Side::kA, options, outcome) &&
@@ -13955,7 +13839,7 @@ inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char*
 }
 
 /// Takes the start from Options, after checking it.
-inline void take_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+inline void take_positions(const SurfacePair& pair, const RunOptions& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
   if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
@@ -14015,7 +13899,6 @@ inline StatusWords words_of(Status s) {
       {"invalid positions", ""},
       {"invalid pins",
        "a triangle at a pinned vertex is so thin at the start that rounding turns it over"},
-      {"invalid attributes", ""},
       {"no overlap", "the two embeddings do not overlap at the start"},
       {"numerical failure",
        "the energy or its derivatives are not finite: a triangle is too thin for them, or the "
@@ -14052,7 +13935,7 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
 
 /// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
-                           const Array<PlacedLandmark>& landmarks, const Options& options,
+                           const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                            bool may_wait, Held& held, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
@@ -14158,13 +14041,6 @@ void exchange(Archive& io, Optimizer::Visit& visit) {
   exchange(io, visit.has_hessian);
 }
 
-template <class Archive>
-void exchange(Archive& io, CoarseLevel& level) {
-  for (int* value : {&level.vertices_a, &level.vertices_b, &level.iterations}) io(*value);
-  io(level.mean_distortion);
-  io(level.seconds);
-}
-
 template <class Archive, class List>
 void exchange_list(Archive& io, List& list) {
   const int n = exchanged_size(io, static_cast<int>(list.size()));
@@ -14181,7 +14057,7 @@ struct SavedRun {
   double scale = 1;
   double embedding_seconds = 0, seconds = 0;
   bool is_coarse = false;  // the coarse levels have not come to their end, and begin anew
-  std::vector<CoarseLevel> coarse;
+  std::vector<IterationLog> coarse;
   bool is_changed = false;  // landmarks or options; what follows from that is yet to be done:
   Array<int> pulled;        // these landmarks are to be brought together
   IterationLog log_begin;
@@ -14224,8 +14100,8 @@ void exchange(Archive& io, SavedRun& run) {
 
 class LandmarkPuller {
  public:
-  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart, const Options& options,
-                 const Executor& executor, Optimizer& optimizer)
+  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart,
+                 const RunOptions& options, const Executor& executor, Optimizer& optimizer)
       : s_(s),
         apart_(apart),
         stiffest_(options.exact_landmarks ? kHardest : kStiffest),
@@ -14241,8 +14117,7 @@ class LandmarkPuller {
     optimizer_.iterate(result);  // with a log of its own: E may rise, and nothing settles
     was_stopped_ = result.status == Status::kUnfinished && result.log.empty();
     if (was_stopped_) return true;
-    executor_.tell(Phase::kOptimization, 0, {"bringing landmarks together: ", apart_.size()},
-                   nullptr);
+    executor_.tell(false, 0, {"bringing landmarks together: ", apart_.size()}, nullptr);
     if (result.log.empty() || ++iteration_ == most_) {
       iteration_ = 0;
       weight_ *= 10;
@@ -14469,7 +14344,7 @@ class Run {
     bool ok = saved.f.rows() == n_a && is_embedding_of_both(stacked(saved.f, saved.g)) &&
               is_embedding_of_both(memory.x) && std::isfinite(memory.omega) &&
               is_power_of_two(saved.scale) &&
-              (saved.is_changed || Optimizer::is_sound(memory, options_.tuning));
+              (saved.is_changed || Optimizer::is_sound(memory, options_));
     for (const Optimizer::Visit& visit : memory.visited) ok = ok && is_embedding_of_both(visit.x);
     for (int i : saved.pulled) ok = ok && i >= 0 && i < static_cast<int>(landmarks_.size());
     if (!ok) return false;
@@ -14664,7 +14539,7 @@ class Run {
   void find_openings() {
     openings_.resize(1);
     if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
-    executor_.tell(Phase::kEmbedding, 0, {"looking where to open closed surfaces"}, nullptr);
+    executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
     openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
     if (!openings_.empty()) return;
     fail(result_, Status::kInvalidLandmarks,
@@ -14788,8 +14663,7 @@ class Run {
     const std::vector<IterationLog>& log = latest().log;
     if (told_ == log.size()) return;
     told_ = log.size();
-    executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
-                   &log.back());
+    executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"}, &log.back());
   }
 
   /// Status, sentence and positions, if the caller goes no further.
@@ -14816,7 +14690,7 @@ class Run {
 
   static bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
 
-  bool can_close() const { return options_.close && is_closed(whole_.a) && is_closed(whole_.b); }
+  bool can_close() const { return is_closed(whole_.a) && is_closed(whole_.b); }
 
   /// The map of two surfaces that were opened has been optimised, and not been closed yet.
   bool is_to_be_closed() const {
@@ -14923,7 +14797,7 @@ class Run {
   const SharedPrepared a_, b_;
   std::vector<Landmark> landmarks_;  // those that were not left out
   const Options given_options_;
-  Options options_;  // with ids of the prepared meshes
+  RunOptions options_;  // with ids of the prepared meshes
   const bool only_start_;
   Executor executor_;
   SurfacePair whole_;             // the surfaces as they are prepared,
@@ -15058,21 +14932,11 @@ const char* to_string(Status s) { return detail::words_of(s).name; }
 
 Options Options::paper() {
   Options options;
+  options.as_published = true;
   options.coverage_weight = -2;  // no reward
-  options.tuning.barrier_weight = 1e-8;
-  options.tuning.history_length = 6;
-  options.tuning.history_decay = 0.5;
-  options.tuning.omega_start = 1e9;
-  options.tuning.omega_factor = 1.25;
-  options.tuning.omega_least = 0;
+  options.omega_start = 1e9;
   options.max_iterations = 550;
-  options.tuning.least_coverage = 0;
-  options.tuning.search_stride = 1;
-  options.tuning.quasi_newton_steps = 0;
-  options.tuning.coarsest = 0;
-  options.tuning.solve_tolerance = 1e-12;
-  options.tuning.window = 10;
-  options.tuning.scaffold = false;
+  options.coarsest = 0;
   return options;
 }
 
@@ -15114,9 +14978,6 @@ bool Solver::advance(double seconds) {
 }
 
 const Result& Solver::result() const { return run_->result(); }
-Phase Solver::phase() const {
-  return run_->is_embedding() ? Phase::kEmbedding : Phase::kOptimization;
-}
 double Solver::fraction() const { return run_->fraction(); }
 SolverState Solver::state() const { return run_->state(); }
 

@@ -236,7 +236,7 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
         REQUIRE(map.status() == Status::kDone);
         const HalfEdgeMesh m = half_edges(*r.start.a);
         for (int v = 0; v < disk.mesh.vertices.rows(); ++v)
-          if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).covered);
+          if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).exists());
       }
 }
 
@@ -257,14 +257,14 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
   REQUIRE(is_valid(r));
   const SurfaceMap map(r);
-  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).covered);
-  for (int v = 0; v < b.mesh.vertices.rows(); ++v) CHECK(map.backward_vertex(v).covered);
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).exists());
+  for (int v = 0; v < b.mesh.vertices.rows(); ++v) CHECK(map.backward_vertex(v).exists());
   const HalfEdgeMesh m = half_edges(a.mesh);
   for (int h = 0; h < m.tail.size(); ++h) {
     const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);
-    const Vector3d from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
-    const Vector3d to = map.position_on_b(map.forward_vertex(m.tip(h)).point);
+    const Vector3d from = map.position_on_b(map.forward_vertex(m.tail[h]));
+    const Vector3d to = map.position_on_b(map.forward_vertex(m.tip(h)));
     CHECK((map.position_on_b(image[0].front()) - from).norm() < 1e-9);
     CHECK((map.position_on_b(image[0].back()) - to).norm() < 1e-9);
   }
@@ -325,7 +325,8 @@ TEST_CASE("the gradient and Hessian of what may slide agree with differences") {
     at.x = Eigen::Map<const Points2>(x.data(), s.mesh.n_vertices, 2);
     evaluate(s, weights, at);
     models.differentiate_elements(at);
-    LinearSystem system = blend(Array<QuadraticModel>(1, models.assemble()), 0, 1, {}, {}, executor);
+    LinearSystem system =
+        blend(Array<QuadraticModel>(1, models.assemble()), 0, 1, {}, {}, executor);
     eliminate(is_fixed, system);
     return system;
   };

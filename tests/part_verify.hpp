@@ -168,7 +168,7 @@ TEST_CASE("every iterate is verified, however the run goes on") {
   ism::Solver exact(a.mesh, b.mesh, {{20, 30}, {60, 90}}, options);
   CHECK(verified_steps(exact) >= 8);
   options.exact_landmarks = false;
-  options.tuning.coarsest = 20;
+  options.coarsest = 20;
   ism::Solver coarse(a.mesh, b.mesh, {}, options);
   CHECK(verified_steps(coarse) >= 8);
 }
