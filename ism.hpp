@@ -652,7 +652,7 @@ class Solver {
   SolverState state() const;
   /// Goes on from where another Solver was, with the same bits. False, and nothing is changed, if
   /// the state is not one of the same meshes, or not injective. The next step computes the
-  /// derivatives in the memory anew, up to Tuning::history_length times what an iteration does. A
+  /// derivatives in the memory anew, up to Options::history_length times what an iteration does. A
   /// state without a map begins the embedding anew, one from the coarse levels begins these anew.
   bool restore(const SolverState& state);
 
@@ -3098,6 +3098,10 @@ struct OverlayPolygon {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
+inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
+  return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
+}
+
 /// Axis-parallel boxes of items, and of runs of 2^k consecutive ones, as a binary tree. The box of
 /// an item that is not there is empty.
 class BoxTree {
@@ -3147,8 +3151,7 @@ class BoxTree {
 
   template <class Visit>
   void descend(int i, const BoxTree& other, int j, Visit& visit) const {
-    if (lo_[i].x > other.hi_[j].x || lo_[i].y > other.hi_[j].y) return;
-    if (other.lo_[j].x > hi_[i].x || other.lo_[j].y > hi_[i].y) return;
+    if (!boxes_meet(lo_[i], hi_[i], other.lo_[j], other.hi_[j])) return;
     const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
     if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
     if (leaf_j || (!leaf_i && i <= j)) {
@@ -3163,10 +3166,6 @@ class BoxTree {
   int leaves_ = 1;
   Array<Vec2> lo_, hi_;
 };
-
-inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
-  return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
-}
 
 /// Makes a tree of the segments begin to end - 1 of m.boundary.
 inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int end, BoxTree& tree) {
@@ -3185,10 +3184,8 @@ inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int e
 inline bool segments_touch(Vec2 p, Vec2 q, Vec2 r, Vec2 s) {
   const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
   const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
-  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0) {  // collinear: boxes touch?
-    const Vec2 lo_pq = lower(p, q), hi_pq = upper(p, q), lo_rs = lower(r, s), hi_rs = upper(r, s);
-    return lo_pq.x <= hi_rs.x && lo_pq.y <= hi_rs.y && lo_rs.x <= hi_pq.x && lo_rs.y <= hi_pq.y;
-  }
+  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0)  // collinear
+    return boxes_meet(lower(p, q), upper(p, q), lower(r, s), upper(r, s));
   const auto straddles = [](double u, double v) { return !(u > 0 && v > 0) && !(u < 0 && v < 0); };
   return straddles(r_side, s_side) && straddles(p_side, q_side);
 }
@@ -3393,11 +3390,10 @@ struct Overlay {
   Array<int> older;           // per polygon: the one found before in the same triangle of A, or -1
   Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
-  Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
-  Array<std::array<int, 2>> uncrossed;  // loops that cross none: the first half-edge, the loop
-  /// Loops without polygons: the loop, its first half-edge, the triangle this begins in or -1.
-  Array<std::array<int, 3>> left;
-  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `left` begin
+  Array<char> is_crossed;  // per boundary loop: by one of the other mesh
+  /// Loops that are not: the loop, its first half-edge, the triangle this begins in or -1.
+  Array<std::array<int, 3>> uncrossed;
+  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `uncrossed` begin
 };
 
 class OverlayBuilder {
@@ -3410,7 +3406,7 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
-    overlay_.left.clear();
+    overlay_.uncrossed.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
@@ -3474,7 +3470,7 @@ class OverlayBuilder {
   /// Every component of the overlap whose boundary has parts of loops has a crossing of a boundary
   /// edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
-    overlay_.is_reached.assign(m_.loops(), 0);
+    overlay_.is_crossed.assign(m_.loops(), 0);
     build_tree(m_, x_, 0, s_.boundary_a, overlay_.boundary_a);
     build_tree(m_, x_, s_.boundary_a, m_.boundary.size(), overlay_.boundary_b);
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
@@ -3483,7 +3479,7 @@ class OverlayBuilder {
       const LabelledPoint r = label(m_.tail[hb]), s = label(m_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
       overlay_.seeds.push_back({ha / 3, hb / 3});
-      overlay_.is_reached[loop_at(i)] = overlay_.is_reached[loop_at(s_.boundary_a + j)] = 1;
+      overlay_.is_crossed[loop_at(i)] = overlay_.is_crossed[loop_at(s_.boundary_a + j)] = 1;
     });
   }
 
@@ -3494,73 +3490,49 @@ class OverlayBuilder {
   }
 
   /// Other components are bounded by whole loops, each inside of the other embedding or outside of
-  /// it: one that no polygon has been found at is looked for there.
+  /// it: the triangle is looked for that each begins in, in one pass over all.
   void seed_other_loops() {
-    overlay_.uncrossed.clear();
     for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_reached[i]) overlay_.uncrossed.push_back({m_.boundary[m_.loop[i]], i});
+      if (!overlay_.is_crossed[i]) overlay_.uncrossed.push_back({i, m_.boundary[m_.loop[i]], -1});
     if (overlay_.uncrossed.empty()) return;
+    build_tree_of_starts();
+    for (int t = 0; t < m_.n_faces; ++t) locate_starts(t);
     std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
-    int seen = 0;
-    const auto mark_seen = [&] {
-      for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
-    };
-    mark_seen();
-    locate_loops();
-    for (const auto& [loop, h, t] : overlay_.left) {
-      mark_seen();
-      if (overlay_.is_reached[loop] || t < 0) continue;
+    for (const auto& [loop, h, t] : overlay_.uncrossed) {
+      if (t < 0) continue;
       overlay_.seeds.push_back(t < s_.faces_a ? Seed{t, h / 3} : Seed{h / 3, t});
       flood_seeds();
     }
   }
 
-  void mark_loops(const OverlayPolygon& p) {
-    for (int k = 0; k < p.count; ++k) {
-      const int e = p.piece(k), h = e < 3 ? 3 * p.ta + e : 3 * p.tb + e - 3;
-      if (m_.twin[h] >= 0) continue;
-      const std::array<int, 2>* found = std::lower_bound(
-          overlay_.uncrossed.begin(), overlay_.uncrossed.end(), std::array<int, 2>{h, -1});
-      if (found != overlay_.uncrossed.end() && (*found)[0] == h)
-        overlay_.is_reached[(*found)[1]] = 1;
-    }
-  }
-
-  /// Finds the triangles that the loops without polygons begin in, in one pass over all.
-  void locate_loops() {
-    for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_reached[i]) overlay_.left.push_back({i, m_.boundary[m_.loop[i]], -1});
-    if (overlay_.left.empty()) return;
-    build_tree_of_starts();
-    for (int t = 0; t < m_.n_faces; ++t) {
-      const LabelledTriangle f = labelled(m_, x_, t);
-      const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
-      const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
-      const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
-      overlay_.starts.find(meets, [&](int i) {
-        const int h = overlay_.left[i][1];
-        const LabelledPoint p = label(m_.tail[h]);
-        if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.left[i][2] < 0 &&
-            oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
-          overlay_.left[i][2] = t;
-        return false;
-      });
-    }
-    std::sort(overlay_.left.begin(), overlay_.left.end());
+  /// Finds the loops that begin in triangle t of the other mesh.
+  void locate_starts(int t) {
+    const LabelledTriangle f = labelled(m_, x_, t);
+    const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
+    const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
+    const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+    overlay_.starts.find(meets, [&](int i) {
+      const int h = overlay_.uncrossed[i][1];
+      const LabelledPoint p = label(m_.tail[h]);
+      if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.uncrossed[i][2] < 0 &&
+          oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+        overlay_.uncrossed[i][2] = t;
+      return false;
+    });
   }
 
   /// In strips by x, by y within them, so that runs of loops begin close together.
   void build_tree_of_starts() {
-    const int n = overlay_.left.size(), width = static_cast<int>(std::sqrt(n)) + 1;
-    std::array<int, 3>* const left = overlay_.left.data();
+    const int n = overlay_.uncrossed.size(), width = static_cast<int>(std::sqrt(n)) + 1;
+    std::array<int, 3>* const loop = overlay_.uncrossed.data();
     const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
-    std::sort(left, left + n,
+    std::sort(loop, loop + n,
               [&](const auto& l, const auto& r) { return start(l).x < start(r).x; });
     for (int i = 0; i < n; i += width)
-      std::sort(left + i, left + (std::min)(n, i + width),
+      std::sort(loop + i, loop + (std::min)(n, i + width),
                 [&](const auto& l, const auto& r) { return start(l).y < start(r).y; });
     overlay_.starts.reset(n);
-    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(left[i]), start(left[i]));
+    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(loop[i]), start(loop[i]));
     overlay_.starts.join();
   }
 
@@ -6792,18 +6764,18 @@ inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
   return orient2d(p, q, leftmost) < 0;
 }
 
-/// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
-/// fans that take n² flips to be Delaunay; straight sides, which have no ears, still do. What was
-/// no ear is tested again once a neighbour of it or the vertex found in its way is gone. About O(n
-/// log n), but for spirals, where one vertex may be in the way of many.
+/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
+/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
+/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
+/// but for spirals, where one vertex may block many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
       : polygon_(polygon),
         next_(polygon.size()),
         prev_(polygon.size()),
-        due_(polygon.size(), -1),
-        last_behind_(polygon.size(), -1) {
+        state_(polygon.size(), kIdle),
+        last_blocked_(polygon.size(), -1) {
     const int n = polygon.size();
     tree_.reset(n);
     for (int i = 0; i < n; ++i) {
@@ -6811,7 +6783,7 @@ class EarClipper {
       tree_.set(i, point_[i], point_[i]);
       next_[i] = (i + 1) % n;
       prev_[i] = (i + n - 1) % n;
-      wait(i, 0);
+      enqueue(i);
     }
     tree_.join();
   }
@@ -6819,55 +6791,45 @@ class EarClipper {
   /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
-    for (int i, left = polygon_.size(); left >= 3 && (i = next_to_test()) >= 0;) {
-      if (!is_ear(i)) continue;
-      for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
-      clip(i);
-      --left;
+    int left = polygon_.size();
+    for (int first = 0; first < queue_.size() && left >= 3; ++first) {
+      const int i = queue_[first];
+      const bool waits = state_[i] == kWaits;
+      state_[i] = kIdle;
+      if (is_gone(i)) continue;
+      if (waits) {
+        enqueue(i);
+      } else if (is_ear(i)) {
+        for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
+        clip(i);
+        --left;
+      }
     }
     return corners;
   }
 
  private:
-  /// A vertex in whose way another one was, and the entry before of the same one.
+  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
+
+  /// A vertex that another one blocked, and the entry before of the same one.
   struct Blocked {
     int vertex, before;
   };
 
-  /// Lets i be tested in this round or the next one.
-  void wait(int i, int round) {
-    if (due_[i] == round) return;
-    due_[i] = round;
-    Array<int>& heap = round == round_ ? this_round_ : next_round_;
-    heap.push_back(i);
-    std::push_heap(heap.begin(), heap.end(), std::greater<int>());
-  }
-
-  /// -1 if all that is left are no ears.
-  int next_to_test() {
-    while (true) {
-      if (this_round_.empty()) this_round_.swap(next_round_), ++round_;
-      if (this_round_.empty()) return -1;
-      std::pop_heap(this_round_.begin(), this_round_.end(), std::greater<int>());
-      const int i = this_round_.back();
-      this_round_.pop_back();
-      if (due_[i] != round_) continue;
-      due_[i] = -1;
-      return i;
-    }
+  void enqueue(int i) {
+    if (state_[i] != kIdle) return;
+    state_[i] = kQueued;
+    queue_.push_back(i);
   }
 
   void clip(int i) {
-    const auto wait_for_turn = [&](int k) {
-      if (k != i) wait(k, k > i ? round_ : round_ + 1);
-    };
     next_[prev_[i]] = next_[i];
     prev_[next_[i]] = prev_[i];
     tree_.remove(i);
-    for (int b = last_behind_[i]; b >= 0; b = blocked_[b].before)
-      if (!is_gone(blocked_[b].vertex)) wait_for_turn(blocked_[b].vertex);
-    wait_for_turn(prev_[i]);
-    wait(next_[i], round_ + 1);
+    for (int b = last_blocked_[i]; b >= 0; b = blocked_[b].before) enqueue(blocked_[b].vertex);
+    enqueue(prev_[i]);
+    if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
+    enqueue(next_[i]);
   }
 
   bool is_gone(int i) const { return next_[prev_[i]] != i; }
@@ -6878,28 +6840,27 @@ class EarClipper {
     const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
     if (!(orient2d(p, q, r) > 0)) return false;
     const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
-    const auto may_be_in = [&](Vec2 box_lo, Vec2 box_hi) {
+    const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
       return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
              !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
     };
-    const auto is_in_the_way = [&](int k) {
+    const auto blocks = [&](int k) {
       const int v = polygon_[k];  // the ends of the bridge are there twice
       if (v == a || v == b || v == c) return false;
-      blocked_.push_back({i, last_behind_[k]});
-      last_behind_[k] = blocked_.size() - 1;
+      blocked_.push_back({i, last_blocked_[k]});
+      last_blocked_[k] = blocked_.size() - 1;
       return true;
     };
-    return !tree_.find(may_be_in, is_in_the_way);  // of a point, the box is to the right or in
+    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
   }
 
   const Array<int>& polygon_;
   Array<Vec2> point_;
   Array<int> next_, prev_;
-  Array<int> due_;                      // the round in which a vertex is tested, or -1
-  Array<int> this_round_, next_round_;  // heaps, the first one on top
-  Array<int> last_behind_;              // per vertex, the last entry of `blocked_`, or -1
+  Array<int> queue_;  // all that was ever in it
+  Array<State> state_;
+  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
   Array<Blocked> blocked_;
-  int round_ = 0;
   BoxTree tree_;  // of the vertices that are left
 };
 
@@ -7076,15 +7037,15 @@ struct Direction {
   double first_step = 0;     // where backtracking starts
 };
 
-/// A step along one of several directions.
-struct Candidate {
+/// A step to try, along one of several directions.
+struct TrialStep {
   int direction = 0;
-  double step = 0;
+  double length = 0;
 };
 
-/// One trial of the line search.
+/// What a trial step leads to.
 struct Trial {
-  Candidate candidate;
+  TrialStep step;
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
   bool collides = false;  // rejected because a boundary meets itself
@@ -7103,8 +7064,7 @@ struct StepRules {
 /// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
-  return from.energy + kArmijo * t.candidate.step * d.slope - (std::max)(t.resistance, 0.0) -
-         t.pull;
+  return from.energy + kArmijo * t.step.length * d.slope - (std::max)(t.resistance, 0.0) - t.pull;
 }
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
@@ -7122,22 +7082,6 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
 }
 
 inline constexpr double kShrink = 0.8;  // line 22
-
-/// A block of the line search covers eight ℓ of 0.8^ℓ, or some more for a stride that does not
-/// divide eight; of every `stride` of them, the one in the middle is tried.
-inline int trials_per_block(int stride) {
-  constexpr int kBlock = 8;  // §5.2
-  return (kBlock - 1) / stride + 1;
-}
-
-/// Adds the steps of a block, and s = 1 to those of the first one.
-inline void add_block(int direction, const Direction& d, int block, int stride,
-                      Array<Candidate>& candidates) {
-  const int trials = trials_per_block(stride);
-  for (int i = block * trials; i < (block + 1) * trials; ++i)
-    candidates.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
-  if (block == 0 && d.first_step > 1) candidates.push_back({direction, 1.0});
-}
 
 /// True if triangles are positive, but a boundary meets itself.
 inline bool collides(const HalfEdgeMesh& m, const Points2& x) {
@@ -7161,10 +7105,10 @@ struct SearchProblem {
 /// up as soon as it cannot be, or cannot have a value below `best`.
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const HalfEdgeMesh& m = problem.s.mesh;
-  const Direction& d = problem.directions[t.candidate.direction];
+  const Direction& d = problem.directions[t.step.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.x = moved(problem.from.x, d.d, t.candidate.step);
+  t.x.x = moved(problem.from.x, d.d, t.step.length);
   place_followers(problem.followers, t.x.x);
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
@@ -7177,31 +7121,56 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// The trials of a line search, of which the best one is kept; the others' memory serves again.
-class Trials {
+/// The line search (lines 17 to 23). Of its trials the best one is kept; the memory of the others
+/// serves again.
+class LineSearch {
  public:
   bool found = false;     // an acceptable one
   bool collided = false;  // one failed because a boundary meets itself
   Trial best;             // if found
+
+  /// Tries all directions, block by block of eight steps 0.8^ℓ (§5.2); or, with a stride of three,
+  /// of nine, each third one, and then the neighbours of the best one.
+  void run(const SearchProblem& problem, const Executor& executor) {
+    constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
+    const int stride = problem.stride, block = (7 / stride + 1) * stride;
+    clear();
+    for (int first = 0; first < kMost && !found && !executor.is_stopped(); first += block) {
+      Array<TrialStep> steps;
+      for (int k = 0; k < problem.directions.size(); ++k) {
+        const double longest = problem.directions[k].first_step;
+        for (int l = first + stride / 2; l < first + block; l += stride)
+          steps.push_back({k, longest * std::pow(kShrink, l)});
+        if (first == 0 && longest > 1) steps.push_back({k, 1});
+      }
+      add(problem, executor, steps);
+      if (!found || stride == 1) continue;
+      const TrialStep middle = best.step;
+      const double longest = problem.directions[middle.direction].first_step;
+      steps.clear();
+      steps.push_back({middle.direction, (std::min)(middle.length / kShrink, longest)});
+      steps.push_back({middle.direction, middle.length * kShrink});
+      add(problem, executor, steps);
+    }
+  }
 
   void clear() {
     found = collided = false;
     tried_ = 0;
   }
 
-  /// Tries candidates side by side. Of trials of one value the first one is the best.
-  void add(const SearchProblem& problem, const Executor& executor,
-           const Array<Candidate>& candidates) {
+  /// Tries steps side by side. Of trials of one value the first one is the best.
+  void add(const SearchProblem& problem, const Executor& executor, const Array<TrialStep>& steps) {
     const double least = found ? best.value() : kInfinity;
-    spare_.reserve(spare_.size() + candidates.size());  // none is allocated while it is locked
-    executor.run(candidates.size(), [&](int i) {
+    spare_.reserve(spare_.size() + steps.size());  // nothing is allocated while it is locked
+    executor.run(steps.size(), [&](int i) {
       if (executor.is_stopped()) return;
       Trial t = take();
-      t.candidate = candidates[i];
+      t.step = steps[i];
       evaluate_trial(problem, least, t);
       give(t, tried_ + i);
     });
-    tried_ += candidates.size();
+    tried_ += steps.size();
   }
 
  private:
@@ -7232,28 +7201,6 @@ class Trials {
   Array<Trial> spare_;
 };
 
-/// Tries all directions, block by block, and where not all steps are tried, the neighbours of the
-/// best acceptable one (lines 17 to 23).
-inline void line_search(const SearchProblem& problem, const Executor& executor, Trials& trials) {
-  constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
-  const int covered = trials_per_block(problem.stride) * problem.stride;
-  trials.clear();
-  for (int block = 0; block * covered < kMost && !trials.found; ++block) {
-    if (executor.is_stopped()) break;
-    Array<Candidate> candidates;
-    for (int k = 0; k < problem.directions.size(); ++k)
-      add_block(k, problem.directions[k], block, problem.stride, candidates);
-    trials.add(problem, executor, candidates);
-    if (!trials.found || problem.stride == 1) continue;
-    const Candidate best = trials.best.candidate;
-    const double longest = problem.directions[best.direction].first_step;
-    candidates.clear();
-    candidates.push_back({best.direction, (std::min)(best.step / kShrink, longest)});
-    candidates.push_back({best.direction, best.step * kShrink});
-    trials.add(problem, executor, candidates);
-  }
-}
-
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start.
@@ -7269,7 +7216,7 @@ inline void line_search(const SearchProblem& problem, const Executor& executor, 
 //   10 to 12  solve for each ω              Optimizer::solve
 //   13, 14  descent, or reset               Optimizer::find_directions
 //   15, 16  largest step                    Optimizer::set_direction
-//   17 to 23  line search                   line_search, evaluate_trial
+//   17 to 23  line search                   LineSearch, evaluate_trial
 //   24, 25  the best trial                  Optimizer::accept
 //
 // Beyond the paper, each by the name of its function or option: coverage κ (evaluate); bounds on
@@ -7281,7 +7228,7 @@ inline void line_search(const SearchProblem& problem, const Executor& executor, 
 // kink are joined (leave_kink); stopping rules (has_settled). For
 // speed, one matrix is factorised, and conjugate gradients use its factor for the other ω_L
 // (solve); of the steps of the line search some are tried, then the neighbours of the best
-// (line_search); and once ω_L is small, quasi-Newton steps with the same factor follow
+// (LineSearch); and once ω_L is small, quasi-Newton steps with the same factor follow
 // (take_quasi_newton_step).
 //
 // Invariants: every iterate is injective, decided exactly; E never grows.
@@ -7789,7 +7736,7 @@ class Optimizer {
 
   void search(const Array<Direction>& directions, IterationLog& log) {
     Timer timer;
-    line_search(search_problem(directions), executor_, trials_);
+    trials_.run(search_problem(directions), executor_);
     log.seconds_search += timer.lap();
   }
 
@@ -7801,7 +7748,7 @@ class Optimizer {
     describe(s_, followers_, x_, log_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
-    log_.step = best.candidate.step;
+    log_.step = best.step.length;
     log_.max_step = best.max_step;
     result.log.push_back(log_);
   }
@@ -7943,12 +7890,12 @@ class Optimizer {
     if (is_quick) {
       quick_.steps_left = gain >= quick_.least_gain ? quick_.steps_left - 1 : 0;
     } else {
-      const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
+      const bool pays = best.omega <= kLargestOmega && best.step.length >= kLeastStep &&
                         factor_.ok && factor_.negative == 0;
       quick_.steps_left = pays ? options_.tuning.quasi_newton_steps : 0;
       quick_.least_gain = kShare * gain;
     }
-    quick_.step = longer(best.candidate.step);
+    quick_.step = longer(best.step.length);
   }
 
   /// What is tried first after a step.
@@ -7982,9 +7929,9 @@ class Optimizer {
     trials_.clear();
     double step = (std::min)(quick_.step, directions[0].first_step);
     for (; step > kShortest && !trials_.found && !executor_.is_stopped(); step /= 4) {
-      Array<Candidate> candidates(1, Candidate{0, step});
-      candidates.push_back({0, step / 2});
-      trials_.add(problem, executor_, candidates);
+      Array<TrialStep> steps(1, TrialStep{0, step});
+      steps.push_back({0, step / 2});
+      trials_.add(problem, executor_, steps);
     }
     log.seconds_search += timer.lap();
     return trials_.found;
@@ -8126,7 +8073,7 @@ class Optimizer {
   LdltFactor factor_;
   bool has_factor_ = false;
   QuickSteps quick_;
-  Trials trials_;
+  LineSearch trials_;
   bool is_scaffolded_ = false;  // once a trial has met a boundary
   Scaffold scaffold_;
   Array<Spring> springs_;
@@ -10559,7 +10506,7 @@ class Embedder {
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
-// Purpose:    Φ and Φ⁻¹ at points and along curves of the surfaces; the meta mesh lifted to both;
+// Purpose:    Φ and Φ⁻¹ at points and along edges of the surfaces; the meta mesh lifted to both;
 //             how Φ stretches.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
 //             of A with one of B; that key, never coordinates, identifies it.
@@ -10568,7 +10515,6 @@ class Embedder {
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
 }
-inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y, p.z); }
 inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
@@ -10619,19 +10565,13 @@ struct DeepestFace {
   }
 };
 
-/// What a corner of a polygon is: a vertex (kind 0), a crossing of two edges, each named by the
-/// smaller of its half-edges (kind 1), or a vertex of the seam, by its place there (kind 2).
-struct CornerKey {
-  int kind, first, second;
-  bool operator<(const CornerKey& o) const {
-    if (kind != o.kind) return kind < o.kind;
-    return first != o.first ? first < o.first : second < o.second;
-  }
-  bool operator!=(const CornerKey& o) const { return *this < o || o < *this; }
-};
+/// What a corner of a polygon is, and which one: {kAtVertex, vertex, 0}, {kCrossing, edge, edge},
+/// an edge being the smaller of its half-edges, or {kOnSeam, index along the seam, 0}.
+using CornerKey = std::array<int, 3>;
+enum CornerKind { kAtVertex, kCrossing, kOnSeam };
 
-/// A vertex of the seam of two closed surfaces, which lies at one place in four ways: on A and on
-/// B, and on the other side of the seam as copies of these.
+/// A vertex of the seam of two closed surfaces, which is four vertices at one point: of A and of B,
+/// and their copies beyond the seam.
 struct SeamVertex {
   int a, copy_a, b, copy_b;
 };
@@ -10643,9 +10583,9 @@ struct EmbeddedPair {
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
-  double extent = 0;         // of the plane, from the origin
-  Array<int> place_on_seam;  // per vertex, or -1
-  bool is_closed = false;    // there is a seam
+  double extent = 0;       // of the plane, from the origin
+  Array<int> seam_index;   // per vertex, along the seam; or -1
+  bool is_closed = false;  // there is a seam
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
@@ -10664,36 +10604,39 @@ struct EmbeddedPair {
     const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
     if (same_triangle(before, e)) {
       const int v = m.tail[half_edge(e)];
-      return place_on_seam[v] < 0 ? CornerKey{0, v, 0} : CornerKey{2, place_on_seam[v], 0};
+      return seam_index[v] < 0 ? CornerKey{kAtVertex, v, 0} : CornerKey{kOnSeam, seam_index[v], 0};
     }
     const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
     int common = -1;
     for (int u : {m.tail[h], m.tip(h)})
       for (int v : {m.tail[t], m.tip(t)}) {
-        const int place = place_on_seam[u];
-        if (place >= 0 && place == place_on_seam[v] && (common < 0 || place < common))
-          common = place;
+        const int index = seam_index[u];
+        if (index >= 0 && index == seam_index[v] && (common < 0 || index < common)) common = index;
       }
-    if (common >= 0) return {2, common, 0};
-    const auto id = [&](int k) { return m.twin[k] < 0 ? k : (std::min)(k, m.twin[k]); };
-    return {1, id(h), id(t)};
+    if (common >= 0) return {kOnSeam, common, 0};
+    return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
-  /// The vertex of a face that has a place on the seam, as one of its corners; or -1.
-  int corner_on_seam(int face, int place) const {
+  /// Of the half-edges of an edge, the smaller one.
+  int first_half_edge(int h) const {
+    return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
+  }
+
+  /// The corner of a face that has an index along the seam, or -1.
+  int corner_on_seam(int face, int index) const {
     for (int k = 0; k < 3; ++k)
-      if (place_on_seam[s.mesh.corner(face, k)] == place) return k;
+      if (seam_index[s.mesh.corner(face, k)] == index) return k;
     return -1;
   }
 
   /// Takes out what the perturbation has put between vertices of the seam, which has no area.
   void sew(const Array<SeamVertex>& seam) {
     is_closed = !seam.empty();
-    place_on_seam.assign(s.mesh.n_vertices, -1);
+    seam_index.assign(s.mesh.n_vertices, -1);
     if (seam.empty()) return;
     for (int i = 0; i < seam.size(); ++i)
       for (int v : {seam[i].a, seam[i].copy_a, s.n_a + seam[i].b, s.n_a + seam[i].copy_b})
-        place_on_seam[v] = i;
+        seam_index[v] = i;
     Array<OverlayPolygon> kept;
     for (const OverlayPolygon& p : overlay.polygons) {
       int corners = 0;
@@ -10750,55 +10693,6 @@ struct EmbeddedPair {
 
 // ---- the meshes given, and as they were embedded ----
 
-/// A refined mesh: for every triangle the one it lies in, and where its corners are there.
-struct Refinement {
-  HalfEdgeMesh mesh;
-  Array<int> parent;  // per triangle
-  Array<Vec3> place;  // per corner, barycentric coordinates
-  Array<int> vertex;  // per vertex of the refined mesh that was given; copies are one vertex here
-};
-
-/// Adds the same vertices once more; false if the edge or triangle of one is not there.
-inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
-  for (int v = 0; v < r.mesh.n_vertices; ++v) r.vertex.push_back(v);
-  for (int f = 0; f < r.mesh.n_faces; ++f) {
-    r.parent.push_back(f);
-    for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
-  }
-  for (AddedVertex p : added) {
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      if (p.corners[k] >= r.vertex.size()) return false;
-      p.corners[k] = r.vertex[p.corners[k]];
-    }
-    r.vertex.push_back(is_copy(p) ? p.corners[0] : r.mesh.n_vertices);
-    if (is_copy(p)) continue;
-    const int h = find_place(r.mesh, p);
-    if (h < 0) return false;
-    const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
-    const auto middle_in = [&](int side) {
-      Vec3 sum;
-      for (int corner : {side, next(side), prev(side)})
-        for (int k = 0; k < 3; ++k)
-          if (r.mesh.tail[corner] == p.corners[k]) sum += p.weights[k] * r.place[corner];
-      return sum;
-    };
-    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
-    add_vertex(r.mesh, h, p);
-    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
-      const int side = i == 0 ? h : twin;
-      if (side < 0) continue;
-      const Vec3 tail = r.place[side], tip = r.place[next(side)], left = r.place[prev(side)];
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {middle[i], tip, left}) r.place.push_back(corner);
-      r.place[next(side)] = middle[i];
-      if (is_on_edge(p)) continue;
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {tail, tip, middle[i]}) r.place.push_back(corner);
-    }
-  }
-  return true;
-}
-
 /// Barycentric coordinates of the point on the sides of a triangle that is closest to p.
 inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
   Vec3 weights;
@@ -10834,11 +10728,11 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
 /// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
 struct Origin {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;  // those of the prepared mesh, by vertices given
-  Array<int> face;      // per triangle, the one given that it is a part of,
-  Array<Vec3> place;    // and per corner its barycentric coordinates there
-  Array<int> first,
-      part;           // the parts of given triangle f are part[first[f]] to part[first[f + 1] - 1]
+  Triangles triangles;         // those of the prepared mesh, by vertices given
+  Array<int> face;             // per triangle, the one given that it is a part of,
+  Array<Vec3> corner_weights;  // and per corner its barycentric coordinates there
+  /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
+  Array<int> first, part;
   Array<int> vertex;  // per vertex given, where it is, or -1
   /// Where else: a vertex of the embedded mesh and a copy of it, sorted.
   Array<std::array<int, 2>> copies;
@@ -10847,7 +10741,7 @@ struct Origin {
 
   SurfacePoint to_given(const SurfacePoint& p) const {
     Vec3 weights;
-    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * place[3 * p.face + k];
+    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * corner_weights[3 * p.face + k];
     return surface_point(face[p.face], weights);
   }
 
@@ -10860,7 +10754,7 @@ struct Origin {
     SurfacePoint best;
     double least = -kBeside;  // else it is in a part that was dropped
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
-      const Vec3* const corner = &place[3 * part[i]];
+      const Vec3* const corner = &corner_weights[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
       if (is_whole(part[i])) return surface_point(part[i], weights);
       weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
@@ -10886,7 +10780,7 @@ struct Origin {
     Array<double> start;
     for (int i = first[f]; i < first[f + 1]; ++i)
       for (int h = 3 * part[i]; h < 3 * part[i] + 3; ++h) {
-        const Vec3 &tail = place[h], &tip = place[next(h)];
+        const Vec3 &tail = corner_weights[h], &tip = corner_weights[next(h)];
         if (tail[opposite] != 0 || tip[opposite] != 0) continue;
         along.push_back(tail[to] < tip[to] ? h : ~h);
         start.push_back((std::min)(tail[to], tip[to]));
@@ -10902,10 +10796,51 @@ struct Origin {
   bool is_whole(int f) const {
     double sum = 0;
     for (int k = 0; k < 3; ++k)
-      sum += (std::max)({place[3 * f + k].x, place[3 * f + k].y, place[3 * f + k].z});
+      sum += (std::max)(
+          {corner_weights[3 * f + k].x, corner_weights[3 * f + k].y, corner_weights[3 * f + k].z});
     return sum == 3;
   }
 };
+
+/// Adds vertices once more to the mesh of an origin. Tells per vertex which one it is, or is a copy
+/// of; false if the edge or triangle of one is not there.
+inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Array<int>& vertex,
+                      Origin& o) {
+  for (int v = 0; v < m.n_vertices; ++v) vertex.push_back(v);
+  for (AddedVertex p : added) {
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      if (p.corners[k] >= vertex.size()) return false;
+      p.corners[k] = vertex[p.corners[k]];
+    }
+    vertex.push_back(is_copy(p) ? p.corners[0] : m.n_vertices);
+    if (is_copy(p)) continue;
+    const int h = find_place(m, p);
+    if (h < 0) return false;
+    const int twin = is_on_edge(p) ? m.twin[h] : -1;
+    const auto middle_in = [&](int side) {
+      Vec3 sum;
+      for (int corner : {side, next(side), prev(side)})
+        for (int k = 0; k < 3; ++k)
+          if (m.tail[corner] == p.corners[k]) sum += p.weights[k] * o.corner_weights[corner];
+      return sum;
+    };
+    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
+    add_vertex(m, h, p);
+    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
+      const int side = i == 0 ? h : twin;
+      if (side < 0) continue;
+      const Vec3 tail = o.corner_weights[side], tip = o.corner_weights[next(side)],
+                 left = o.corner_weights[prev(side)];
+      o.face.push_back(o.face[side / 3]);
+      for (const Vec3& corner : {middle[i], tip, left}) o.corner_weights.push_back(corner);
+      o.corner_weights[next(side)] = middle[i];
+      if (is_on_edge(p)) continue;
+      o.face.push_back(o.face[side / 3]);
+      for (const Vec3& corner : {tail, tip, middle[i]}) o.corner_weights.push_back(corner);
+    }
+  }
+  return true;
+}
 
 /// Groups parts and lists edges, once all else is known.
 inline void index_parts(Origin& o) {
@@ -10926,7 +10861,7 @@ inline Origin same_origin(const SharedMesh& mesh) {
   o.triangles = mesh->triangles;
   for (int f = 0; f < mesh->triangles.rows(); ++f) {
     o.face.push_back(f);
-    for (int k = 0; k < 3; ++k) o.place.push_back(unit3(k));
+    for (int k = 0; k < 3; ++k) o.corner_weights.push_back(unit3(k));
   }
   for (int v = 0; v < mesh->vertices.rows(); ++v) o.vertex.push_back(v);
   index_parts(o);
@@ -10935,7 +10870,7 @@ inline Origin same_origin(const SharedMesh& mesh) {
 
 /// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
 /// side that was cut in two for a degenerate neighbour.
-inline Vec3 place_in_given(const Prepared& p, double unit, int corner) {
+inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
   if (given / 3 == f) return unit3(given % 3);
   const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
@@ -10950,7 +10885,7 @@ inline Origin origin_of(const Prepared& p) {
   const double unit = unit_scale(p.mesh->vertices);
   for (int i = 0; i < o.triangles.size(); ++i) {
     o.triangles.data()[i] = p.given->triangles.data()[p.given_corner.data()[i]];
-    o.place.push_back(place_in_given(p, unit, i));
+    o.corner_weights.push_back(weights_in_given(p, unit, i));
   }
   for (int f : p.given_triangle) o.face.push_back(f);
   for (int v : p.new_vertex) {
@@ -10969,28 +10904,21 @@ inline Origin origin_of(const Prepared& p) {
 /// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
 inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
-  if (added.empty() && embedded == p.mesh) return origin_of(p);
-  Refinement r;
-  const auto is_same_corner = [&](int v, int w) {
-    return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
-  };
-  if (p.problems.empty())
-    r.mesh = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
-  if (!p.problems.empty() || !add_again(added, r) || r.vertex.size() != embedded->vertices.rows() ||
-      r.mesh.n_faces != embedded->triangles.rows() ||
-      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), embedded->triangles.data(),
-                  is_same_corner))
-    return same_origin(embedded);
+  if (!p.problems.empty()) return same_origin(embedded);
   Origin o = origin_of(p);
-  for (int v = static_cast<int>(p.given_vertex.size()); v < r.vertex.size(); ++v)
-    if (r.vertex[v] != v) o.copies.push_back({r.vertex[v], v});
+  if (added.empty() && embedded == p.mesh) return o;
+  HalfEdgeMesh m = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
+  Array<int> vertex;
+  const auto is_same_corner = [&](int v, int w) {
+    return w >= 0 && w < vertex.size() && vertex[w] == v;
+  };
+  if (!add_again(added, m, vertex, o) || vertex.size() != embedded->vertices.rows() ||
+      m.n_faces != embedded->triangles.rows() ||
+      !std::equal(m.tail.begin(), m.tail.end(), embedded->triangles.data(), is_same_corner))
+    return same_origin(embedded);
+  for (int v = static_cast<int>(p.given_vertex.size()); v < vertex.size(); ++v)
+    if (vertex[v] != v) o.copies.push_back({vertex[v], v});
   std::sort(o.copies.begin(), o.copies.end());
-  Array<Vec3> place(r.mesh.tail.size());
-  for (int h = 0; h < place.size(); ++h)
-    for (int k = 0; k < 3; ++k) place[h] += r.place[h][k] * o.place[3 * r.parent[h / 3] + k];
-  for (int& f : r.parent) f = o.face[f];
-  o.place.swap(place);
-  o.face.swap(r.parent);
   index_parts(o);
   return o;
 }
@@ -11102,6 +11030,12 @@ class PathMapper {
 
 // ---- what a SurfaceMap holds ----
 
+inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
+  Vec3 sum;
+  for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
+  return sum;
+}
+
 struct MapData : Outcome {                                 // kDone if the pair is there
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
   Origin origin_a, origin_b;
@@ -11163,21 +11097,12 @@ struct MapData : Outcome {                                 // kDone if the pair 
     return own(PathMapper(pair).map(origin(from), first_face(from), vertices));
   }
 
-  /// Where a point lies in space.
-  Vec3 position(const SurfacePoint& p, Side side) const {
-    const TriangleMesh& m = mesh(side);
-    Vec3 sum;
-    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
-    return sum;
-  }
-
   Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
     const TriangleMesh& m = *origin(side).given;
     if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
       return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-    Vec3 sum;
-    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
-    return to_eigen(sum);
+    const Vec3 x = position_in_space(m, p);
+    return {x.x, x.y, x.z};
   }
 };
 
@@ -11192,9 +11117,19 @@ class MetaMeshBuilder {
     MetaMesh mesh;
     mesh.a = data_.a;
     mesh.b = data_.b;
-    for (const OverlayPolygon& p : data_.pair.overlay.polygons) add_polygon(p);
+    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
+      add_corners(p);
+      mesh.face_a.push_back(p.ta);
+      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
+      mesh.offsets.push_back(corners_.size());
+    }
+    mesh.corner_a.resize(corners_.size(), 3);
+    mesh.corner_b.resize(corners_.size(), 3);
+    for (int i = 0; i < corners_.size(); ++i) {
+      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
+      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
+    }
     set_vertices(mesh);
-    set_corners(mesh);
     return mesh;
   }
 
@@ -11205,58 +11140,40 @@ class MetaMeshBuilder {
   };
 
   /// The first corner with a key stands for its vertex.
-  void set_vertices(MetaMesh& mesh) {
+  void set_vertices(MetaMesh& mesh) const {
     Array<int> order(corners_.size()), first;
     for (int i = 0; i < order.size(); ++i) order[i] = i;
-    std::sort(order.begin(), order.end(), [&](int i, int j) {
-      const CornerKey &k = corners_[i].key, &l = corners_[j].key;
-      return k < l || (!(l < k) && i < j);
-    });
-    id_.resize(corners_.size());
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int i, int j) { return corners_[i].key < corners_[j].key; });
+    mesh.corners.resize(static_cast<std::size_t>(order.size()));
     for (int i : order) {
-      if (first.empty() || corners_[first.back()].key < corners_[i].key) first.push_back(i);
-      id_[i] = first.size() - 1;
+      if (first.empty() || corners_[first.back()].key != corners_[i].key) first.push_back(i);
+      mesh.corners.data()[i] = first.size() - 1;
     }
     mesh.on_a.resize(first.size(), 3);
     mesh.on_b.resize(first.size(), 3);
     mesh.plane.resize(first.size(), 2);
     for (int v = 0; v < first.size(); ++v) {
       const Corner& c = corners_[first[v]];
-      set_row(mesh.on_a, v, data_.position(c.on_a, Side::kA));
-      set_row(mesh.on_b, v, data_.position(c.on_b, Side::kB));
+      set_row(mesh.on_a, v, position_in_space(*data_.a, c.on_a));
+      set_row(mesh.on_b, v, position_in_space(*data_.b, c.on_b));
       set_row(mesh.plane, v, data_.pair.planar_position(c.on_a));
     }
   }
 
-  void set_corners(MetaMesh& mesh) const {
-    mesh.corner_a.resize(corners_.size(), 3);
-    mesh.corner_b.resize(corners_.size(), 3);
-    for (int i = 0; i < corners_.size(); ++i) {
-      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
-      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
-    }
-    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
-      mesh.face_a.push_back(p.ta);
-      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
-    }
-    for (int id : id_) mesh.corners.push_back(id);
-    for (int end : ends_) mesh.offsets.push_back(end);
-  }
-
   static Vec3 on_edge(int k, double t) { return (1 - t) * unit3(k) + t * unit3((k + 1) % 3); }
 
-  void add_polygon(const OverlayPolygon& p) {
+  void add_corners(const OverlayPolygon& p) {
     const EmbeddedPair& pair = data_.pair;
     for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
       const CornerKey key = pair.corner_key(p, i);
-      if (!(key != pair.corner_key(p, last))) continue;  // at the seam
+      if (key == pair.corner_key(p, last)) continue;  // at the seam
       const int e = p.piece(last), after = p.piece(i);
       Corner c = same_triangle(e, after)
                      ? vertex(p, after)
                      : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
-      if (key.kind == 2) {
-        const int k = pair.corner_on_seam(p.ta, key.first),
-                  l = pair.corner_on_seam(p.tb, key.first);
+      if (key[0] == kOnSeam) {
+        const int k = pair.corner_on_seam(p.ta, key[1]), l = pair.corner_on_seam(p.tb, key[1]);
         if (k >= 0) c.on_a = surface_point(p.ta, unit3(k));
         if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
       }
@@ -11264,7 +11181,6 @@ class MetaMeshBuilder {
       c.on_b.face -= pair.s.faces_a;
       corners_.push_back(c);
     }
-    ends_.push_back(corners_.size());
   }
 
   Corner vertex(const OverlayPolygon& p, int e) const {
@@ -11281,7 +11197,7 @@ class MetaMeshBuilder {
   Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
     const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
-    const int h = first_of(on_a), g = first_of(on_b);
+    const int h = data_.pair.first_half_edge(on_a), g = data_.pair.first_half_edge(on_b);
     const Vec2 u = row2(x, m_.tail[h]), c = row2(x, m_.tail[g]);
     const Crossing at = detail::crossing(u, row2(x, m_.tip(h)) - u, c, row2(x, m_.tip(g)) - c);
     return {{},
@@ -11289,13 +11205,9 @@ class MetaMeshBuilder {
             surface_point(p.tb, on_edge(edge_b, on_b == g ? at.mu : 1 - at.mu))};
   }
 
-  int first_of(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
-
   const MapData& data_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
-  Array<int> ends_;  // per polygon, of its corners
-  Array<int> id_;    // of every corner, that of its vertex
 };
 
 /// Triangles and corners of one side of a meta mesh, as those of the mesh given.
@@ -11774,85 +11686,86 @@ inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) 
 }
 
 /// An entry of a Transfer.
-struct Share {
+struct Triplet {
   int row, source;
   double weight;
-  bool operator<(const Share& o) const { return row != o.row ? row < o.row : source < o.source; }
+  bool operator<(const Triplet& o) const { return row != o.row ? row < o.row : source < o.source; }
 };
 
-/// The sum of some shares, in an order of its own.
-inline Transfer transfer_of(int rows, int n_sources, Array<Share> shares) {
-  std::stable_sort(shares.begin(), shares.end());
+/// The matrix of some triplets; those of one row and source are added in their order.
+inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
+  std::stable_sort(triplets.begin(), triplets.end());
   Transfer result;
   result.n_sources = n_sources;
   for (int i = 0, row = 0; row < rows; ++row) {
-    for (; i < shares.size() && shares[i].row == row; ++i)
-      if (i > 0 && !(shares[i - 1] < shares[i])) {
-        result.weights.back() += shares[i].weight;
+    for (; i < triplets.size() && triplets[i].row == row; ++i)
+      if (i > 0 && !(triplets[i - 1] < triplets[i])) {
+        result.weights.back() += triplets[i].weight;
       } else {
-        result.sources.push_back(shares[i].source);
-        result.weights.push_back(shares[i].weight);
+        result.sources.push_back(triplets[i].source);
+        result.weights.push_back(triplets[i].weight);
       }
     result.offsets.push_back(static_cast<int>(result.sources.size()));
   }
   return result;
 }
 
-/// First one, then the other.
-inline Transfer composed(const Transfer& second, const Transfer& first) {
-  Array<Share> shares;
+/// The product of two matrices: what applies `first`, then `second`.
+inline Transfer product(const Transfer& second, const Transfer& first) {
+  Array<Triplet> triplets;
   for (int row = 0; row < second.rows(); ++row)
     for (int i = second.offsets.data()[row]; i < second.offsets.data()[row + 1]; ++i) {
       const int* begin = first.offsets.data() + second.sources.data()[i];
       for (int k = begin[0]; k < begin[1]; ++k)
-        shares.push_back(
+        triplets.push_back(
             {row, first.sources.data()[k], second.weights.data()[i] * first.weights.data()[k]});
     }
-  return transfer_of(second.rows(), first.n_sources, std::move(shares));
+  return transfer_of(second.rows(), first.n_sources, std::move(triplets));
 }
 
 /// What a place in a face, in barycentric coordinates, has of the attributes of elements.
-inline void share_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place,
-                        int row, Array<Share>& shares) {
-  if (element == Element::kFace) return shares.push_back({row, f, 1});
+inline void add_point(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
+                      Array<Triplet>& triplets) {
+  if (element == Element::kFace) return triplets.push_back({row, f, 1});
   for (int k = 0; k < 3; ++k)
-    if (place[k] != 0) shares.push_back({row, element_row(mesh, element, f, k), place[k]});
+    if (place[k] != 0) triplets.push_back({row, element_row(mesh, element, f, k), place[k]});
 }
 
 /// Makes the weights of every row add up to 1.
-inline void average(int rows, Array<Share>& shares) {
+inline void normalize_rows(int rows, Array<Triplet>& triplets) {
   Array<double> total(rows, 0);
-  for (const Share& share : shares) total[share.row] += share.weight;
-  for (Share& share : shares) share.weight /= total[share.row];
+  for (const Triplet& triplet : triplets) total[triplet.row] += triplet.weight;
+  for (Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
 }
 
 /// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
-inline void share_corners(const MetaSide& side, Element element, int f, int first, int last,
-                          Array<Share>& shares) {
+inline void add_corners(const MetaSide& side, Element element, int f, int first, int last,
+                        Array<Triplet>& triplets) {
   for (int c = first; c < last; ++c)
     for (int k = 0; k < 3; ++k)
       if (side.corner(c, k) == 1) {
         const int row = element_row(side.mesh, element, f, k);
         const bool has_copies = element == Element::kVertex && !side.same.empty();
-        shares.push_back({has_copies ? side.same.data()[row] : row, c, 1});
+        triplets.push_back({has_copies ? side.same.data()[row] : row, c, 1});
       }
 }
 
 /// Gives every vertex the row of the one that it is the same as.
 inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
-  Array<Share> shares;
+  Array<Triplet> triplets;
   for (int v = 0; v < rows.rows(); ++v)
-    if (same.data()[v] >= 0) shares.push_back({v, same.data()[v], 1});
-  return composed(transfer_of(rows.rows(), rows.rows(), std::move(shares)), rows);
+    if (same.data()[v] >= 0) triplets.push_back({v, same.data()[v], 1});
+  return product(transfer_of(rows.rows(), rows.rows(), std::move(triplets)), rows);
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
-inline void share_integral(const MetaSide& side, int f, int first, int last, Array<Share>& shares) {
+inline void add_integral(const MetaSide& side, int f, int first, int last,
+                         Array<Triplet>& triplets) {
   const auto point = [&](int c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
   for (int c = first + 1; c + 1 < last; ++c) {
     const double area = cross(point(c) - point(first), point(c + 1) - point(first));
     if (!(area > 0)) continue;
-    for (int corner : {first, c, c + 1}) shares.push_back({f, corner, area / 3});
+    for (int corner : {first, c, c + 1}) triplets.push_back({f, corner, area / 3});
   }
 }
 
@@ -11869,35 +11782,36 @@ Values Transfer::apply(const Values& values) const {
 
 Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
-  detail::Array<detail::Share> shares;
+  detail::Array<detail::Triplet> triplets;
   for (int p = 0; p < meta.n_polygons(); ++p)
     for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c)
-      detail::share_place(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, shares);
+      detail::add_point(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, triplets);
   return detail::transfer_of(static_cast<int>(s.corner.rows()),
-                             detail::element_count(s.mesh, element), std::move(shares));
+                             detail::element_count(s.mesh, element), std::move(triplets));
 }
 
 Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
   const int rows = detail::element_count(s.mesh, element);
-  detail::Array<detail::Share> shares;
+  detail::Array<detail::Triplet> triplets;
   for (int p = 0; p < meta.n_polygons(); ++p) {
     const int f = s.face.data()[p], first = meta.offsets.data()[p];
     const int last = meta.offsets.data()[p + 1];
     if (element == Element::kFace)
-      detail::share_integral(s, f, first, last, shares);
+      detail::add_integral(s, f, first, last, triplets);
     else
-      detail::share_corners(s, element, f, first, last, shares);
+      detail::add_corners(s, element, f, first, last, triplets);
   }
-  detail::average(rows, shares);
-  Transfer result = detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
+  detail::normalize_rows(rows, triplets);
+  Transfer result =
+      detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(triplets));
   const bool has_copies = element == Element::kVertex && !s.same.empty();
   return has_copies ? detail::for_copies(result, s.same) : result;
 }
 
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target) {
-  return detail::composed(from_meta(meta, detail::other(from), target),
-                          to_meta(meta, from, element));
+  return detail::product(from_meta(meta, detail::other(from), target),
+                         to_meta(meta, from, element));
 }
 
 TriangleMesh remesh(const SurfaceMap& map, Side side) {
@@ -13109,16 +13023,12 @@ class ExactSum {
 
   static Digits digits_of(double x) {
     int exponent;
-    const std::int64_t n = static_cast<std::int64_t>(std::ldexp(std::frexp(x, &exponent), 53));
-    const std::uint64_t bits = static_cast<std::uint64_t>(n < 0 ? -n : n), mask = kMask;
-    const int place = exponent - 53 - kLeastExponent, shift = place % 24;
-    const std::uint64_t rest = bits >> (24 - shift);
-    Digits d = {place / 24, {}};
-    const std::uint64_t digit[4] = {(bits << shift) & mask, rest & mask, (rest >> 24) & mask,
-                                    rest >> 48};
-    for (int i = 0; i < 4; ++i)
-      d.digit[i] =
-          n < 0 ? -static_cast<std::int64_t>(digit[i]) : static_cast<std::int64_t>(digit[i]);
+    const double fraction = std::frexp(x, &exponent);  // of 53 bits: three digits, or parts of four
+    const int place = exponent - kLeastExponent;
+    double rest = std::ldexp(fraction, place % 24);
+    Digits d = {place / 24 - 3, {}};
+    for (int i = 4; i-- > 0; rest = std::ldexp(rest - std::trunc(rest), 24))
+      d.digit[i] = static_cast<std::int64_t>(rest);
     return d;
   }
 
@@ -13138,20 +13048,20 @@ inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
 
 inline bool comes_before(Vec2 p, Vec2 q) { return p.x < q.x || (p.x == q.x && p.y < q.y); }
 
-/// A side of a triangle or of a polygon, from u to v.
-struct DirectedSide {
+/// An edge of a triangle or of a polygon, from u to v.
+struct DirectedEdge {
   int u, v, of;
-  bool operator<(const DirectedSide& o) const { return u != o.u ? u < o.u : v < o.v; }
+  bool operator<(const DirectedEdge& o) const { return u != o.u ? u < o.u : v < o.v; }
 };
 
 /// Sides by their ends; finds those without a partner in the other direction. False if one is there
 /// twice, in one direction: `twice` is its polygon.
-inline bool match_sides(Array<DirectedSide>& sides, Array<DirectedSide>& single, int& twice) {
+inline bool match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single, int& twice) {
   std::sort(sides.begin(), sides.end());
   for (int i = 0; i + 1 < sides.size(); ++i)
     if (!(sides[i] < sides[i + 1])) return twice = sides[i + 1].of, false;
-  for (const DirectedSide& side : sides)
-    if (!std::binary_search(sides.begin(), sides.end(), DirectedSide{side.v, side.u, -1}))
+  for (const DirectedEdge& side : sides)
+    if (!std::binary_search(sides.begin(), sides.end(), DirectedEdge{side.v, side.u, -1}))
       single.push_back(side);
   return true;
 }
@@ -13159,8 +13069,8 @@ inline bool match_sides(Array<DirectedSide>& sides, Array<DirectedSide>& single,
 /// Sweeps over the boundary of an embedding, from left to right.
 class BoundarySweep {
  public:
-  BoundarySweep(const Points2& x, const Array<DirectedSide>& boundary) : x_(x) {
-    for (const DirectedSide& side : boundary) {
+  BoundarySweep(const Points2& x, const Array<DirectedEdge>& boundary) : x_(x) {
+    for (const DirectedEdge& side : boundary) {
       const bool runs_right = comes_before(at(side.u), at(side.v));
       segments_.push_back(runs_right ? Segment{side.u, side.v, true}
                                      : Segment{side.v, side.u, false});
@@ -13261,7 +13171,7 @@ class BoundarySweep {
 
 /// Verifies one embedding; `boundary` becomes the sides of triangles that have no partner.
 inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side side,
-                             Array<DirectedSide>& boundary, Outcome& outcome) {
+                             Array<DirectedEdge>& boundary, Outcome& outcome) {
   const auto refuse = [&](const char* what, int id, const char* how, Element element) {
     return fail(outcome, Status::kNumericalFailure, {what, id, " of ", letter(side), how},
                 {{side, element, id}});
@@ -13269,7 +13179,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
   for (int v = 0; v < rows_of(x); ++v)
     if (!std::isfinite(x(v, 0)) || !std::isfinite(x(v, 1)))
       return refuse("vertex ", v, " has no planar position", Element::kVertex);
-  Array<DirectedSide> sides;
+  Array<DirectedEdge> sides;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int* v = mesh.triangles.data() + 3 * static_cast<std::ptrdiff_t>(f);
     if (orientation(row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) <= 0)
@@ -13277,7 +13187,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
     for (int k = 0; k < 3; ++k) sides.push_back({v[k], v[(k + 1) % 3], f});
   }
   int twice = -1;
-  if (!match_sides(sides, boundary, twice))
+  if (!match_edges(sides, boundary, twice))
     return refuse("triangle ", twice, " has a side that another one has, too", Element::kFace);
   BoundarySweep sweep(x, boundary);
   return sweep.run() ||
@@ -13299,11 +13209,10 @@ class MetaMeshVerifier {
         is_closed_(is_closed),
         outcome_(outcome) {}
 
-  bool run(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
+  bool run(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
     for (int p = 0; p < meta_.n_polygons(); ++p)
       if (!verify_polygon(p)) return false;
-    return verify_pairs() && verify_sides(boundary_a, boundary_b) &&
-           (!is_closed_ || verify_coverage());
+    return verify_pairs() && verify_sides(boundary_a, boundary_b);
   }
 
  private:
@@ -13357,7 +13266,7 @@ class MetaMeshVerifier {
 
   /// Two triangles overlap in one convex polygon.
   bool verify_pairs() {
-    Array<DirectedSide> pairs;
+    Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
       pairs.push_back({meta_.face_a.data()[p], meta_.face_b.data()[p], p});
     std::sort(pairs.begin(), pairs.end());
@@ -13366,15 +13275,16 @@ class MetaMeshVerifier {
     return true;
   }
 
-  /// Where a polygon ends, another one begins, or a surface ends.
-  bool verify_sides(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
-    Array<DirectedSide> sides, single;
+  /// Where a polygon ends, another one begins, or a surface ends. Of a closed map none ends: then
+  /// its polygons have no boundary, and so they are all of either surface.
+  bool verify_sides(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
+    Array<DirectedEdge> sides, single;
     for (int p = 0; p < meta_.n_polygons(); ++p)
       for (int i = begin(p); i < end(p); ++i)
         sides.push_back({vertex(i), vertex(i + 1 < end(p) ? i + 1 : begin(p)), p});
     int twice = -1;
-    if (!match_sides(sides, single, twice)) return refuse(twice, "has a side of another one");
-    for (const DirectedSide& side : single)
+    if (!match_edges(sides, single, twice)) return refuse(twice, "has a side of another one");
+    for (const DirectedEdge& side : single)
       if (is_closed_ || !(ends_there(side, meta_.corner_a, *meta_.a, meta_.face_a, boundary_a) ||
                           ends_there(side, meta_.corner_b, *meta_.b, meta_.face_b, boundary_b)))
         return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
@@ -13382,8 +13292,8 @@ class MetaMeshVerifier {
   }
 
   /// True if a side of a polygon lies on a side of its triangle that is one of the boundary.
-  bool ends_there(const DirectedSide& side, const Points3& weights, const TriangleMesh& mesh,
-                  const std::vector<int>& face, const Array<DirectedSide>& boundary) const {
+  bool ends_there(const DirectedEdge& side, const Points3& weights, const TriangleMesh& mesh,
+                  const std::vector<int>& face, const Array<DirectedEdge>& boundary) const {
     int i = begin(side.of);
     while (vertex(i) != side.u) ++i;
     const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = face.data()[side.of];
@@ -13392,34 +13302,9 @@ class MetaMeshVerifier {
       if (u[k] == 0 && v[k] == 0 &&
           std::binary_search(
               boundary.begin(), boundary.end(),
-              DirectedSide{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
+              DirectedEdge{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
         return true;
     return false;
-  }
-
-  /// The polygons of a closed map cover both surfaces.
-  bool verify_coverage() {
-    for (Side side : {Side::kA, Side::kB}) {
-      const TriangleMesh& mesh = side == Side::kA ? *meta_.a : *meta_.b;
-      const Points3& on = side == Side::kA ? meta_.on_a : meta_.on_b;
-      const double unit = unit_scale(mesh.vertices);
-      double of_mesh = 0, of_polygons = 0;
-      const auto area = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
-        return 0.5 * norm(cross(unit * (b - a), unit * (c - a)));
-      };
-      for (int f = 0; f < mesh.triangles.rows(); ++f)
-        of_mesh += area(row3(mesh.vertices, mesh.triangles(f, 0)),
-                        row3(mesh.vertices, mesh.triangles(f, 1)),
-                        row3(mesh.vertices, mesh.triangles(f, 2)));
-      for (int p = 0; p < meta_.n_polygons(); ++p)
-        for (int i = begin(p) + 1; i + 1 < end(p); ++i)
-          of_polygons +=
-              area(row3(on, vertex(begin(p))), row3(on, vertex(i)), row3(on, vertex(i + 1)));
-      if (!(of_mesh > 0 && std::abs(of_mesh - of_polygons) <= kTolerance * of_mesh))
-        return fail(outcome_, Status::kNumericalFailure,
-                    {"the map is to be closed, and does not cover ", letter(side)});
-    }
-    return true;
   }
 
   static constexpr double kTolerance = 1e-9;
@@ -13439,7 +13324,7 @@ Outcome verify(const SurfaceMap& map) {
   if (map.status() != Status::kDone)
     return detail::fail(outcome, map.status(), {map.message()}), outcome;
   const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
-  detail::Array<detail::DirectedSide> boundary_a, boundary_b;
+  detail::Array<detail::DirectedEdge> boundary_a, boundary_b;
   const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded),
                      &b = map.mesh(Side::kB, Ids::kEmbedded);
   if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
