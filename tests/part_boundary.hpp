@@ -503,7 +503,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const TriangleMesh a = shapes::grid(5, 5).mesh;
   SurfacePair pair = {build_surface(a, false), build_surface(a, false)};
   ism::Embedding embedding;
-  const Options fixed = held(Boundary::kFixed);
+  const RunOptions fixed(held(Boundary::kFixed));
   const Array<PlacedLandmark> none;
   const Executor executor(fixed);
   const auto embed = [&] {
@@ -518,7 +518,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const int u = m.tail[m.boundary[1]], v = m.tail[m.boundary[2]];  // two places that are fixed
   Array<VertexPair> landmarks;
   landmarks.push_back({u, v, {u, v}});
-  Options options = fixed;
+  RunOptions options = fixed;
   options.exact_landmarks = true;
   LandmarkJoiner joiner(pair, landmarks, options, executor);
   while (joiner.step(embedding)) {

@@ -147,7 +147,7 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const auto [a, b] = nested_pair(3);
   const JointSurface s = shapes::joined(a.mesh, b.mesh);
   const Points2 start = stacked(a.plane, b.plane);
-  const Options options = with_pins(a, b);
+  const RunOptions options(with_pins(a, b));
   Result result;
   Held held;
   REQUIRE(find_followers(s, start, {}, options, false, held, result));

@@ -125,18 +125,18 @@ TEST_CASE("attributes are carried from the vertices given to the vertices given"
     CHECK(t.n_sources == n_vertices(e.a.mesh));
     CHECK(t.rows() == n_vertices(e.b.mesh));
     for (int source : t.sources) CHECK(e.a.clean[at(source)] >= 0);
-    const ism::Attributes on_b = t.apply(values_at(e.a.mesh.vertices));
+    const ism::Values on_b = t.apply(values_at(e.a.mesh.vertices));
     std::map<int, int> first;
     for (int v = 0; v < t.rows(); ++v) {
       const int clean = e.b.clean[at(v)];
       CHECK(t.covers(v) == (clean >= 0));
       if (clean < 0) continue;
       const int same = first.insert({clean, v}).first->second;  // no cracks
-      CHECK(on_b.values.row(v) == on_b.values.row(same));
+      CHECK(on_b.row(v) == on_b.row(same));
       const ism::SurfacePoint image = map.backward_vertex(v);
       REQUIRE(image.exists());
       const ism::Values there = values_at(map.position_on_a(image).transpose());
-      CHECK((on_b.values.row(v) - there.row(0)).norm() < 0.02);  // linear in between
+      CHECK((on_b.row(v) - there.row(0)).norm() < 0.02);  // linear in between
     }
   }
 }
@@ -213,9 +213,9 @@ TEST_CASE("the meta mesh and remeshing speak of the meshes given") {
     CHECK(meta.same_a[at(v)] == (clean < 0 ? -1 : e.a.first[at(clean)]));
   }
   const ism::TriangleMesh mesh = ism::remesh(map, Side::kA);
-  CHECK(n_vertices(mesh.mesh) == n_vertices(e.a.mesh));
-  CHECK(n_triangles(mesh.mesh) == n_triangles(e.clean_a));
-  const ism::Prepared welded = ism::prepare(mesh.mesh);
+  CHECK(n_vertices(mesh) == n_vertices(e.a.mesh));
+  CHECK(n_triangles(mesh) == n_triangles(e.clean_a));
+  const ism::Prepared welded = ism::prepare(mesh);
   CHECK(welded.problems.empty());
   for (const ism::Problem& r : welded.repairs)
     CHECK(r.kind != ism::Problem::Kind::kInconsistentOrientation);

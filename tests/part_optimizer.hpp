@@ -683,7 +683,8 @@ TEST_CASE("every iterate is injective, whatever the limit of iterations") {
     check_energy_never_grows(result);
     CHECK(result.final_state().energy < before);
     before = result.final_state().energy;
-    const Weights weights = weights_of(options);
+    const RunOptions run(options);
+    const Weights weights = weights_of(run);
     const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     // The positions belong to the log; where products are fused, code inlined twice rounds twice.
     CHECK(end.energy == doctest::Approx(result.final_state().energy).epsilon(1e-14));
@@ -1017,7 +1018,8 @@ TEST_CASE("a measure that is no number is reported, not accepted") {
   options.fixed_a = {0};  // so that the planes are not moved first
   options.measure = {bottomless, 0, 1};
   const JointSurface s = joined(a.mesh, b.mesh);
-  const Weights weights = weights_of(options);
+  const RunOptions run(options);
+  const Weights weights = weights_of(run);
   ModelBuilder(s, weights, Executor(options))
       .differentiate_elements(evaluated(s, weights, stacked(a.plane, b.plane)));
   sound = calls;

@@ -47,7 +47,7 @@ ism::Status run(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
   CHECK(images.size() > 0);
   CHECK(meta.face_a.size() > 0);
   CHECK(distortion.size() > 0);
-  CHECK(moved.mesh.vertices.rows() > 0);
+  CHECK(moved.vertices.rows() > 0);
   CHECK(fegetexcept() == (FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW));
   return result.status;
 }

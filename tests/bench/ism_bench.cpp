@@ -187,7 +187,7 @@ struct State {
     evaluate(surface, weights, x);
   }
   JointSurface surface;
-  ism::Options options;
+  RunOptions options;
   Weights weights = weights_of(options);
   Iterate x;
 };

@@ -419,7 +419,6 @@ inline void require_meta_mesh(const ism::MetaMesh& meta) {
 }
 
 inline void require_transfer(const ism::Transfer& t) {
-  require(t.status == ism::Status::kDone, "attributes can be transferred");
   require(t.sources.size() == t.weights.size(), "a weight for each source");
   for (const int s : t.sources) require_range(s, t.n_sources, "a source");
   for (int i = 0; i < t.rows(); ++i) {
