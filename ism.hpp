@@ -24,7 +24,7 @@
 //   ism::Result result = ism::compute_map(a, b, landmarks);
 //   if (ism::is_usable(result.status)) {
 //     ism::SurfaceMap map(result);
-//     ism::MappedPoint image = map.forward_vertex(0);        // of vertex 0 of A, on B
+//     ism::SurfacePoint image = map.forward_vertex(0);       // of vertex 0 of A, on B
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
@@ -147,6 +147,34 @@ T rounded(double x) {
     return x < static_cast<double>((Limits::max)()) ? static_cast<T>(std::round(x))
                                                     : (Limits::max)();
 }
+
+/// #×3 numbers in memory of the caller's, which is read during a call and not kept: ids of any
+/// integer type, or positions, float or double.
+template <bool are_ids>
+struct ArrayView {
+  const void* data = nullptr;
+  std::ptrdiff_t rows = 0;
+  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
+  double (*read)(const void* place) = nullptr;       // a number of their type
+
+  ArrayView() = default;
+  /// The numbers of a row behind each other, the next row `stride` bytes behind the last one.
+  template <class T>
+  ArrayView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride = 3 * sizeof(T))
+      : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), read(number_at<T>) {
+    static_assert(are_ids ? std::is_integral<T>::value : std::is_floating_point<T>::value,
+                  "positions are float or double, ids are integers");
+  }
+  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
+  template <class Matrix>
+  ArrayView(const Eigen::DenseBase<Matrix>& matrix)
+      : ArrayView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0) {
+    static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
+                  "a view needs a matrix in memory, not an expression");
+    row_stride = matrix.derived().rowStride() * column_stride;
+    column_stride *= matrix.derived().colStride();
+  }
+};
 }  // namespace detail
 
 /// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
@@ -165,50 +193,19 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// #×3 numbers in memory of the caller's, which is read during a call and not kept: three of a type
-/// behind each other, the next three `stride` bytes behind the last ones; or a matrix of Eigen's in
-/// any storage order, which has no rows if it has not three columns.
-template <template <class> class IsType>
-struct RowsView {
-  const void* data = nullptr;
-  std::ptrdiff_t rows = 0;
-  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
-  double (*number_at)(const void* place) = nullptr;  // reads one of their type
-
-  RowsView() = default;
-  template <class T>
-  RowsView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride = 3 * sizeof(T))
-      : data(first),
-        rows(n),
-        row_stride(stride),
-        column_stride(sizeof(T)),
-        number_at(detail::number_at<T>) {
-    static_assert(IsType<T>::value, "positions are float or double, ids of vertices integers");
-  }
-  template <class Matrix>
-  RowsView(const Eigen::DenseBase<Matrix>& matrix)
-      : RowsView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0) {
-    constexpr std::ptrdiff_t size = sizeof(typename Matrix::Scalar);
-    static_assert((int{Matrix::Flags} & int{Eigen::DirectAccessBit}) != 0,
-                  "a view needs a matrix in memory, not an expression");
-    row_stride = matrix.derived().rowStride() * size;
-    column_stride = matrix.derived().colStride() * size;
-  }
-};
-using PositionsView = RowsView<std::is_floating_point>;  // x, y, z per vertex
-using TrianglesView = RowsView<std::is_integral>;        // three 0-based vertex ids per triangle
-
-/// A mesh in memory of the caller's. All functions take meshes as views, which a TriangleMesh and
-/// pairs of matrices become by themselves; a function that needs a mesh for longer copies it once,
-/// and what it returns shares that copy.
+/// A mesh in memory of the caller's: positions x, y, z and 0-based vertex ids of triangles, each a
+/// matrix of Eigen's with three columns, or {pointer, number of rows, bytes from one to the next}.
+/// All functions take meshes as views, which a TriangleMesh and pairs of matrices become by
+/// themselves; a function that needs a mesh for longer copies it once, and its result shares that.
 ///
 ///   struct Vertex { float position[3], normal[3], uv[2]; };  // and std::uint16_t indices
 ///   ism::MeshView a({vertices[0].position, n, sizeof(Vertex)}, {indices.data(), triangles});
 struct MeshView {
-  PositionsView positions;
-  TrianglesView triangles;
+  detail::ArrayView<false> positions;
+  detail::ArrayView<true> triangles;
   MeshView() = default;
-  MeshView(const PositionsView& x, const TrianglesView& f) : positions(x), triangles(f) {}
+  MeshView(const detail::ArrayView<false>& x, const detail::ArrayView<true>& f)
+      : positions(x), triangles(f) {}
   MeshView(const TriangleMesh& mesh) : positions(mesh.vertices), triangles(mesh.triangles) {}
 };
 
@@ -247,18 +244,16 @@ enum class Status {
                       // optimisation failed, and the message tells; the result is still valid
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
   kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
-  kMemoryLimit,       // it would take more memory than Options::max_memory, and nothing was begun;
-                      // or the overlay has more than 16 million polygons
+  kMemoryLimit,       // the overlay has more than 16 million polygons
   kInvalidMesh,       // an input mesh is not a clean surface, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
   kInvalidOptions,    // an option is outside its documented range
   kInvalidPositions,  // given planar positions are not an injective embedding
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
-  kInvalidAttributes,  // attributes have another number of rows than the mesh has elements
-  kNoOverlap,          // f(A) and g(B) do not overlap at the start
-  kNumericalFailure    // an embedding failed, please report the mesh; or at the start, E or its
-                       // derivatives are not finite; or the arithmetic is not IEEE's
+  kNoOverlap,         // f(A) and g(B) do not overlap at the start
+  kNumericalFailure   // an embedding failed, please report the mesh; or at the start, E or its
+                      // derivatives are not finite; or the arithmetic is not IEEE's
 };
 
 /// True for the statuses under which there is what was asked for, of compute_map() a valid
@@ -282,7 +277,7 @@ struct Outcome {
   std::vector<Warning> warnings;
 };
 
-/// One defect of a mesh: what is wrong, in a sentence with the ids, and the ids once more as data.
+/// One defect of a mesh, found or mended: a sentence with the ids, and the ids once more as data.
 struct Problem {
   enum class Kind {
     kEmpty,
@@ -296,10 +291,11 @@ struct Problem {
     kUnreferencedVertex,
     kSeveralComponents,
     kNotOrientable,
-    kHandles
+    kHandles,
+    kUnwelded  // mended only: vertices that lie on each other, or at the ends of a short edge
   };
   Kind kind;
-  std::string message;   // for example "edge 3-7 has 3 triangles: 0, 5, 9"
+  std::string message;   // "edge 3-7 has 3 triangles: 0, 5, 9", or "turned 5 triangles over"
   Element element;       // vertices or faces are what
   std::vector<int> ids;  // these are
 };
@@ -311,10 +307,12 @@ struct Problem {
 /// Reports at most 20 problems of each kind. Cost O(#F log #F). Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
-/// A point of a surface: a triangle and barycentric coordinates that add up to 1.
+/// A point of a surface: a triangle and barycentric coordinates that add up to 1; or, as the image
+/// of a point outside of the overlap, none.
 struct SurfacePoint {
   int face = -1;
   Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
+  bool exists() const { return face >= 0; }
 };
 
 /// One end of a landmark: a vertex or a point in a triangle; either converts to it.
@@ -325,29 +323,11 @@ struct LandmarkPoint {
   LandmarkPoint(const SurfacePoint& p) : point(p) {}
 };
 
-/// One kind of change that prepare() made.
-struct Repair {
-  enum class Kind {
-    kDroppedDegenerate,
-    kDroppedRepeated,
-    kWelded,             // vertices that lie on each other, or at the ends of a short edge
-    kCutEdges,           // edges of more than two triangles
-    kCutVertices,        // vertices of more than one fan
-    kTurnedTriangles,    // so that all have one orientation, see prepare()
-    kDroppedComponents,  // without landmarks, or smaller
-    kDroppedVertices     // that no triangle uses
-  };
-  Kind kind;
-  std::string message;   // for example "turned 5 triangles over"
-  Element element;       // vertices or faces of the mesh given are what
-  std::vector<int> ids;  // these are
-};
-
 /// A mesh made clean, and where its elements come from.
 struct Prepared {
   SharedMesh given = std::make_shared<TriangleMesh>();  // a copy of it
   SharedMesh mesh = given;                              // the same one, if nothing was wrong
-  std::vector<Repair> repairs;                          // what was done
+  std::vector<Problem> repairs;                         // what was done
   std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
   /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
   /// first; corner k of triangle f is 3 f + k.
@@ -417,20 +397,9 @@ struct IterationLog {
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
-/// A coarse level of Tuning::coarsest.
-struct CoarseLevel {
-  int vertices_a = 0, vertices_b = 0;
-  int iterations = 0;
-  double mean_distortion = 0;  // of its map, at the end
-  double seconds = 0;
-};
-
-/// What a call is at.
-enum class Phase { kEmbedding, kOptimization };
-
 /// What the progress callback receives.
 struct Progress {
-  Phase phase = Phase::kEmbedding;
+  bool is_embedding = true;                 // false: it optimises
   double fraction = 0;                      // of the call, an estimate in [0, 1] that never falls
   std::string what;                         // a few words, for a progress line
   const IterationLog* iteration = nullptr;  // after each one on the meshes given, else null
@@ -484,63 +453,6 @@ DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
 DistortionMeasure asap();
 
-/// How the optimisation works. The defaults were chosen on real pairs; each line tells when another
-/// value may be of use.
-struct Tuning {
-  /// ω_R > 0 of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers,
-  /// and E_Φ meets a wall where the overlap would have to grow into them. More, where what is not
-  /// covered shall keep its shape in the plane.
-  double barrier_weight = 3e-4;
-  /// ε > 0 of §5.1, lower bound of the eigenvalues of a polygon. More, if a run stalls soon: the
-  /// directions are then closer to steepest descent.
-  double spd_epsilon = 1e-3;
-  /// The memory of §5.3: how many Hessians, and the factor by which the next older one weighs less.
-  /// The paper's is 6 and 0.5. Less, where memory is short. 1, with omega_start = 0, is PN,
-  /// projected Newton (§5.1); more, with 0, is SPN (§5.3).
-  int history_length = 6;      // ≥ 1
-  double history_decay = 0.8;  // in (0, 1]
-  /// ≥ 0: once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as
-  /// they pay. They use its factor and a gradient only, take a fraction of its time, and count as
-  /// iterations. Their gradients join the memory, which carries the run over more of the kinks that
-  /// E has where vertices cross edges of the other mesh. 0 is the paper's method.
-  int quasi_newton_steps = 6;
-  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
-  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
-  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
-  /// animals ends 3% higher.
-  int coarsest = 700;
-  /// ω_L of §5.4: its first value (≥ 0; with 0 there is no preconditioner), the factor α > 1 by
-  /// which an iteration may change it, and the value in [0, omega_start] below which it hardly acts
-  /// and is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long,
-  /// one of animals 2.5 times; with 2 an ear and a horn of another pair stay apart, and it ends 2%
-  /// higher. A smaller first value, where the start is good already.
-  double omega_start = 1e4;
-  double omega_factor = 3.0;
-  double omega_least = 1e-4;
-  /// > 0: the longest way of a vertex in a step, in radii of the domain, and the most covered area
-  /// that a step may lose, as a fraction of the area of either mesh. Less, if a run leaves a start
-  /// whose correspondence was good.
-  double max_displacement = 0.2;
-  double max_coverage_loss = 0.05;
-  /// In [0, 1): the share of the area covered at the start that stays covered. Many steps, each
-  /// within max_coverage_loss, could otherwise give up the overlap of a pair that fits badly. Less,
-  /// where the surfaces have only a part in common.
-  double least_coverage = 0.5;
-  /// 1 to 8: the line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
-  /// 1 tries them all, as the paper does; that doubles the time of the search.
-  int search_stride = 3;
-  /// In (0, 1): relative error of the directions for ω_L / α and α ω_L, which conjugate gradients
-  /// find with the factor for ω_L. 1e-6 neither costs nor gains anything.
-  double solve_tolerance = 1e-3;
-  /// ≥ 1: the iterations over which Options::tolerance is averaged, half as many after coarse
-  /// levels. It bridges the pauses before E falls again; while ω_L comes down and is above 1e-3,
-  /// nothing stops.
-  int window = 20;
-  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
-  /// step on that would make one meet itself. Without, a run stalls there.
-  bool scaffold = true;
-};
-
 /// Options of the embedding and the optimisation. All lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
@@ -550,7 +462,7 @@ struct Options {
   /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
   int max_iterations = 1000;  // ≥ 0, on the meshes given; with 0 there are no coarse levels either
-  /// Stop when, averaged over the last iterations of Tuning::window, E fell by less than this
+  /// Stop when, averaged over 20 iterations (10 after coarse levels), E fell by less than this
   /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
   /// without a fall, a quasi-Newton step as a fifth of one.
   double tolerance = 3e-4;  // ≥ 0
@@ -570,15 +482,13 @@ struct Options {
   /// > 0: a call, or all steps of a Solver together, take no longer; change() and restore() begin
   /// to count anew.
   double max_seconds = std::numeric_limits<double>::infinity();
-  /// > 0, in bytes: a call ends with kMemoryLimit before it begins if memory_estimate() is more.
-  double max_memory = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
   /// count as pinned. Where the start puts one beside the other surface, it is refused; or, if both
   /// are closed, held from when the map is closed.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where the
-  /// map of closed surfaces is to be closed (see close).
+  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where
+  /// both surfaces are closed.
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end. Those on the boundaries must then have the same order on A and B; where boundaries
@@ -595,16 +505,27 @@ struct Options {
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
   /// computed, and the result is in the same unit.
   Points2 initial_f, initial_g;
-  bool prepare = true;  // meshes with problems are prepared; false: they are refused
-  bool weld = true;     // preparing may weld; false: see prepare()
-  bool close = true;    // maps of two closed surfaces are closed; false: the surfaces stay cut open
-  Tuning tuning;
+  bool weld = true;  // meshes with problems are prepared, which may weld; false: see prepare()
 
-  /// The paper's constants: κ = 0 for every measure of the library, ω_R = 1e-8, history of 6 with
-  /// 0.5, ω_L from 1e9 to any smaller, α = 1.25, all steps of the line search, at most 550
-  /// iterations; no coarse levels, no least_coverage, no quasi-Newton steps, no scaffold. Of what
-  /// the paper does not have, max_displacement and max_coverage_loss stay: without them the empty
-  /// overlap is reached in the first iterations.
+  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
+  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
+  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
+  /// animals ends 3% higher.
+  int coarsest = 700;
+  /// ≥ 1: how many Hessians the memory of §5.3 has. Less, where computer memory is short. With
+  /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
+  int history_length = 6;
+  /// ≥ 0: ω_L of §5.4 at the start. With 0 there is no preconditioner, nor are there quasi-Newton
+  /// steps. A smaller value, where the start is good already.
+  double omega_start = 1e4;
+  /// The paper's constants in place of the library's, for comparison; see paper().
+  bool as_published = false;
+
+  /// The method as it was published: as_published, κ = 0 for every measure of the library, ω_L from
+  /// 1e9 on, at most 550 iterations, no coarse levels. as_published means: ω_R = 1e-8, α = 1.25, a
+  /// memory that decays by 0.5, all steps of the line search, no quasi-Newton steps, no scaffold,
+  /// no least coverage. Of what the paper does not have, the longest step and the largest loss of
+  /// coverage in a step stay: without them the empty overlap is reached in the first iterations.
   static Options paper();
 };
 
@@ -648,7 +569,7 @@ struct Result : Outcome {
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // what the optimisation started from
   IterationLog initial;  // the energies of the start (iteration 0, no step)
-  std::vector<CoarseLevel> coarse;  // the levels before the log, coarsest first
+  std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   /// What the log goes on from: the start, or the map of the coarse levels, whose E may be higher.
   IterationLog log_begin;
   /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
@@ -666,7 +587,7 @@ struct Result : Outcome {
 /// fewer than three landmarks, four pairs of places are tried. Where an outline is in its own way
 /// or a surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
 /// Options::initial_f and initial_g are not read. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
-/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure, kMemoryLimit. Thread-safe.
+/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -686,13 +607,6 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// surfaces, as have pairs of which one surface is closed.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
-
-/// About how many bytes compute_map() or a Solver takes at its peak, beyond what the caller has.
-/// Counts vertices and triangles only, which may be invalid. With default options, on ten pairs of
-/// 4 to 46 thousand triangles and on generated ones, it was 0.79 to 1.25 times what the process
-/// grew by. The most was taken where the start fits badly: the steps are long, and the memory of
-/// the iteration couples more vertices. initial_embedding() takes less, a quarter with landmarks.
-double memory_estimate(const MeshView& a, const MeshView& b, const Options& options = {});
 
 namespace detail {
 class Run;
@@ -725,7 +639,6 @@ class Solver {
   /// injective iterate; on each coarse level, the one when it was first asked for there, until the
   /// run is stopped. Valid until the next call of another function.
   const Result& result() const;
-  Phase phase() const;
   double fraction() const;  // of all there is to do, an estimate that never falls in between
 
   /// Goes on with other landmarks and options (pins, weights, limits, ...) from the map there is,
@@ -737,12 +650,6 @@ class Solver {
 
  private:
   std::unique_ptr<detail::Run> run_;
-};
-
-/// An image under the map: no image when the point lies outside the overlap.
-struct MappedPoint {
-  bool covered = false;
-  SurfacePoint point;
 };
 
 /// A curve on a surface: the segment from point i to i + 1 lies in the triangle of point i.
@@ -784,21 +691,6 @@ struct DistortionSummary {
   double area_a = 0, area_b = 0;        // covered
 };
 
-/// A mesh with the geometry of the other surface. It has the vertices of the mesh given; those
-/// without an image are in no triangle and lie on the first image.
-struct Remesh {
-  TriangleMesh mesh;
-  std::vector<char> covered;  // per vertex
-};
-
-/// An opening of a surface: a boundary loop that is not the outer one.
-struct Opening {
-  Side side = Side::kA;
-  int vertex = -1;  // the first one given of its loop; see Options::outer_a
-  int edges = 0;    // of its loop
-  double over = 0;  // the part of the other surface that lies over it, from 0 to 1; not covered
-};
-
 namespace detail {
 struct MapData;
 }
@@ -806,8 +698,8 @@ struct MapData;
 /// Φ = g⁻¹ ∘ f as a function, in both directions. Cheap to copy; copies share their data.
 ///
 ///   ism::SurfaceMap map(result);
-///   ism::MappedPoint image = map.forward_vertex(7);
-///   if (image.covered) use(map.position_on_b(image.point));
+///   ism::SurfacePoint image = map.forward_vertex(7);
+///   if (image.exists()) use(map.position_on_b(image));
 ///
 /// Vertices and triangles have the ids of the meshes that the caller gave, also where these were
 /// prepared, cut open, or have vertices added. What prepare() dropped is not covered; copies of a
@@ -834,23 +726,18 @@ class SurfaceMap {
   bool is_closed() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
-  MappedPoint forward(const SurfacePoint& on_a) const;   // Φ
-  MappedPoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
-  MappedPoint forward_vertex(int a) const;
-  MappedPoint backward_vertex(int b) const;
-  std::vector<MappedPoint> forward_vertices() const;   // one per vertex of A
-  std::vector<MappedPoint> backward_vertices() const;  // one per vertex of B
+  SurfacePoint forward(const SurfacePoint& on_a) const;   // Φ
+  SurfacePoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
+  SurfacePoint forward_vertex(int a) const;
+  SurfacePoint backward_vertex(int b) const;
+  std::vector<SurfacePoint> forward_vertices() const;   // one per vertex of A
+  std::vector<SurfacePoint> backward_vertices() const;  // one per vertex of B
   /// The image on B of a path along edges of A, given by its vertices: a polyline for every stretch
   /// of it that is covered, in order, with a point on every edge of B it crosses. Where two
   /// vertices have no edge, the path is interrupted. Of a polygon mesh that was cut into triangles
   /// (§6.3), ask for the edges of its polygons.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
-  /// The same of a curve, given by points of A. Points without a common triangle of the embedded
-  /// mesh are joined by a straight line of the plane, and not at all across the seam of closed
-  /// surfaces. A point whose face is out of range interrupts the curve.
-  std::vector<Polyline> forward_curve(const Polyline& points) const;
-  std::vector<Polyline> backward_curve(const Polyline& points) const;  // of B on A
   /// Where a point lies in space, in the unit of its mesh; NaN if there is no such face, as for the
   /// point of an image that is not covered.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
@@ -859,11 +746,10 @@ class SurfaceMap {
   /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1
   /// if the map is not its own; not scaled if keep_scale.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
-  /// The openings of both surfaces, those of A first. Costs an overlay for each that has some.
-  std::vector<Opening> openings() const;
 
  private:
-  friend Remesh remesh(const SurfaceMap& map, Side side);
+  friend TriangleMesh remesh(const SurfaceMap& map, Side side);
+  friend Outcome verify(const SurfaceMap& map);
   std::shared_ptr<const detail::MapData> data_;
 };
 
@@ -876,19 +762,15 @@ class SurfaceMap {
 /// where it shows. Cost O(n log n), some microseconds per triangle and polygon. Thread-safe.
 Outcome verify(const SurfaceMap& map);
 
-/// The mesh on one side on the other surface: compatible remeshing. Linear cost, thread-safe.
-Remesh remesh(const SurfaceMap& map, Side side);
-
-/// Attributes of elements.
-struct Attributes : Outcome {  // kInvalidAttributes: the number of rows does not fit
-  Values values;               // a row per element, as many columns as were given
-  std::vector<char> covered;   // per row; a row that is not covered is 0
-};
+/// The mesh on one side on the other surface: compatible remeshing. It has the vertices of the mesh
+/// given; those without an image are in no triangle and lie on the first image. Linear cost,
+/// thread-safe.
+TriangleMesh remesh(const SurfaceMap& map, Side side);
 
 /// How attributes of some elements become those of others: a sparse matrix, by rows. Value i is the
 /// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
 /// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
-struct Transfer : Outcome {
+struct Transfer {
   int n_sources = 0;  // elements that the values given belong to
   std::vector<int> offsets = {0};
   std::vector<int> sources;
@@ -897,19 +779,21 @@ struct Transfer : Outcome {
   int rows() const { return static_cast<int>(offsets.size()) - 1; }
   bool covers(int i) const { return offsets.data()[i] < offsets.data()[i + 1]; }
 
-  Attributes apply(const Values& values) const;
+  /// From a row per source to a row per element, zeros where it is not covered. Without rows if
+  /// `values` has not n_sources rows.
+  Values apply(const Values& values) const;
 
   /// The same of arrays of the caller's, for n_sources and rows() elements, where `columns` numbers
   /// of an element lie behind each other, and the next element's a stride of bytes behind. Integers
-  /// are rounded, and kept within what T can be. What is not covered keeps its value.
-  /// kInvalidAttributes, and nothing is read or written, if there are more or fewer elements.
+  /// are rounded, and kept within what T can be. What is not covered keeps its value. False, and
+  /// nothing is read or written, if there are more or fewer elements.
   template <class T>
-  Outcome apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
-                T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
-    const Outcome outcome = check(n_values, n_results);
+  bool apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
+             T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
+    if (n_values != n_sources || n_results != rows()) return false;
     const char* const from = reinterpret_cast<const char*>(values);
     char* const to = reinterpret_cast<char*>(result);
-    for (int i = 0; i < rows() && outcome.status == Status::kDone; ++i)
+    for (int i = 0; i < rows(); ++i)
       for (int c = 0; c < columns && covers(i); ++c) {
         double sum = 0;
         for (int k = offsets.data()[i]; k < offsets.data()[i + 1]; ++k)
@@ -918,12 +802,8 @@ struct Transfer : Outcome {
         const T value = detail::rounded<T>(sum);
         std::memcpy(to + i * result_stride + c * std::ptrdiff_t{sizeof(T)}, &value, sizeof(T));
       }
-    return outcome;
+    return true;
   }
-
- private:
-  /// Whether it can be applied to as many rows, and fills as many.
-  Outcome check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const;
 };
 
 /// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
@@ -1550,13 +1430,13 @@ class Executor {
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports how far the call is; for the calling thread.
-  void tell(Phase phase, double fraction, Words what, const IterationLog* iteration) const {
-    const double before = phase == Phase::kEmbedding ? 0 : embedding_share_;
-    const double share = phase == Phase::kEmbedding ? embedding_share_ : 1 - embedding_share_;
+  void tell(bool is_embedding, double fraction, Words what, const IterationLog* iteration) const {
+    const double before = is_embedding ? 0 : embedding_share_;
+    const double share = is_embedding ? embedding_share_ : 1 - embedding_share_;
     progress_.fraction = (std::max)(
         {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
     if (!tell_) return;
-    progress_.phase = phase;
+    progress_.is_embedding = is_embedding;
     progress_.what = sentence(what);
     progress_.iteration = iteration;
     tell_again();
@@ -2401,42 +2281,6 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   }
 }
 
-/// A short cycle of edges that does not bound, as vertices in order; none on a surface without
-/// handles. Shortest paths span the vertices; a tree of faces, in which an opening counts as one,
-/// crosses the other edges, those that close the longest cycles first; an edge that is left closes
-/// one that does not bound [Eppstein 2003; Erickson and Whittlesey 2005].
-inline std::vector<int> handle_cycle(const HalfEdgeMesh& m) {
-  const ShortestPaths paths(m, Array<int>(1, m.tail[0]));
-  Array<Three> order;  // by less length: half-edges, and what is behind them
-  const auto add = [&](int h, int behind) {
-    const int u = m.tail[h], v = m.tip(h);
-    if (paths.before[u] != v && paths.before[v] != u)
-      order.push_back({-paths.length[u] - paths.length[v], h, behind});
-  };
-  for (int i = 0; i < m.loops(); ++i)
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) add(m.boundary[k], m.n_faces + i);
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (h < m.twin[h]) add(h, m.twin[h] / 3);
-  std::sort(order.begin(), order.end());
-  DisjointSets cells(m.n_faces + m.loops());
-  std::vector<int> shortest;
-  for (const auto& [length, h, behind] : order) {
-    if (cells.unite(h / 3, behind)) continue;
-    std::vector<int> up = {m.tail[h]}, down = {m.tip(h)};
-    const auto is_longer = [&] {
-      return !shortest.empty() && up.size() + down.size() > shortest.size();
-    };
-    while (up.back() != down.back() && !is_longer()) {
-      const bool is_up = paths.length[up.back()] >= paths.length[down.back()];
-      (is_up ? up : down).push_back(paths.before[(is_up ? up : down).back()]);
-    }
-    if (is_longer()) continue;
-    up.insert(up.end(), down.rbegin() + 1, down.rend());
-    shortest = up;
-  }
-  return shortest;
-}
-
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
@@ -2446,28 +2290,23 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  std::vector<int> cycle = handle_cycle(m);
-  for (int& v : cycle) v = list.vertex(v);
-  list.add(
-      Problem::Kind::kHandles,
-      {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it, for ",
-       "example along the cycle of ", static_cast<int>(cycle.size()), " edges through vertex ",
-       cycle[0]},
-      Element::kVertex, cycle);
+  list.add(Problem::Kind::kHandles,
+           {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
-/// Copies a buffer; ids beyond an int become the least or the largest int. A buffer without data
-/// has no rows, nor has one with more than kMost: an int counts up to 50 items per triangle.
-template <class T, template <class> class IsType>
-Rows<T, 3> copied(const RowsView<IsType>& view) {
+/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
+/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
+/// triangle of both meshes.
+template <class T, bool are_ids>
+Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
   const bool is_there =
-      view.data != nullptr && view.number_at != nullptr && view.rows > 0 && view.rows <= kMost;
+      view.data != nullptr && view.read != nullptr && view.rows > 0 && view.rows <= kMost;
   Rows<T, 3> copy(is_there ? view.rows : 0, 3);
   for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
     for (int c = 0; c < 3; ++c)
-      copy.data()[3 * i + c] = rounded<T>(view.number_at(
-          static_cast<const char*>(view.data) + i * view.row_stride + c * view.column_stride));
+      copy.data()[3 * i + c] = rounded<T>(view.read(static_cast<const char*>(view.data) +
+                                                    i * view.row_stride + c * view.column_stride));
   return copy;
 }
 
@@ -2986,10 +2825,10 @@ class Preparer {
     note_dropped();
     note_welded();
     note_cut_edges();
-    note(Repair::Kind::kCutVertices,
+    note(Problem::Kind::kNonManifoldVertex,
          {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
          Element::kVertex, cut_);
-    note(Repair::Kind::kTurnedTriangles,
+    note(Problem::Kind::kInconsistentOrientation,
          {"turned ", counted(over_.size(), "triangle"), " over",
           is_turned ? ": most of the surface was inside out" : ""},
          Element::kFace, over_);
@@ -2997,12 +2836,12 @@ class Preparer {
     Array<int> unused;
     for (int v = 0; v < n_vertices_; ++v)
       if (!is_used_[v]) unused.push_back(v);
-    note(Repair::Kind::kDroppedVertices,
+    note(Problem::Kind::kUnreferencedVertex,
          {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
          Element::kVertex, unused);
   }
 
-  void note(Repair::Kind kind, Words message, Element element, const Array<int>& ids) {
+  void note(Problem::Kind kind, Words message, Element element, const Array<int>& ids) {
     if (!ids.empty())
       result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
   }
@@ -3014,10 +2853,10 @@ class Preparer {
     Array<int> degenerate;
     for (int f = 0; f < n_given_; ++f)
       if (!is_known[f]) degenerate.push_back(f);
-    note(Repair::Kind::kDroppedDegenerate,
+    note(Problem::Kind::kDegenerateTriangle,
          {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
          degenerate);
-    note(Repair::Kind::kDroppedRepeated,
+    note(Problem::Kind::kRepeatedTriangle,
          {"dropped ", counted(repeated_.size(), "repeated triangle")}, Element::kFace, repeated_);
   }
 
@@ -3029,7 +2868,7 @@ class Preparer {
       n += w >= 0;
       if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
     }
-    note(Repair::Kind::kWelded, {"welded ", n, " vertices to ", n - welded.size()},
+    note(Problem::Kind::kUnwelded, {"welded ", n, " vertices to ", n - welded.size()},
          Element::kVertex, welded);
   }
 
@@ -3042,8 +2881,8 @@ class Preparer {
       for (int h : here) triangles.push_back(source_[h / 3]);
     }
     sort_unique(triangles);
-    note(Repair::Kind::kCutEdges, {"cut ", counted(n, "edge"), " of more than two triangles"},
-         Element::kFace, triangles);
+    note(Problem::Kind::kNonManifoldEdge,
+         {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
   }
 
   /// True if one of some triangles at an edge is kept and another one was cut off it.
@@ -3066,7 +2905,7 @@ class Preparer {
     }
     sort_unique(dropped);
     sort_unique(elsewhere);
-    note(Repair::Kind::kDroppedComponents,
+    note(Problem::Kind::kSeveralComponents,
          {"dropped ", counted(dropped.size(), "component"), ", ",
           counted(elsewhere.size(), "triangle")},
          Element::kFace, elsewhere);
@@ -3178,6 +3017,10 @@ struct OverlayPolygon {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
+inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
+  return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
+}
+
 /// Axis-parallel boxes of items, and of runs of 2^k consecutive ones, as a binary tree. The box of
 /// an item that is not there is empty.
 class BoxTree {
@@ -3227,8 +3070,7 @@ class BoxTree {
 
   template <class Visit>
   void descend(int i, const BoxTree& other, int j, Visit& visit) const {
-    if (lo_[i].x > other.hi_[j].x || lo_[i].y > other.hi_[j].y) return;
-    if (other.lo_[j].x > hi_[i].x || other.lo_[j].y > hi_[i].y) return;
+    if (!boxes_meet(lo_[i], hi_[i], other.lo_[j], other.hi_[j])) return;
     const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
     if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
     if (leaf_j || (!leaf_i && i <= j)) {
@@ -3243,10 +3085,6 @@ class BoxTree {
   int leaves_ = 1;
   Array<Vec2> lo_, hi_;
 };
-
-inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
-  return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
-}
 
 /// Makes a tree of the segments begin to end - 1 of m.boundary.
 inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int end, BoxTree& tree) {
@@ -3265,10 +3103,8 @@ inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int e
 inline bool segments_touch(Vec2 p, Vec2 q, Vec2 r, Vec2 s) {
   const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
   const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
-  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0) {  // collinear: boxes touch?
-    const Vec2 lo_pq = lower(p, q), hi_pq = upper(p, q), lo_rs = lower(r, s), hi_rs = upper(r, s);
-    return lo_pq.x <= hi_rs.x && lo_pq.y <= hi_rs.y && lo_rs.x <= hi_pq.x && lo_rs.y <= hi_pq.y;
-  }
+  if (r_side == 0 && s_side == 0 && p_side == 0 && q_side == 0)  // collinear
+    return boxes_meet(lower(p, q), upper(p, q), lower(r, s), upper(r, s));
   const auto straddles = [](double u, double v) { return !(u > 0 && v > 0) && !(u < 0 && v < 0); };
   return straddles(r_side, s_side) && straddles(p_side, q_side);
 }
@@ -3473,11 +3309,10 @@ struct Overlay {
   Array<int> older;           // per polygon: the one found before in the same triangle of A, or -1
   Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
   Array<Seed> seeds;
-  Array<char> is_reached;  // per boundary loop: crosses one of the other mesh, or has polygons
-  Array<std::array<int, 2>> uncrossed;  // loops that cross none: the first half-edge, the loop
-  /// Loops without polygons: the loop, its first half-edge, the triangle this begins in or -1.
-  Array<std::array<int, 3>> left;
-  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `left` begin
+  Array<char> is_crossed;  // per boundary loop: by one of the other mesh
+  /// Loops that are not: the loop, its first half-edge, the triangle this begins in or -1.
+  Array<std::array<int, 3>> uncrossed;
+  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `uncrossed` begin
 };
 
 class OverlayBuilder {
@@ -3490,7 +3325,7 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
-    overlay_.left.clear();
+    overlay_.uncrossed.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     seed_boundary_crossings();
@@ -3554,7 +3389,7 @@ class OverlayBuilder {
   /// Every component of the overlap whose boundary has parts of loops has a crossing of a boundary
   /// edge of A with one of B; the triangles at these edges overlap there.
   void seed_boundary_crossings() {
-    overlay_.is_reached.assign(m_.loops(), 0);
+    overlay_.is_crossed.assign(m_.loops(), 0);
     build_tree(m_, x_, 0, s_.boundary_a, overlay_.boundary_a);
     build_tree(m_, x_, s_.boundary_a, m_.boundary.size(), overlay_.boundary_b);
     overlay_.boundary_a.for_each_pair(overlay_.boundary_b, [&](int i, int j) {
@@ -3563,7 +3398,7 @@ class OverlayBuilder {
       const LabelledPoint r = label(m_.tail[hb]), s = label(m_.tip(hb));
       if (oriented(p, q, r) == oriented(p, q, s) || oriented(r, s, p) == oriented(r, s, q)) return;
       overlay_.seeds.push_back({ha / 3, hb / 3});
-      overlay_.is_reached[loop_at(i)] = overlay_.is_reached[loop_at(s_.boundary_a + j)] = 1;
+      overlay_.is_crossed[loop_at(i)] = overlay_.is_crossed[loop_at(s_.boundary_a + j)] = 1;
     });
   }
 
@@ -3574,73 +3409,49 @@ class OverlayBuilder {
   }
 
   /// Other components are bounded by whole loops, each inside of the other embedding or outside of
-  /// it: one that no polygon has been found at is looked for there.
+  /// it: the triangle is looked for that each begins in, in one pass over all.
   void seed_other_loops() {
-    overlay_.uncrossed.clear();
     for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_reached[i]) overlay_.uncrossed.push_back({m_.boundary[m_.loop[i]], i});
+      if (!overlay_.is_crossed[i]) overlay_.uncrossed.push_back({i, m_.boundary[m_.loop[i]], -1});
     if (overlay_.uncrossed.empty()) return;
+    build_tree_of_starts();
+    for (int t = 0; t < m_.n_faces; ++t) locate_starts(t);
     std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
-    int seen = 0;
-    const auto mark_seen = [&] {
-      for (; seen < overlay_.polygons.size(); ++seen) mark_loops(overlay_.polygons[seen]);
-    };
-    mark_seen();
-    locate_loops();
-    for (const auto& [loop, h, t] : overlay_.left) {
-      mark_seen();
-      if (overlay_.is_reached[loop] || t < 0) continue;
+    for (const auto& [loop, h, t] : overlay_.uncrossed) {
+      if (t < 0) continue;
       overlay_.seeds.push_back(t < s_.faces_a ? Seed{t, h / 3} : Seed{h / 3, t});
       flood_seeds();
     }
   }
 
-  void mark_loops(const OverlayPolygon& p) {
-    for (int k = 0; k < p.count; ++k) {
-      const int e = p.piece(k), h = e < 3 ? 3 * p.ta + e : 3 * p.tb + e - 3;
-      if (m_.twin[h] >= 0) continue;
-      const std::array<int, 2>* found = std::lower_bound(
-          overlay_.uncrossed.begin(), overlay_.uncrossed.end(), std::array<int, 2>{h, -1});
-      if (found != overlay_.uncrossed.end() && (*found)[0] == h)
-        overlay_.is_reached[(*found)[1]] = 1;
-    }
-  }
-
-  /// Finds the triangles that the loops without polygons begin in, in one pass over all.
-  void locate_loops() {
-    for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_reached[i]) overlay_.left.push_back({i, m_.boundary[m_.loop[i]], -1});
-    if (overlay_.left.empty()) return;
-    build_tree_of_starts();
-    for (int t = 0; t < m_.n_faces; ++t) {
-      const LabelledTriangle f = labelled(m_, x_, t);
-      const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
-      const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
-      const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
-      overlay_.starts.find(meets, [&](int i) {
-        const int h = overlay_.left[i][1];
-        const LabelledPoint p = label(m_.tail[h]);
-        if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.left[i][2] < 0 &&
-            oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
-          overlay_.left[i][2] = t;
-        return false;
-      });
-    }
-    std::sort(overlay_.left.begin(), overlay_.left.end());
+  /// Finds the loops that begin in triangle t of the other mesh.
+  void locate_starts(int t) {
+    const LabelledTriangle f = labelled(m_, x_, t);
+    const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
+    const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
+    const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+    overlay_.starts.find(meets, [&](int i) {
+      const int h = overlay_.uncrossed[i][1];
+      const LabelledPoint p = label(m_.tail[h]);
+      if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.uncrossed[i][2] < 0 &&
+          oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+        overlay_.uncrossed[i][2] = t;
+      return false;
+    });
   }
 
   /// In strips by x, by y within them, so that runs of loops begin close together.
   void build_tree_of_starts() {
-    const int n = overlay_.left.size(), width = static_cast<int>(std::sqrt(n)) + 1;
-    std::array<int, 3>* const left = overlay_.left.data();
+    const int n = overlay_.uncrossed.size(), width = static_cast<int>(std::sqrt(n)) + 1;
+    std::array<int, 3>* const loop = overlay_.uncrossed.data();
     const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
-    std::sort(left, left + n,
+    std::sort(loop, loop + n,
               [&](const auto& l, const auto& r) { return start(l).x < start(r).x; });
     for (int i = 0; i < n; i += width)
-      std::sort(left + i, left + (std::min)(n, i + width),
+      std::sort(loop + i, loop + (std::min)(n, i + width),
                 [&](const auto& l, const auto& r) { return start(l).y < start(r).y; });
     overlay_.starts.reset(n);
-    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(left[i]), start(left[i]));
+    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(loop[i]), start(loop[i]));
     overlay_.starts.join();
   }
 
@@ -5699,6 +5510,61 @@ inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const Ldlt
 //             independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
+/// The constants of the optimisation. They were chosen on real pairs.
+struct Tuning {
+  /// ω_R of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers, and
+  /// E_Φ meets a wall where the overlap would have to grow into them.
+  double barrier_weight = 3e-4;
+  double spd_epsilon = 1e-3;   // ε of §5.1, the least eigenvalue of a polygon's Hessian
+  double history_decay = 0.8;  // of §5.3: the next older Hessian weighs so much less
+  /// Once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as they
+  /// pay. Their gradients join the memory.
+  int quasi_newton_steps = 6;
+  /// α of §5.4, by which an iteration may change ω_L, and the value below which ω_L hardly acts and
+  /// is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long, one
+  /// of animals 2.5 times; with 2 an ear and a horn of another pair stay apart.
+  double omega_factor = 3;
+  double omega_least = 1e-4;
+  /// The longest way of a vertex in a step, in radii of the domain, and the most covered area that
+  /// a step may lose, as a fraction of the area of either mesh.
+  double max_displacement = 0.2;
+  double max_coverage_loss = 0.05;
+  /// The share of the area covered at the start that stays covered. Many steps, each within
+  /// max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
+  double least_coverage = 0.5;
+  /// The line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
+  int search_stride = 3;
+  /// Relative error of the directions for ω_L / α and α ω_L, which conjugate gradients find with
+  /// the factor for ω_L. 1e-6 neither costs nor gains anything.
+  double solve_tolerance = 1e-3;
+  /// The iterations over which Options::tolerance is averaged, half as many after coarse levels. It
+  /// bridges the pauses before E falls again; while ω_L comes down and is above 1e-3, nothing
+  /// stops.
+  int window = 20;
+  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
+  /// step on that would make one meet itself. Without, a run stalls there.
+  bool scaffold = true;
+};
+
+/// What a run has from Options, with the constants that follow from them.
+struct RunOptions : Options {
+  Tuning tuning;
+  explicit RunOptions(const Options& options = {}) : Options(options) {
+    if (as_published) {
+      tuning.barrier_weight = 1e-8;
+      tuning.history_decay = 0.5;
+      tuning.omega_factor = 1.25;
+      tuning.omega_least = tuning.least_coverage = 0;
+      tuning.search_stride = 1;
+      tuning.solve_tolerance = 1e-12;
+      tuning.window = 10;
+      tuning.scaffold = false;
+    }
+    tuning.omega_least = (std::min)(tuning.omega_least, omega_start);
+    if (as_published || omega_start == 0) tuning.quasi_newton_steps = 0;
+  }
+};
+
 /// The parts of the objective that Options weigh.
 struct Weights {
   double kappa;    // κ
@@ -5712,7 +5578,7 @@ inline double coverage_reward(const Options& options) {
   return (std::max)(0.0, options.coverage_weight + options.measure.isometry());
 }
 
-inline Weights weights_of(const Options& options) {
+inline Weights weights_of(const RunOptions& options) {
   return {coverage_reward(options), options.tuning.barrier_weight, options.tuning.spd_epsilon,
           &options.measure};
 }
@@ -6758,18 +6624,18 @@ inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
   return orient2d(p, q, leftmost) < 0;
 }
 
-/// Clips the ears of a polygon, round by round, of neighbours not both in one, which would make
-/// fans that take n² flips to be Delaunay; straight sides, which have no ears, still do. What was
-/// no ear is tested again once a neighbour of it or the vertex found in its way is gone. About O(n
-/// log n), but for spirals, where one vertex may be in the way of many.
+/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
+/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
+/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
+/// but for spirals, where one vertex may block many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
       : polygon_(polygon),
         next_(polygon.size()),
         prev_(polygon.size()),
-        due_(polygon.size(), -1),
-        last_behind_(polygon.size(), -1) {
+        state_(polygon.size(), kIdle),
+        last_blocked_(polygon.size(), -1) {
     const int n = polygon.size();
     tree_.reset(n);
     for (int i = 0; i < n; ++i) {
@@ -6777,7 +6643,7 @@ class EarClipper {
       tree_.set(i, point_[i], point_[i]);
       next_[i] = (i + 1) % n;
       prev_[i] = (i + n - 1) % n;
-      wait(i, 0);
+      enqueue(i);
     }
     tree_.join();
   }
@@ -6785,55 +6651,45 @@ class EarClipper {
   /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
-    for (int i, left = polygon_.size(); left >= 3 && (i = next_to_test()) >= 0;) {
-      if (!is_ear(i)) continue;
-      for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
-      clip(i);
-      --left;
+    int left = polygon_.size();
+    for (int first = 0; first < queue_.size() && left >= 3; ++first) {
+      const int i = queue_[first];
+      const bool waits = state_[i] == kWaits;
+      state_[i] = kIdle;
+      if (is_gone(i)) continue;
+      if (waits) {
+        enqueue(i);
+      } else if (is_ear(i)) {
+        for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
+        clip(i);
+        --left;
+      }
     }
     return corners;
   }
 
  private:
-  /// A vertex in whose way another one was, and the entry before of the same one.
+  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
+
+  /// A vertex that another one blocked, and the entry before of the same one.
   struct Blocked {
     int vertex, before;
   };
 
-  /// Lets i be tested in this round or the next one.
-  void wait(int i, int round) {
-    if (due_[i] == round) return;
-    due_[i] = round;
-    Array<int>& heap = round == round_ ? this_round_ : next_round_;
-    heap.push_back(i);
-    std::push_heap(heap.begin(), heap.end(), std::greater<int>());
-  }
-
-  /// -1 if all that is left are no ears.
-  int next_to_test() {
-    while (true) {
-      if (this_round_.empty()) this_round_.swap(next_round_), ++round_;
-      if (this_round_.empty()) return -1;
-      std::pop_heap(this_round_.begin(), this_round_.end(), std::greater<int>());
-      const int i = this_round_.back();
-      this_round_.pop_back();
-      if (due_[i] != round_) continue;
-      due_[i] = -1;
-      return i;
-    }
+  void enqueue(int i) {
+    if (state_[i] != kIdle) return;
+    state_[i] = kQueued;
+    queue_.push_back(i);
   }
 
   void clip(int i) {
-    const auto wait_for_turn = [&](int k) {
-      if (k != i) wait(k, k > i ? round_ : round_ + 1);
-    };
     next_[prev_[i]] = next_[i];
     prev_[next_[i]] = prev_[i];
     tree_.remove(i);
-    for (int b = last_behind_[i]; b >= 0; b = blocked_[b].before)
-      if (!is_gone(blocked_[b].vertex)) wait_for_turn(blocked_[b].vertex);
-    wait_for_turn(prev_[i]);
-    wait(next_[i], round_ + 1);
+    for (int b = last_blocked_[i]; b >= 0; b = blocked_[b].before) enqueue(blocked_[b].vertex);
+    enqueue(prev_[i]);
+    if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
+    enqueue(next_[i]);
   }
 
   bool is_gone(int i) const { return next_[prev_[i]] != i; }
@@ -6844,28 +6700,27 @@ class EarClipper {
     const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
     if (!(orient2d(p, q, r) > 0)) return false;
     const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
-    const auto may_be_in = [&](Vec2 box_lo, Vec2 box_hi) {
+    const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
       return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
              !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
     };
-    const auto is_in_the_way = [&](int k) {
+    const auto blocks = [&](int k) {
       const int v = polygon_[k];  // the ends of the bridge are there twice
       if (v == a || v == b || v == c) return false;
-      blocked_.push_back({i, last_behind_[k]});
-      last_behind_[k] = blocked_.size() - 1;
+      blocked_.push_back({i, last_blocked_[k]});
+      last_blocked_[k] = blocked_.size() - 1;
       return true;
     };
-    return !tree_.find(may_be_in, is_in_the_way);  // of a point, the box is to the right or in
+    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
   }
 
   const Array<int>& polygon_;
   Array<Vec2> point_;
   Array<int> next_, prev_;
-  Array<int> due_;                      // the round in which a vertex is tested, or -1
-  Array<int> this_round_, next_round_;  // heaps, the first one on top
-  Array<int> last_behind_;              // per vertex, the last entry of `blocked_`, or -1
+  Array<int> queue_;  // all that was ever in it
+  Array<State> state_;
+  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
   Array<Blocked> blocked_;
-  int round_ = 0;
   BoxTree tree_;  // of the vertices that are left
 };
 
@@ -7042,15 +6897,15 @@ struct Direction {
   double first_step = 0;     // where backtracking starts
 };
 
-/// A step along one of several directions.
-struct Candidate {
+/// A step to try, along one of several directions.
+struct TrialStep {
   int direction = 0;
-  double step = 0;
+  double length = 0;
 };
 
-/// One trial of the line search.
+/// What a trial step leads to.
 struct Trial {
-  Candidate candidate;
+  TrialStep step;
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
   bool collides = false;  // rejected because a boundary meets itself
@@ -7069,8 +6924,7 @@ struct StepRules {
 /// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
-  return from.energy + kArmijo * t.candidate.step * d.slope - (std::max)(t.resistance, 0.0) -
-         t.pull;
+  return from.energy + kArmijo * t.step.length * d.slope - (std::max)(t.resistance, 0.0) - t.pull;
 }
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
@@ -7088,22 +6942,6 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
 }
 
 inline constexpr double kShrink = 0.8;  // line 22
-
-/// A block of the line search covers eight ℓ of 0.8^ℓ, or some more for a stride that does not
-/// divide eight; of every `stride` of them, the one in the middle is tried.
-inline int trials_per_block(int stride) {
-  constexpr int kBlock = 8;  // §5.2
-  return (kBlock - 1) / stride + 1;
-}
-
-/// Adds the steps of a block, and s = 1 to those of the first one.
-inline void add_block(int direction, const Direction& d, int block, int stride,
-                      Array<Candidate>& candidates) {
-  const int trials = trials_per_block(stride);
-  for (int i = block * trials; i < (block + 1) * trials; ++i)
-    candidates.push_back({direction, d.first_step * std::pow(kShrink, i * stride + stride / 2)});
-  if (block == 0 && d.first_step > 1) candidates.push_back({direction, 1.0});
-}
 
 /// True if triangles are positive, but a boundary meets itself.
 inline bool collides(const HalfEdgeMesh& m, const Points2& x) {
@@ -7127,10 +6965,10 @@ struct SearchProblem {
 /// up as soon as it cannot be, or cannot have a value below `best`.
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const HalfEdgeMesh& m = problem.s.mesh;
-  const Direction& d = problem.directions[t.candidate.direction];
+  const Direction& d = problem.directions[t.step.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.x = moved(problem.from.x, d.d, t.candidate.step);
+  t.x.x = moved(problem.from.x, d.d, t.step.length);
   place_followers(problem.followers, t.x.x);
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
@@ -7143,31 +6981,56 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// The trials of a line search, of which the best one is kept; the others' memory serves again.
-class Trials {
+/// The line search (lines 17 to 23). Of its trials the best one is kept; the memory of the others
+/// serves again.
+class LineSearch {
  public:
   bool found = false;     // an acceptable one
   bool collided = false;  // one failed because a boundary meets itself
   Trial best;             // if found
+
+  /// Tries all directions, block by block of eight steps 0.8^ℓ (§5.2); or, with a stride of three,
+  /// of nine, each third one, and then the neighbours of the best one.
+  void run(const SearchProblem& problem, const Executor& executor) {
+    constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
+    const int stride = problem.stride, block = (7 / stride + 1) * stride;
+    clear();
+    for (int first = 0; first < kMost && !found && !executor.is_stopped(); first += block) {
+      Array<TrialStep> steps;
+      for (int k = 0; k < problem.directions.size(); ++k) {
+        const double longest = problem.directions[k].first_step;
+        for (int l = first + stride / 2; l < first + block; l += stride)
+          steps.push_back({k, longest * std::pow(kShrink, l)});
+        if (first == 0 && longest > 1) steps.push_back({k, 1});
+      }
+      add(problem, executor, steps);
+      if (!found || stride == 1) continue;
+      const TrialStep middle = best.step;
+      const double longest = problem.directions[middle.direction].first_step;
+      steps.clear();
+      steps.push_back({middle.direction, (std::min)(middle.length / kShrink, longest)});
+      steps.push_back({middle.direction, middle.length * kShrink});
+      add(problem, executor, steps);
+    }
+  }
 
   void clear() {
     found = collided = false;
     tried_ = 0;
   }
 
-  /// Tries candidates side by side. Of trials of one value the first one is the best.
-  void add(const SearchProblem& problem, const Executor& executor,
-           const Array<Candidate>& candidates) {
+  /// Tries steps side by side. Of trials of one value the first one is the best.
+  void add(const SearchProblem& problem, const Executor& executor, const Array<TrialStep>& steps) {
     const double least = found ? best.value() : kInfinity;
-    spare_.reserve(spare_.size() + candidates.size());  // none is allocated while it is locked
-    executor.run(candidates.size(), [&](int i) {
+    spare_.reserve(spare_.size() + steps.size());  // nothing is allocated while it is locked
+    executor.run(steps.size(), [&](int i) {
       if (executor.is_stopped()) return;
       Trial t = take();
-      t.candidate = candidates[i];
+      t.step = steps[i];
       evaluate_trial(problem, least, t);
       give(t, tried_ + i);
     });
-    tried_ += candidates.size();
+    tried_ += steps.size();
   }
 
  private:
@@ -7197,28 +7060,6 @@ class Trials {
   int tried_ = 0, number_of_best_ = 0;
   Array<Trial> spare_;
 };
-
-/// Tries all directions, block by block, and where not all steps are tried, the neighbours of the
-/// best acceptable one (lines 17 to 23).
-inline void line_search(const SearchProblem& problem, const Executor& executor, Trials& trials) {
-  constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
-  const int covered = trials_per_block(problem.stride) * problem.stride;
-  trials.clear();
-  for (int block = 0; block * covered < kMost && !trials.found; ++block) {
-    if (executor.is_stopped()) break;
-    Array<Candidate> candidates;
-    for (int k = 0; k < problem.directions.size(); ++k)
-      add_block(k, problem.directions[k], block, problem.stride, candidates);
-    trials.add(problem, executor, candidates);
-    if (!trials.found || problem.stride == 1) continue;
-    const Candidate best = trials.best.candidate;
-    const double longest = problem.directions[best.direction].first_step;
-    candidates.clear();
-    candidates.push_back({best.direction, (std::min)(best.step / kShrink, longest)});
-    candidates.push_back({best.direction, best.step * kShrink});
-    trials.add(problem, executor, candidates);
-  }
-}
 
 // ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
@@ -7281,7 +7122,7 @@ inline Array<Vec2> quasi_newton_direction(const LdltSymbolic& symbolic, const Ld
 
 class Optimizer {
  public:
-  Optimizer(const JointSurface& s, const Options& options, const Array<Follower>& followers,
+  Optimizer(const JointSurface& s, const RunOptions& options, const Array<Follower>& followers,
             const Executor& executor)
       : s_(s),
         options_(options),
@@ -7289,7 +7130,7 @@ class Optimizer {
         weights_(weights_of(options)),
         executor_(executor),
         models_(s, weights_, executor_),
-        omega_(options.tuning.omega_start) {
+        omega_(options.omega_start) {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -7444,7 +7285,7 @@ class Optimizer {
   /// alone at x. It ends with the oldest Hessian it has room for.
   void remember(QuadraticModel model) {
     constexpr int kGradientsPerHessian = 4;
-    const int most_hessians = options_.tuning.history_length;
+    const int most_hessians = options_.history_length;
     if (!is_remembered_) {
       history_.push_back({});
       std::rotate(history_.begin(), history_.end() - 1, history_.end());
@@ -7566,7 +7407,7 @@ class Optimizer {
 
   void search(const Array<Direction>& directions) {
     Timer timer;
-    line_search(search_problem(directions), executor_, trials_);
+    trials_.run(search_problem(directions), executor_);
     if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
     log_.seconds_search += timer.lap();
   }
@@ -7581,7 +7422,7 @@ class Optimizer {
     describe(s_, followers_, x_, log_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
-    log_.step = best.candidate.step;
+    log_.step = best.step.length;
     log_.max_step = best.max_step;
     result.log.push_back(log_);
   }
@@ -7723,12 +7564,12 @@ class Optimizer {
     if (log_.quasi_newton) {
       quick_.left = gain >= quick_.least_gain ? quick_.left - 1 : 0;
     } else {
-      const bool pays = best.omega <= kLargestOmega && best.candidate.step >= kLeastStep &&
+      const bool pays = best.omega <= kLargestOmega && best.step.length >= kLeastStep &&
                         factor_.ok && factor_.negative == 0;
       quick_.left = pays ? options_.tuning.quasi_newton_steps : 0;
       quick_.least_gain = kShare * gain;
     }
-    quick_.step = (std::min)(1.0, 2 * best.candidate.step);
+    quick_.step = (std::min)(1.0, 2 * best.step.length);
   }
 
   /// A step with the factor there is, the mean of the gradients in the memory and what they say of
@@ -7755,9 +7596,9 @@ class Optimizer {
     trials_.clear();
     double step = (std::min)(quick_.step, directions[0].first_step);
     for (; step > kShortest && !trials_.found && !executor_.is_stopped(); step /= 4) {
-      Array<Candidate> candidates(1, Candidate{0, step});
-      candidates.push_back({0, step / 2});
-      trials_.add(problem, executor_, candidates);
+      Array<TrialStep> steps(1, TrialStep{0, step});
+      steps.push_back({0, step / 2});
+      trials_.add(problem, executor_, steps);
     }
     log_.seconds_search += timer.lap();
     return trials_.found;
@@ -7867,7 +7708,7 @@ class Optimizer {
   }
 
   const JointSurface& s_;
-  const Options& options_;
+  const RunOptions& options_;
   const Array<Follower>& followers_;
   Weights weights_;
   StepRules rules_{};
@@ -7888,9 +7729,8 @@ class Optimizer {
   LdltSymbolic symbolic_;
   LdltFactor factor_;
   QuickSteps quick_;
-  Trials trials_;
-  bool is_scaffolded_ =
-      false;  // there is to be a scaffold: a trial has made a boundary meet itself
+  LineSearch trials_;
+  bool is_scaffolded_ = false;  // from the first trial on that made a boundary meet itself
   bool has_scaffold_ = false;
   Scaffold scaffold_;
   Array<Spring> springs_;
@@ -9590,7 +9430,7 @@ class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-               const Options& options, const Executor& executor, Approach approach,
+               const RunOptions& options, const Executor& executor, Approach approach,
                const OutlinePair* outlines)
       : pair_(pair),
         landmarks_(landmarks),
@@ -9695,8 +9535,7 @@ class PairEmbedder {
   void tell(Words what) const {
     const int n = pair_.a.mesh.n_vertices + pair_.b.mesh.n_vertices;
     const int active = (a_ ? a_->active() : 0) + (b_ ? b_->active() : 0);
-    executor_.tell(Phase::kEmbedding, a_ && b_ ? active / static_cast<double>(n) : 0, what,
-                   nullptr);
+    executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
 
   /// What the boundaries may do once they have left the circle.
@@ -9902,7 +9741,7 @@ class PairEmbedder {
     Array<int> order;        // the most promising one first
     int tried = 0, best = -1;
     double least = kInfinity;
-    Options options;                       // of the one that is optimised
+    RunOptions options;                    // of the one that is optimised
     const Array<Follower> followers = {};  // none
     Result result;
     std::unique_ptr<Optimizer> optimizer;
@@ -9999,7 +9838,7 @@ class PairEmbedder {
 
   const SurfacePair& pair_;
   const Array<PlacedLandmark> landmarks_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   const Approach approach_;
   const bool is_held_;
@@ -10027,7 +9866,7 @@ class PairEmbedder {
 
 /// Adds the vertices at exact landmarks, and at those on boundaries that are held. False if that
 /// leaves a triangle too thin, or their order is wrong.
-inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const Options& options,
+inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                                   SurfacePair& pair, std::vector<AddedVertex>& a,
                                   std::vector<AddedVertex>& b, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
@@ -10083,7 +9922,7 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>&
 
 class LandmarkJoiner {
  public:
-  LandmarkJoiner(SurfacePair& pair, const Array<VertexPair>& landmarks, const Options& options,
+  LandmarkJoiner(SurfacePair& pair, const Array<VertexPair>& landmarks, const RunOptions& options,
                  const Executor& executor)
       : pair_(pair), options_(options), executor_(executor), landmarks_(landmarks) {}
 
@@ -10128,7 +9967,7 @@ class LandmarkJoiner {
       const bool is_last = weight_ > kHardest || apart_.empty();
       join_landmarks(s_, x_, apart_, joined_);
       if (is_last) return false;
-      executor_.tell(Phase::kEmbedding, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
+      executor_.tell(true, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
       for (const VertexPair& l : apart_)
         problem.springs.push_back({l.a, s_.n_a + l.b, weight_ / landmarks_.size()});
@@ -10168,7 +10007,7 @@ class LandmarkJoiner {
   }
 
   SurfacePair& pair_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   const Array<VertexPair> landmarks_;
   Array<VertexPair> apart_, joined_;
@@ -10196,7 +10035,7 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given.
-  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const Options& options,
+  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const RunOptions& options,
            const Executor& executor)
       : pair_(pair), landmarks_(landmarks), options_(options), executor_(executor) {}
 
@@ -10311,7 +10150,7 @@ class Embedder {
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_;
-  const Options& options_;
+  const RunOptions& options_;
   const Executor& executor_;
   Stage stage_ = Stage::kBegin;
   std::unique_ptr<OutlineBuilder> outline_builder_;
@@ -10323,7 +10162,7 @@ class Embedder {
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
-// Purpose:    Φ and Φ⁻¹ at points and along curves of the surfaces; the meta mesh lifted to both;
+// Purpose:    Φ and Φ⁻¹ at points and along edges of the surfaces; the meta mesh lifted to both;
 //             how Φ stretches.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
 //             of A with one of B; that key, never coordinates, identifies it.
@@ -10332,7 +10171,6 @@ class Embedder {
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
 }
-inline Eigen::Vector3d to_eigen(const Vec3& p) { return Eigen::Vector3d(p.x, p.y, p.z); }
 inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
@@ -10383,19 +10221,13 @@ struct DeepestFace {
   }
 };
 
-/// What a corner of a polygon is: a vertex (kind 0), a crossing of two edges, each named by the
-/// smaller of its half-edges (kind 1), or a vertex of the seam, by its place there (kind 2).
-struct CornerKey {
-  int kind, first, second;
-  bool operator<(const CornerKey& o) const {
-    if (kind != o.kind) return kind < o.kind;
-    return first != o.first ? first < o.first : second < o.second;
-  }
-  bool operator!=(const CornerKey& o) const { return *this < o || o < *this; }
-};
+/// What a corner of a polygon is, and which one: {kAtVertex, vertex, 0}, {kCrossing, edge, edge},
+/// an edge being the smaller of its half-edges, or {kOnSeam, index along the seam, 0}.
+using CornerKey = std::array<int, 3>;
+enum CornerKind { kAtVertex, kCrossing, kOnSeam };
 
-/// A vertex of the seam of two closed surfaces, which lies at one place in four ways: on A and on
-/// B, and on the other side of the seam as copies of these.
+/// A vertex of the seam of two closed surfaces, which is four vertices at one point: of A and of B,
+/// and their copies beyond the seam.
 struct SeamVertex {
   int a, copy_a, b, copy_b;
 };
@@ -10407,20 +10239,18 @@ struct EmbeddedPair {
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
-  double extent = 0;         // of the plane, from the origin
-  Array<int> across;         // per half-edge, its twin, or that beyond the seam; or -1
-  Array<int> place_on_seam;  // per vertex, or -1
+  double extent = 0;       // of the plane, from the origin
+  Array<int> seam_index;   // per vertex, along the seam; or -1
+  bool is_closed = false;  // there is a seam
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
-      : s(std::move(surface)), x(std::move(positions)), across(s.mesh.twin) {
+      : s(std::move(surface)), x(std::move(positions)) {
     for (int i = 0; i < x.size(); ++i) extent = (std::max)(extent, std::abs(x.data()[i]));
     compute_overlay(s, x, overlay);
     sew(seam);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
-
-  bool is_closed() const { return !seam_.empty(); }
 
   /// What corner i of a polygon is. At the seam, vertices of A and B coincide; what the symbolic
   /// perturbation has between them is no corner of its own.
@@ -10430,63 +10260,39 @@ struct EmbeddedPair {
     const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
     if (same_triangle(before, e)) {
       const int v = m.tail[half_edge(e)];
-      return place_on_seam[v] < 0 ? CornerKey{0, v, 0} : CornerKey{2, place_on_seam[v], 0};
+      return seam_index[v] < 0 ? CornerKey{kAtVertex, v, 0} : CornerKey{kOnSeam, seam_index[v], 0};
     }
     const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
     int common = -1;
     for (int u : {m.tail[h], m.tip(h)})
       for (int v : {m.tail[t], m.tip(t)}) {
-        const int place = place_on_seam[u];
-        if (place >= 0 && place == place_on_seam[v] && (common < 0 || place < common))
-          common = place;
+        const int index = seam_index[u];
+        if (index >= 0 && index == seam_index[v] && (common < 0 || index < common)) common = index;
       }
-    if (common >= 0) return {2, common, 0};
-    const auto id = [&](int k) { return m.twin[k] < 0 ? k : (std::min)(k, m.twin[k]); };
-    return {1, id(h), id(t)};
+    if (common >= 0) return {kOnSeam, common, 0};
+    return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
-  /// All there are of a vertex, which is one of them; -1 is none.
-  Array<int> copies_of(int v) const {
-    Array<int> copies(1, v);
-    const int place = v < 0 ? -1 : place_on_seam[v];
-    if (place < 0) return copies;
-    const SeamVertex& at = seam_[place];
-    const int first = v < s.n_a ? at.a : s.n_a + at.b;
-    const int second = v < s.n_a ? at.copy_a : s.n_a + at.copy_b;
-    copies.push_back(v == first ? second : first);
-    return copies;
+  /// Of the half-edges of an edge, the smaller one.
+  int first_half_edge(int h) const {
+    return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
   }
 
-  /// False for a triangle of the body and one of the cap.
-  bool are_in_one_part(int face, int other) const {
-    return part_.empty() || part_[face] == part_[other];
-  }
-
-  /// The vertex of a face that has a place on the seam, as one of its corners; or -1.
-  int corner_on_seam(int face, int place) const {
+  /// The corner of a face that has an index along the seam, or -1.
+  int corner_on_seam(int face, int index) const {
     for (int k = 0; k < 3; ++k)
-      if (place_on_seam[s.mesh.corner(face, k)] == place) return k;
+      if (seam_index[s.mesh.corner(face, k)] == index) return k;
     return -1;
   }
 
   /// Takes out what the perturbation has put between vertices of the seam, which has no area.
   void sew(const Array<SeamVertex>& seam) {
-    seam_ = seam;
-    place_on_seam.assign(s.mesh.n_vertices, -1);
+    is_closed = !seam.empty();
+    seam_index.assign(s.mesh.n_vertices, -1);
     if (seam.empty()) return;
-    part_ = components_of(s.mesh);
     for (int i = 0; i < seam.size(); ++i)
       for (int v : {seam[i].a, seam[i].copy_a, s.n_a + seam[i].b, s.n_a + seam[i].copy_b})
-        place_on_seam[v] = i;
-    const auto join_edges = [&](int u, int v, int copy_u, int copy_v) {
-      const int h = find_edge(s.mesh, u, v), t = find_edge(s.mesh, copy_v, copy_u);
-      if (h >= 0 && t >= 0) across[h] = t, across[t] = h;
-    };
-    for (int i = 0; i < seam.size(); ++i) {
-      const SeamVertex &p = seam[i], &q = seam[(i + 1) % seam.size()];
-      join_edges(p.a, q.a, p.copy_a, q.copy_a);
-      join_edges(s.n_a + p.b, s.n_a + q.b, s.n_a + p.copy_b, s.n_a + q.copy_b);
-    }
+        seam_index[v] = i;
     Array<OverlayPolygon> kept;
     for (const OverlayPolygon& p : overlay.polygons) {
       int corners = 0;
@@ -10518,83 +10324,30 @@ struct EmbeddedPair {
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
     for_each_target(face, [&](int t) {
       const Barycentric b = barycentric(s.mesh, x, t, p);
-      best.consider(t, b.weights, is_closed() ? kInfinity : b.slack);
+      best.consider(t, b.weights, is_closed ? kInfinity : b.slack);
     });
   }
 
-  MappedPoint image(const DeepestFace& best, Vec2 p) const {
+  SurfacePoint image(const DeepestFace& best, Vec2 p) const {
     if (best.face < 0) return {};
-    return {true, closest_in_face(s.mesh, x, best.face, p)};
+    return closest_in_face(s.mesh, x, best.face, p);
   }
 
-  MappedPoint map(const SurfacePoint& point) const {
+  SurfacePoint map(const SurfacePoint& point) const {
     DeepestFace best;
     const Vec2 p = planar_position(point);
     consider_face(point.face, p, best);
     return image(best, p);
   }
 
-  MappedPoint map_vertex(int v) const {
+  SurfacePoint map_vertex(int v) const {
     DeepestFace best;
     s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
     return image(best, row2(x, v));
   }
-
- private:
-  Array<SeamVertex> seam_;
-  Array<int> part_;  // per face, body or cap of its surface; empty without a seam
 };
 
 // ---- the meshes given, and as they were embedded ----
-
-/// A refined mesh: for every triangle the one it lies in, and where its corners are there.
-struct Refinement {
-  HalfEdgeMesh mesh;
-  Array<int> parent;  // per triangle
-  Array<Vec3> place;  // per corner, barycentric coordinates
-  Array<int> vertex;  // per vertex of the refined mesh that was given; copies are one vertex here
-};
-
-/// Adds the same vertices once more; false if the edge or triangle of one is not there.
-inline bool add_again(const std::vector<AddedVertex>& added, Refinement& r) {
-  for (int v = 0; v < r.mesh.n_vertices; ++v) r.vertex.push_back(v);
-  for (int f = 0; f < r.mesh.n_faces; ++f) {
-    r.parent.push_back(f);
-    for (int k = 0; k < 3; ++k) r.place.push_back(unit3(k));
-  }
-  for (AddedVertex p : added) {
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      if (p.corners[k] >= r.vertex.size()) return false;
-      p.corners[k] = r.vertex[p.corners[k]];
-    }
-    r.vertex.push_back(is_copy(p) ? p.corners[0] : r.mesh.n_vertices);
-    if (is_copy(p)) continue;
-    const int h = find_place(r.mesh, p);
-    if (h < 0) return false;
-    const int twin = is_on_edge(p) ? r.mesh.twin[h] : -1;
-    const auto middle_in = [&](int side) {
-      Vec3 sum;
-      for (int corner : {side, next(side), prev(side)})
-        for (int k = 0; k < 3; ++k)
-          if (r.mesh.tail[corner] == p.corners[k]) sum += p.weights[k] * r.place[corner];
-      return sum;
-    };
-    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
-    add_vertex(r.mesh, h, p);
-    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
-      const int side = i == 0 ? h : twin;
-      if (side < 0) continue;
-      const Vec3 tail = r.place[side], tip = r.place[next(side)], left = r.place[prev(side)];
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {middle[i], tip, left}) r.place.push_back(corner);
-      r.place[next(side)] = middle[i];
-      if (is_on_edge(p)) continue;
-      r.parent.push_back(r.parent[side / 3]);
-      for (const Vec3& corner : {tail, tip, middle[i]}) r.place.push_back(corner);
-    }
-  }
-  return true;
-}
 
 /// Barycentric coordinates of the point on the sides of a triangle that is closest to p.
 inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
@@ -10631,11 +10384,11 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
 /// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
 struct Origin {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;  // those of the prepared mesh, by vertices given
-  Array<int> face;      // per triangle, the one given that it is a part of,
-  Array<Vec3> place;    // and per corner its barycentric coordinates there
-  Array<int> first,
-      part;           // the parts of given triangle f are part[first[f]] to part[first[f + 1] - 1]
+  Triangles triangles;         // those of the prepared mesh, by vertices given
+  Array<int> face;             // per triangle, the one given that it is a part of,
+  Array<Vec3> corner_weights;  // and per corner its barycentric coordinates there
+  /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
+  Array<int> first, part;
   Array<int> vertex;  // per vertex given, where it is, or -1
   /// Where else: a vertex of the embedded mesh and a copy of it, sorted.
   Array<std::array<int, 2>> copies;
@@ -10644,7 +10397,7 @@ struct Origin {
 
   SurfacePoint to_given(const SurfacePoint& p) const {
     Vec3 weights;
-    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * place[3 * p.face + k];
+    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * corner_weights[3 * p.face + k];
     return surface_point(face[p.face], weights);
   }
 
@@ -10657,7 +10410,7 @@ struct Origin {
     SurfacePoint best;
     double least = -kBeside;  // else it is in a part that was dropped
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
-      const Vec3* const corner = &place[3 * part[i]];
+      const Vec3* const corner = &corner_weights[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
       if (is_whole(part[i])) return surface_point(part[i], weights);
       weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
@@ -10683,7 +10436,7 @@ struct Origin {
     Array<double> start;
     for (int i = first[f]; i < first[f + 1]; ++i)
       for (int h = 3 * part[i]; h < 3 * part[i] + 3; ++h) {
-        const Vec3 &tail = place[h], &tip = place[next(h)];
+        const Vec3 &tail = corner_weights[h], &tip = corner_weights[next(h)];
         if (tail[opposite] != 0 || tip[opposite] != 0) continue;
         along.push_back(tail[to] < tip[to] ? h : ~h);
         start.push_back((std::min)(tail[to], tip[to]));
@@ -10699,10 +10452,51 @@ struct Origin {
   bool is_whole(int f) const {
     double sum = 0;
     for (int k = 0; k < 3; ++k)
-      sum += (std::max)({place[3 * f + k].x, place[3 * f + k].y, place[3 * f + k].z});
+      sum += (std::max)(
+          {corner_weights[3 * f + k].x, corner_weights[3 * f + k].y, corner_weights[3 * f + k].z});
     return sum == 3;
   }
 };
+
+/// Adds vertices once more to the mesh of an origin. Tells per vertex which one it is, or is a copy
+/// of; false if the edge or triangle of one is not there.
+inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Array<int>& vertex,
+                      Origin& o) {
+  for (int v = 0; v < m.n_vertices; ++v) vertex.push_back(v);
+  for (AddedVertex p : added) {
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      if (p.corners[k] >= vertex.size()) return false;
+      p.corners[k] = vertex[p.corners[k]];
+    }
+    vertex.push_back(is_copy(p) ? p.corners[0] : m.n_vertices);
+    if (is_copy(p)) continue;
+    const int h = find_place(m, p);
+    if (h < 0) return false;
+    const int twin = is_on_edge(p) ? m.twin[h] : -1;
+    const auto middle_in = [&](int side) {
+      Vec3 sum;
+      for (int corner : {side, next(side), prev(side)})
+        for (int k = 0; k < 3; ++k)
+          if (m.tail[corner] == p.corners[k]) sum += p.weights[k] * o.corner_weights[corner];
+      return sum;
+    };
+    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
+    add_vertex(m, h, p);
+    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
+      const int side = i == 0 ? h : twin;
+      if (side < 0) continue;
+      const Vec3 tail = o.corner_weights[side], tip = o.corner_weights[next(side)],
+                 left = o.corner_weights[prev(side)];
+      o.face.push_back(o.face[side / 3]);
+      for (const Vec3& corner : {middle[i], tip, left}) o.corner_weights.push_back(corner);
+      o.corner_weights[next(side)] = middle[i];
+      if (is_on_edge(p)) continue;
+      o.face.push_back(o.face[side / 3]);
+      for (const Vec3& corner : {tail, tip, middle[i]}) o.corner_weights.push_back(corner);
+    }
+  }
+  return true;
+}
 
 /// Groups parts and lists edges, once all else is known.
 inline void index_parts(Origin& o) {
@@ -10723,7 +10517,7 @@ inline Origin same_origin(const SharedMesh& mesh) {
   o.triangles = mesh->triangles;
   for (int f = 0; f < mesh->triangles.rows(); ++f) {
     o.face.push_back(f);
-    for (int k = 0; k < 3; ++k) o.place.push_back(unit3(k));
+    for (int k = 0; k < 3; ++k) o.corner_weights.push_back(unit3(k));
   }
   for (int v = 0; v < mesh->vertices.rows(); ++v) o.vertex.push_back(v);
   index_parts(o);
@@ -10732,7 +10526,7 @@ inline Origin same_origin(const SharedMesh& mesh) {
 
 /// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
 /// side that was cut in two for a degenerate neighbour.
-inline Vec3 place_in_given(const Prepared& p, double unit, int corner) {
+inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
   if (given / 3 == f) return unit3(given % 3);
   const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
@@ -10747,7 +10541,7 @@ inline Origin origin_of(const Prepared& p) {
   const double unit = unit_scale(p.mesh->vertices);
   for (int i = 0; i < o.triangles.size(); ++i) {
     o.triangles.data()[i] = p.given->triangles.data()[p.given_corner.data()[i]];
-    o.place.push_back(place_in_given(p, unit, i));
+    o.corner_weights.push_back(weights_in_given(p, unit, i));
   }
   for (int f : p.given_triangle) o.face.push_back(f);
   for (int v : p.new_vertex) {
@@ -10766,115 +10560,56 @@ inline Origin origin_of(const Prepared& p) {
 /// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
 inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
-  if (added.empty() && embedded == p.mesh) return origin_of(p);
-  Refinement r;
-  const auto is_same_corner = [&](int v, int w) {
-    return w >= 0 && w < r.vertex.size() && r.vertex[w] == v;
-  };
-  if (p.problems.empty())
-    r.mesh = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
-  if (!p.problems.empty() || !add_again(added, r) || r.vertex.size() != embedded->vertices.rows() ||
-      r.mesh.n_faces != embedded->triangles.rows() ||
-      !std::equal(r.mesh.tail.begin(), r.mesh.tail.end(), embedded->triangles.data(),
-                  is_same_corner))
-    return same_origin(embedded);
+  if (!p.problems.empty()) return same_origin(embedded);
   Origin o = origin_of(p);
-  for (int v = static_cast<int>(p.given_vertex.size()); v < r.vertex.size(); ++v)
-    if (r.vertex[v] != v) o.copies.push_back({r.vertex[v], v});
+  if (added.empty() && embedded == p.mesh) return o;
+  HalfEdgeMesh m = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
+  Array<int> vertex;
+  const auto is_same_corner = [&](int v, int w) {
+    return w >= 0 && w < vertex.size() && vertex[w] == v;
+  };
+  if (!add_again(added, m, vertex, o) || vertex.size() != embedded->vertices.rows() ||
+      m.n_faces != embedded->triangles.rows() ||
+      !std::equal(m.tail.begin(), m.tail.end(), embedded->triangles.data(), is_same_corner))
+    return same_origin(embedded);
+  for (int v = static_cast<int>(p.given_vertex.size()); v < vertex.size(); ++v)
+    if (vertex[v] != v) o.copies.push_back({vertex[v], v});
   std::sort(o.copies.begin(), o.copies.end());
-  Array<Vec3> place(r.mesh.tail.size());
-  for (int h = 0; h < place.size(); ++h)
-    for (int k = 0; k < 3; ++k) place[h] += r.place[h][k] * o.place[3 * r.parent[h / 3] + k];
-  for (int& f : r.parent) f = o.face[f];
-  o.place.swap(place);
-  o.face.swap(r.parent);
   index_parts(o);
   return o;
 }
 
-// ---- curves ----
-
-/// A point as a point of every face it lies in: one, or those around its edge or vertex, also
-/// beyond a seam. As it was given, it comes first.
-inline Array<SurfacePoint> everywhere(const EmbeddedPair& pair, const SurfacePoint& p) {
-  const HalfEdgeMesh& m = pair.s.mesh;
-  Array<SurfacePoint> all(1, p);
-  const auto add = [&](int h, double tail, double tip) {
-    Vec3 weights;
-    weights[h % 3] = tail;
-    weights[next(h) % 3] = tip;
-    if (h / 3 != p.face) all.push_back(surface_point(h / 3, weights));
-  };
-  for (int k = 0; k < 3; ++k) {
-    if (p.barycentric[k] != 1) continue;
-    const int v = m.corner(p.face, k);
-    for (int copy : pair.copies_of(v)) m.for_each_outgoing(copy, [&](int h) { add(h, 1, 0); });
-    return all;
-  }
-  for (int k = 0; k < 3; ++k) {  // corner k does not count: the point is on the edge behind it
-    const int h = next(3 * p.face + k), beyond = pair.across[h];
-    if (p.barycentric[k] == 0 && beyond >= 0)
-      add(beyond, p.barycentric[next(h) % 3], p.barycentric[h % 3]);
-  }
-  return all;
-}
+// ---- paths ----
 
 /// The part of a segment of the plane in one triangle, from parameter s to t.
-struct CurvePart {
+struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
-  bool operator<(const CurvePart& o) const { return s < o.s; }
+  bool operator<(const SegmentPart& o) const { return s < o.s; }
 };
 
-/// Maps curves of one mesh to the other: straight in the plane, each segment is clipped by the
-/// triangles of the other mesh that the overlay knows to be there, and covered by the stretches
-/// that reach farthest. Triangles are taken a little larger than they are, so that neither rounding
-/// nor running along an edge tears a curve.
-class CurveMapper {
+/// Maps paths along edges of one mesh to the other: straight in the plane, each edge is clipped by
+/// the triangles that have a polygon beside it, and covered by the parts that reach farthest.
+/// Triangles are taken a little larger than they are, so that neither rounding nor running along an
+/// edge interrupts a path.
+class PathMapper {
  public:
-  explicit CurveMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
+  explicit PathMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
-  /// A path along edges of a mesh given.
-  std::vector<Polyline> map_path(const Origin& origin, int first_face,
-                                 const std::vector<int>& vertices) {
+  /// The image of a path along edges of a mesh given, whose first face in A ⊔ B is `first_face`.
+  std::vector<Polyline> map(const Origin& origin, int first_face,
+                            const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
       const Array<int> edge = origin.along(vertices[i], vertices[i + 1]);
-      if (edge.empty()) interrupt();
+      if (edge.empty()) is_open_ = false;
       for (int directed : edge) {
-        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed), t = m_.twin[h];
+        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed);
         const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
-        Array<int> faces(1, h / 3);
-        if (t >= 0) faces.push_back(t / 3);
-        add_segment(directed >= 0 ? tail : tip, directed >= 0 ? tip : tail, faces);
+        if (directed >= 0)
+          add_segment(tail, tip, parts_along(h, tail, tip));
+        else
+          add_segment(tip, tail, parts_along(h, tip, tail));
       }
-    }
-    return std::move(polylines_);
-  }
-
-  /// Points with a negative face are none.
-  std::vector<Polyline> map_curve(const Polyline& points) {
-    for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-      if (!is_valid(points[i]) || !is_valid(points[i + 1])) {
-        interrupt();
-        continue;
-      }
-      const Array<SurfacePoint> from = everywhere(pair_, points[i]);
-      const Array<SurfacePoint> to = everywhere(pair_, points[i + 1]);
-      int k = 0, l = 0;  // in one triangle, if there is one
-      for (int at_k = from.size() - 1; at_k >= 0; --at_k)
-        for (int at_l = to.size() - 1; at_l >= 0; --at_l)
-          if (from[at_k].face == to[at_l].face) k = at_k, l = at_l;
-      if (!pair_.are_in_one_part(from[k].face, to[l].face)) {
-        interrupt();
-        continue;
-      }
-      Array<int> faces;
-      for (const Array<SurfacePoint>* ends : {&from, &to})
-        for (const SurfacePoint& p : *ends)
-          if (pair_.are_in_one_part(p.face, from[k].face)) faces.push_back(p.face);
-      const Vec2 p = pair_.planar_position(from[k]), q = pair_.planar_position(to[l]);
-      if (from[k].face != to[l].face) add_faces_at_boundary(p, q, from[k].face, faces);
-      add_segment(p, q, faces);
     }
     return std::move(polylines_);
   }
@@ -10882,33 +10617,25 @@ class CurveMapper {
  private:
   static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
 
-  static bool is_valid(const SurfacePoint& s) {
-    return s.face >= 0 && std::isfinite(s.barycentric[0] + s.barycentric[1] + s.barycentric[2]);
+  /// What the edge pq of half-edge h passes through in the other mesh.
+  Array<SegmentPart> parts_along(int h, Vec2 p, Vec2 q) const {
+    Array<SegmentPart> parts;
+    for (int side : {h, m_.twin[h]}) {
+      if (side < 0) continue;
+      pair_.for_each_target(side / 3, [&](int target) {
+        SegmentPart part;
+        part.face = target;
+        if (clip(p, q, part)) parts.push_back(part);
+      });
+    }
+    std::sort(parts.begin(), parts.end());
+    return parts;
   }
 
-  void interrupt() { is_open_ = false; }
-
-  /// A segment that leaves the plane of a mesh may come back into it, where it meets a boundary.
-  void add_faces_at_boundary(Vec2 p, Vec2 q, int face, Array<int>& faces) const {
-    const bool of_a = face < pair_.s.faces_a;
-    const Vec2 d = q - p, slack = {kTouch * pair_.extent, kTouch * pair_.extent};
-    const auto meets = [&](Vec2 lo, Vec2 hi) {  // pq: along both axes, and across it
-      const Vec2 r = 0.5 * (hi - lo) + slack, c = hi + slack - r;
-      return boxes_meet(lower(p, q), upper(p, q), c - r, c + r) &&
-             std::abs(cross(d, c - p)) <= std::abs(d.x) * r.y + std::abs(d.y) * r.x;
-    };
-    const auto add = [&](int i) {
-      const int f = m_.boundary[of_a ? i : pair_.s.boundary_a + i] / 3;
-      if (pair_.are_in_one_part(f, face)) faces.push_back(f);
-      return false;
-    };
-    (of_a ? pair_.overlay.boundary_a : pair_.overlay.boundary_b).find(meets, add);
-  }
-
-  /// Narrows a stretch of pq to a triangle; false if nothing is left.
-  bool clip(Vec2 p, Vec2 q, int face, CurvePart& part) const {
+  /// Narrows a part of pq to its triangle; false if nothing is left.
+  bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
     constexpr double kRounding = 1e-14;  // of the size of the plane
-    for (int h = 3 * face; h < 3 * face + 3; ++h) {
+    for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
       const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
       const double slack = kRounding * pair_.extent * norm(edge);
       const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
@@ -10920,47 +10647,22 @@ class CurveMapper {
     return part.s <= part.t;
   }
 
-  /// Follows pq through the first mesh from some faces on, and collects what it passes through in
-  /// the second one.
-  Array<CurvePart> collect(Vec2 p, Vec2 q, Array<int>& faces) {
-    Array<CurvePart> stretches;
-    std::set<int> visited;
-    while (!faces.empty()) {
-      const int f = faces.back();
-      faces.pop_back();
-      CurvePart in_from;
-      if (!clip(p, q, f, in_from)) continue;
-      if (!visited.insert(f).second) continue;
-      pair_.for_each_target(f, [&](int target) {
-        CurvePart part = in_from;
-        part.face = target;
-        if (clip(p, q, target, part)) stretches.push_back(part);
-      });
-      for (int h = 3 * f; h < 3 * f + 3; ++h)
-        if (m_.twin[h] >= 0) faces.push_back(m_.twin[h] / 3);
-    }
-    std::sort(stretches.begin(), stretches.end());
-    return stretches;
-  }
-
-  void add_segment(Vec2 p, Vec2 q, Array<int>& faces) {
-    if (p == q) return;
-    const Array<CurvePart> stretches = collect(p, q, faces);
+  void add_segment(Vec2 p, Vec2 q, const Array<SegmentPart>& parts) {
     double at = 0;
-    for (int next = 0; next < stretches.size();) {
-      CurvePart best;
+    for (int next = 0; next < parts.size();) {
+      SegmentPart best;
       best.t = at;
-      for (; next < stretches.size() && stretches[next].s <= at + kTouch; ++next)
-        if (stretches[next].t > best.t) best = stretches[next];
+      for (; next < parts.size() && parts[next].s <= at + kTouch; ++next)
+        if (parts[next].t > best.t) best = parts[next];
       if (best.t > at + kTouch) {
         append(p, q, best.face, at, best.t);
         at = best.t;
-      } else if (next < stretches.size()) {
-        interrupt();
-        at = stretches[next].s;
+      } else if (next < parts.size()) {
+        is_open_ = false;
+        at = parts[next].s;
       }
     }
-    if (at < 1 - kTouch) interrupt();
+    if (at < 1 - kTouch) is_open_ = false;
   }
 
   void append(Vec2 p, Vec2 q, int face, double s, double t) {
@@ -10968,7 +10670,7 @@ class CurveMapper {
       return closest_in_face(m_, pair_.x, face, p + r * (q - p));
     };
     if (is_open_)
-      polylines_.back().pop_back();  // its last point is the first of this stretch
+      polylines_.back().pop_back();  // its last point is the first of this part
     else
       polylines_.emplace_back();
     polylines_.back().push_back(point(s));
@@ -10983,6 +10685,12 @@ class CurveMapper {
 };
 
 // ---- what a SurfaceMap holds ----
+
+inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
+  Vec3 sum;
+  for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
+  return sum;
+}
 
 struct MapData : Outcome {                                 // kDone if the pair is there
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
@@ -11005,13 +10713,10 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   /// And back.
   SurfacePoint own(SurfacePoint p) const {
+    if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
     p.face -= first_face(side);
     return origin(side).to_given(p);
-  }
-  MappedPoint own(MappedPoint image) const {
-    if (image.covered) image.point = own(image.point);
-    return image;
   }
   std::vector<Polyline> own(std::vector<Polyline> polylines) const {
     for (Polyline& polyline : polylines)
@@ -11019,25 +10724,25 @@ struct MapData : Outcome {                                 // kDone if the pair 
     return polylines;
   }
 
-  MappedPoint map(const SurfacePoint& point, Side from) const {
+  SurfacePoint map(const SurfacePoint& point, Side from) const {
     const SurfacePoint p = joint(point, from);
-    return p.face < 0 ? MappedPoint() : own(pair.map(p));
+    return p.exists() ? own(pair.map(p)) : p;
   }
 
-  MappedPoint map_vertex(int given, Side from) const {
+  SurfacePoint map_vertex(int given, Side from) const {
     const Array<int>& vertex = origin(from).vertex;
     const int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
     if (v < 0) return {};
-    MappedPoint image = pair.map_vertex(first_vertex(from) + v);
+    SurfacePoint image = pair.map_vertex(first_vertex(from) + v);
     const Array<std::array<int, 2>>& copies = origin(from).copies;
     const auto* copy = std::lower_bound(copies.begin(), copies.end(), std::array<int, 2>{v, -1});
-    for (; copy != copies.end() && (*copy)[0] == v && !image.covered; ++copy)
+    for (; copy != copies.end() && (*copy)[0] == v && !image.exists(); ++copy)
       image = pair.map_vertex(first_vertex(from) + (*copy)[1]);
     return own(image);
   }
 
-  std::vector<MappedPoint> map_vertices(Side from) const {
-    std::vector<MappedPoint> images;
+  std::vector<SurfacePoint> map_vertices(Side from) const {
+    std::vector<SurfacePoint> images;
     for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
       images.push_back(map_vertex(v, from));
     return images;
@@ -11045,30 +10750,15 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   std::vector<Polyline> map_path(const std::vector<int>& vertices, Side from) const {
     if (!ok()) return {};
-    return own(CurveMapper(pair).map_path(origin(from), first_face(from), vertices));
-  }
-
-  std::vector<Polyline> map_curve(Polyline points, Side from) const {
-    if (!ok()) return {};
-    for (SurfacePoint& p : points) p = joint(p, from);
-    return own(CurveMapper(pair).map_curve(points));
-  }
-
-  /// Where a point lies in space.
-  Vec3 position(const SurfacePoint& p, Side side) const {
-    const TriangleMesh& m = mesh(side);
-    Vec3 sum;
-    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
-    return sum;
+    return own(PathMapper(pair).map(origin(from), first_face(from), vertices));
   }
 
   Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
     const TriangleMesh& m = *origin(side).given;
     if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
       return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-    Vec3 sum;
-    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
-    return to_eigen(sum);
+    const Vec3 x = position_in_space(m, p);
+    return {x.x, x.y, x.z};
   }
 };
 
@@ -11083,9 +10773,19 @@ class MetaMeshBuilder {
     MetaMesh mesh;
     mesh.a = data_.a;
     mesh.b = data_.b;
-    for (const OverlayPolygon& p : data_.pair.overlay.polygons) add_polygon(p);
+    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
+      add_corners(p);
+      mesh.face_a.push_back(p.ta);
+      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
+      mesh.offsets.push_back(corners_.size());
+    }
+    mesh.corner_a.resize(corners_.size(), 3);
+    mesh.corner_b.resize(corners_.size(), 3);
+    for (int i = 0; i < corners_.size(); ++i) {
+      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
+      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
+    }
     set_vertices(mesh);
-    set_corners(mesh);
     return mesh;
   }
 
@@ -11096,58 +10796,40 @@ class MetaMeshBuilder {
   };
 
   /// The first corner with a key stands for its vertex.
-  void set_vertices(MetaMesh& mesh) {
+  void set_vertices(MetaMesh& mesh) const {
     Array<int> order(corners_.size()), first;
     for (int i = 0; i < order.size(); ++i) order[i] = i;
-    std::sort(order.begin(), order.end(), [&](int i, int j) {
-      const CornerKey &k = corners_[i].key, &l = corners_[j].key;
-      return k < l || (!(l < k) && i < j);
-    });
-    id_.resize(corners_.size());
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int i, int j) { return corners_[i].key < corners_[j].key; });
+    mesh.corners.resize(static_cast<std::size_t>(order.size()));
     for (int i : order) {
-      if (first.empty() || corners_[first.back()].key < corners_[i].key) first.push_back(i);
-      id_[i] = first.size() - 1;
+      if (first.empty() || corners_[first.back()].key != corners_[i].key) first.push_back(i);
+      mesh.corners.data()[i] = first.size() - 1;
     }
     mesh.on_a.resize(first.size(), 3);
     mesh.on_b.resize(first.size(), 3);
     mesh.plane.resize(first.size(), 2);
     for (int v = 0; v < first.size(); ++v) {
       const Corner& c = corners_[first[v]];
-      set_row(mesh.on_a, v, data_.position(c.on_a, Side::kA));
-      set_row(mesh.on_b, v, data_.position(c.on_b, Side::kB));
+      set_row(mesh.on_a, v, position_in_space(*data_.a, c.on_a));
+      set_row(mesh.on_b, v, position_in_space(*data_.b, c.on_b));
       set_row(mesh.plane, v, data_.pair.planar_position(c.on_a));
     }
   }
 
-  void set_corners(MetaMesh& mesh) const {
-    mesh.corner_a.resize(corners_.size(), 3);
-    mesh.corner_b.resize(corners_.size(), 3);
-    for (int i = 0; i < corners_.size(); ++i) {
-      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
-      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
-    }
-    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
-      mesh.face_a.push_back(p.ta);
-      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
-    }
-    for (int id : id_) mesh.corners.push_back(id);
-    for (int end : ends_) mesh.offsets.push_back(end);
-  }
-
   static Vec3 on_edge(int k, double t) { return (1 - t) * unit3(k) + t * unit3((k + 1) % 3); }
 
-  void add_polygon(const OverlayPolygon& p) {
+  void add_corners(const OverlayPolygon& p) {
     const EmbeddedPair& pair = data_.pair;
     for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
       const CornerKey key = pair.corner_key(p, i);
-      if (!(key != pair.corner_key(p, last))) continue;  // at the seam
+      if (key == pair.corner_key(p, last)) continue;  // at the seam
       const int e = p.piece(last), after = p.piece(i);
       Corner c = same_triangle(e, after)
                      ? vertex(p, after)
                      : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
-      if (key.kind == 2) {
-        const int k = pair.corner_on_seam(p.ta, key.first),
-                  l = pair.corner_on_seam(p.tb, key.first);
+      if (key[0] == kOnSeam) {
+        const int k = pair.corner_on_seam(p.ta, key[1]), l = pair.corner_on_seam(p.tb, key[1]);
         if (k >= 0) c.on_a = surface_point(p.ta, unit3(k));
         if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
       }
@@ -11155,7 +10837,6 @@ class MetaMeshBuilder {
       c.on_b.face -= pair.s.faces_a;
       corners_.push_back(c);
     }
-    ends_.push_back(corners_.size());
   }
 
   Corner vertex(const OverlayPolygon& p, int e) const {
@@ -11172,7 +10853,7 @@ class MetaMeshBuilder {
   Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
     const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
-    const int h = first_of(on_a), g = first_of(on_b);
+    const int h = data_.pair.first_half_edge(on_a), g = data_.pair.first_half_edge(on_b);
     const Vec2 u = row2(x, m_.tail[h]), c = row2(x, m_.tail[g]);
     const Crossing at = detail::crossing(u, row2(x, m_.tip(h)) - u, c, row2(x, m_.tip(g)) - c);
     return {{},
@@ -11180,13 +10861,9 @@ class MetaMeshBuilder {
             surface_point(p.tb, on_edge(edge_b, on_b == g ? at.mu : 1 - at.mu))};
   }
 
-  int first_of(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
-
   const MapData& data_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
-  Array<int> ends_;  // per polygon, of its corners
-  Array<int> id_;    // of every corner, that of its vertex
 };
 
 /// Triangles and corners of one side of a meta mesh, as those of the mesh given.
@@ -11255,81 +10932,6 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
   return result;
 }
 
-// ---- openings ----
-
-/// The insides of all openings of one side as a mesh of their own.
-struct OpeningInsides {
-  std::vector<Opening> openings;
-  Array<int> at;       // per vertex of A ⊔ B, the opening that it is at, or -1
-  Array<int> opening;  // per triangle
-  Surface surface;
-  Points2 x;
-};
-
-inline OpeningInsides insides_of_openings(const EmbeddedPair& pair, Side side) {
-  const HalfEdgeMesh& m = pair.s.mesh;
-  const int part = side == Side::kA ? 0 : 1;
-  OpeningInsides insides;
-  insides.at.assign(m.n_vertices, -1);
-  if (pair.is_closed()) return insides;
-  Scaffold none;
-  none.n_vertices = m.n_vertices;
-  Array<int> corners, vertices;
-  for (int loop = m.component[part]; loop < m.component[part + 1]; ++loop) {
-    if (runs_counter_clockwise(m, pair.x, loop)) continue;
-    const Array<int> ring = around_opening(m, loop);
-    for (int v : EarClipper(none, pair.x, ring).run()) corners.push_back(v);
-    while (insides.opening.size() < corners.size() / 3)
-      insides.opening.push_back(static_cast<int>(insides.openings.size()));
-    for (int v : ring) {
-      insides.at[v] = static_cast<int>(insides.openings.size());
-      vertices.push_back(v);
-    }
-    insides.openings.push_back({side, -1, ring.size(), 0});
-  }
-  std::sort(vertices.begin(), vertices.end());
-  Points3 flat(vertices.size(), 3);
-  insides.x.resize(vertices.size(), 2);
-  for (int i = 0; i < vertices.size(); ++i) {
-    const Vec2 p = row2(pair.x, vertices[i]);
-    set_row(insides.x, i, p);
-    set_row(flat, i, Vec3{p.x, p.y, 0});
-  }
-  for (int& v : corners)
-    v = static_cast<int>(std::lower_bound(vertices.begin(), vertices.end(), v) - vertices.begin());
-  insides.surface =
-      build_surface(build_half_edges(vertices.size(), triangles_from(corners)), flat, true);
-  return insides;
-}
-
-/// How much of the other surface lies over the openings of one side.
-inline std::vector<Opening> openings_of(const MapData& data, Side side) {
-  if (!data.ok()) return {};
-  OpeningInsides insides = insides_of_openings(data.pair, side);
-  if (insides.openings.empty()) return {};
-  const bool of_a = side == Side::kA;
-  const Array<int>& vertex = data.origin(side).vertex;
-  for (int v = vertex.size() - 1; v >= 0; --v) {
-    const int at = vertex[v] < 0 ? -1 : insides.at[data.first_vertex(side) + vertex[v]];
-    if (at >= 0) insides.openings[static_cast<std::size_t>(at)].vertex = v;
-  }
-  const JointSurface& s = data.pair.s;
-  const Points2 x_other = of_a ? rows_between(data.pair.x, s.n_a, s.mesh.n_vertices)
-                               : rows_between(data.pair.x, 0, s.n_a);
-  const EmbeddedPair over(join({build_surface(data.mesh(other(side)), false), insides.surface}),
-                          stacked(x_other, insides.x));
-  for (const OverlayPolygon& p : over.overlay.polygons) {
-    const SixPoints x = six_points(over.s.mesh, over.x, p);
-    const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
-    const int opening = insides.opening[p.tb - over.s.faces_a];
-    const double on_surface = area / triangle_map(over.s, over.x, p.ta, 1).determinant;
-    double& covered = insides.openings[static_cast<std::size_t>(opening)].over;
-    covered += (std::min)(on_surface, over.s.area[p.ta]) / over.s.area_a;  // rounded, where thin
-    covered = (std::min)(covered, 1.0);
-  }
-  return insides.openings;
-}
-
 }  // namespace detail
 
 Status SurfaceMap::status() const { return data_->status; }
@@ -11342,19 +10944,19 @@ Points2 SurfaceMap::planar_positions(Side side) const {
   return side == Side::kA ? detail::rows_between(data_->pair.x, 0, n_a)
                           : detail::rows_between(data_->pair.x, n_a, n);
 }
-bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
-MappedPoint SurfaceMap::forward(const SurfacePoint& on_a) const {
+bool SurfaceMap::is_closed() const { return data_->pair.is_closed; }
+SurfacePoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
-MappedPoint SurfaceMap::backward(const SurfacePoint& on_b) const {
+SurfacePoint SurfaceMap::backward(const SurfacePoint& on_b) const {
   return data_->map(on_b, Side::kB);
 }
-MappedPoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
-MappedPoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
-std::vector<MappedPoint> SurfaceMap::forward_vertices() const {
+SurfacePoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
+SurfacePoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
+std::vector<SurfacePoint> SurfaceMap::forward_vertices() const {
   return data_->map_vertices(Side::kA);
 }
-std::vector<MappedPoint> SurfaceMap::backward_vertices() const {
+std::vector<SurfacePoint> SurfaceMap::backward_vertices() const {
   return data_->map_vertices(Side::kB);
 }
 std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
@@ -11362,12 +10964,6 @@ std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices)
 }
 std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
   return data_->map_path(vertices, Side::kB);
-}
-std::vector<Polyline> SurfaceMap::forward_curve(const Polyline& points) const {
-  return data_->map_curve(points, Side::kA);
-}
-std::vector<Polyline> SurfaceMap::backward_curve(const Polyline& points) const {
-  return data_->map_curve(points, Side::kB);
 }
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kA);
@@ -11384,13 +10980,6 @@ MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
 }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
-}
-
-std::vector<Opening> SurfaceMap::openings() const {
-  std::vector<Opening> all;
-  for (Side side : {Side::kA, Side::kB})
-    for (const Opening& o : detail::openings_of(*data_, side)) all.push_back(o);
-  return all;
 }
 
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
@@ -11472,14 +11061,15 @@ class CoarseToFine {
 
   /// `x`: the embeddings of both surfaces.
   CoarseToFine(const SurfacePair& pair, const JointSurface& s, const Points2& x,
-               const Array<Follower>& followers, const Options& options, const Executor& executor)
+               const Array<Follower>& followers, const RunOptions& options,
+               const Executor& executor)
       : pair_(pair),
         s_(s),
         x_(x),
         followers_(followers),
         options_(options),
         executor_(executor),
-        depth_(depth_of(s, options.tuning.coarsest)) {
+        depth_(depth_of(s, options.coarsest)) {
     options_.max_iterations = 500;
     options_.initial_f.resize(0, 2);
     options_.initial_g.resize(0, 2);
@@ -11494,11 +11084,11 @@ class CoarseToFine {
   }
 
   /// True if the surfaces have enough vertices for a coarse level.
-  static bool has_levels(const JointSurface& s, const Options& options) {
-    return depth_of(s, options.tuning.coarsest) > 0;
+  static bool has_levels(const JointSurface& s, const RunOptions& options) {
+    return depth_of(s, options.coarsest) > 0;
   }
 
-  const std::vector<CoarseLevel>& levels() const { return levels_; }
+  const std::vector<IterationLog>& levels() const { return levels_; }
   int level() const { return level_; }
 
   /// By how much E fell on the coarsest level, from the embedding on. What returns makes E rise,
@@ -11507,7 +11097,7 @@ class CoarseToFine {
 
   /// The map so far on the surfaces given, or the embedding if there is none.
   Points2 positions() const {
-    if (!a_ || levels_.front().iterations == 0) return x_;
+    if (!a_ || levels_.front().iteration == 0) return x_;
     Hierarchy a = *a_, b = *b_;
     if (optimizer_) take_positions(a, b);
     for (Hierarchy* h : {&a, &b})
@@ -11525,7 +11115,7 @@ class CoarseToFine {
     JointSurface s;
     Points2 x;
     Array<Follower> followers;
-    Options options;
+    RunOptions options;
   };
 
   /// How many times the number of vertices can be divided.
@@ -11539,12 +11129,12 @@ class CoarseToFine {
   /// How many of n vertices a coarse level should have; level 0 is the finest.
   int vertices_of(int n, int level) const {
     for (int i = 0; i < level; ++i) n /= kRatio;
-    return (std::max)(n, options_.tuning.coarsest);
+    return (std::max)(n, options_.coarsest);
   }
 
   bool decimate() {
     constexpr double kWorthwhile = 0.75;  // of the vertices may be left
-    executor_.tell(Phase::kOptimization, 0, {"decimating both surfaces"}, nullptr);
+    executor_.tell(false, 0, {"decimating both surfaces"}, nullptr);
     const auto hierarchy = [&](const Surface& s, Side side, int first) {
       const int n = s.mesh.n_vertices;
       return std::make_unique<Hierarchy>(s, side, protected_vertices(first, n),
@@ -11610,29 +11200,25 @@ class CoarseToFine {
       optimizer_->keep_covered(rules_);
       optimizer_->lower_omega(kNextOmega);
     }
-    levels_.push_back({here_.a.vertex.size(), here_.b.vertex.size(), 0, 0, 0});
+    levels_.push_back(log_.log_begin);
     return log_.status == Status::kUnfinished;
   }
 
   bool optimize() {
-    CoarseLevel& level = levels_.back();
-    Timer timer;
     const bool has_more = optimizer_->iterate(log_);
-    level.iterations = static_cast<int>(log_.log.size());
-    level.mean_distortion = log_.final_state().mean_distortion;
-    level.seconds += timer.lap();
+    levels_.back() = log_.final_state();
     tell({"optimising a coarse map, ", here_.s.mesh.n_vertices, " vertices"});
     if (has_more || executor_.is_stopped()) return true;
     if (level_ == depth_) gain_ = log_.initial.energy - log_.final_state().energy;
     take_positions(*a_, *b_);
     optimizer_.reset();
-    return level.iterations > 0;
+    return !log_.log.empty();
   }
 
   void tell(Words what) const {
     constexpr double kShare = 0.2;  // of the optimisation
     const double done = depth_ - level_ + (optimizer_ ? optimizer_->fraction(log_) : 1);
-    executor_.tell(Phase::kOptimization, kShare * done / depth_, what, nullptr);
+    executor_.tell(false, kShare * done / depth_, what, nullptr);
   }
 
   void take_positions(Hierarchy& a, Hierarchy& b) const {
@@ -11688,13 +11274,13 @@ class CoarseToFine {
     Array<Spring> springs;
     const EmbeddedPair pair(level.s, level.x);
     const auto tie = [&](int v) {
-      const MappedPoint image = pair.map_vertex(v);
-      if (!image.covered) return;
+      const SurfacePoint image = pair.map_vertex(v);
+      if (!image.exists()) return;
       Place on, here;
       here.corners[0] = v;
       here.weights[0] = 1;
-      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.point.face, k);
-      on.weights = image.point.barycentric;
+      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.face, k);
+      on.weights = image.barycentric;
       add_springs(here, on, kStiffness, springs);
     };
     for (int v : here_.a.vertex) tie(level.a.place[v]);
@@ -11706,7 +11292,7 @@ class CoarseToFine {
   const JointSurface& s_;
   Points2 x_;
   const Array<Follower>& followers_;
-  Options options_;  // of all levels
+  RunOptions options_;  // of all levels
   const Executor& executor_;
   const int depth_;  // how many coarse levels there are
   int level_ = 0;    // the one the hierarchies are at, depth_ is the coarsest
@@ -11716,7 +11302,7 @@ class CoarseToFine {
   std::unique_ptr<FlatNewton> newton_;    // and on the way to the next one
   StepRules rules_;                       // of the coarsest level
   Result log_;
-  std::vector<CoarseLevel> levels_;
+  std::vector<IterationLog> levels_;
   double gain_ = 0;
 };
 
@@ -11727,7 +11313,7 @@ class CoarseToFine {
 // Purpose:    attributes carried between the surfaces, remeshing.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
 //             exactly; what one mesh gives to the meta mesh it gets back.
-// Fails:      with a status where attributes do not fit a mesh.
+// Fails:      by no rows where attributes do not fit a mesh.
 
 namespace detail {
 
@@ -11756,170 +11342,153 @@ inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) 
 }
 
 /// An entry of a Transfer.
-struct Share {
+struct Triplet {
   int row, source;
   double weight;
-  bool operator<(const Share& o) const { return row != o.row ? row < o.row : source < o.source; }
+  bool operator<(const Triplet& o) const { return row != o.row ? row < o.row : source < o.source; }
 };
 
-/// The sum of some shares, in an order of its own.
-inline Transfer transfer_of(int rows, int n_sources, Array<Share> shares) {
-  std::stable_sort(shares.begin(), shares.end());
+/// The matrix of some triplets; those of one row and source are added in their order.
+inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
+  std::stable_sort(triplets.begin(), triplets.end());
   Transfer result;
   result.n_sources = n_sources;
   for (int i = 0, row = 0; row < rows; ++row) {
-    for (; i < shares.size() && shares[i].row == row; ++i)
-      if (i > 0 && !(shares[i - 1] < shares[i])) {
-        result.weights.back() += shares[i].weight;
+    for (; i < triplets.size() && triplets[i].row == row; ++i)
+      if (i > 0 && !(triplets[i - 1] < triplets[i])) {
+        result.weights.back() += triplets[i].weight;
       } else {
-        result.sources.push_back(shares[i].source);
-        result.weights.push_back(shares[i].weight);
+        result.sources.push_back(triplets[i].source);
+        result.weights.push_back(triplets[i].weight);
       }
     result.offsets.push_back(static_cast<int>(result.sources.size()));
   }
   return result;
 }
 
-/// First one, then the other.
-inline Transfer composed(const Transfer& second, const Transfer& first) {
-  Array<Share> shares;
+/// The product of two matrices: what applies `first`, then `second`.
+inline Transfer product(const Transfer& second, const Transfer& first) {
+  Array<Triplet> triplets;
   for (int row = 0; row < second.rows(); ++row)
     for (int i = second.offsets.data()[row]; i < second.offsets.data()[row + 1]; ++i) {
       const int* begin = first.offsets.data() + second.sources.data()[i];
       for (int k = begin[0]; k < begin[1]; ++k)
-        shares.push_back(
+        triplets.push_back(
             {row, first.sources.data()[k], second.weights.data()[i] * first.weights.data()[k]});
     }
-  return transfer_of(second.rows(), first.n_sources, std::move(shares));
+  return transfer_of(second.rows(), first.n_sources, std::move(triplets));
 }
 
 /// What a place in a face, in barycentric coordinates, has of the attributes of elements.
-inline void share_place(const TriangleMesh& mesh, Element element, int f, const Vec3& place,
-                        int row, Array<Share>& shares) {
-  if (element == Element::kFace) return shares.push_back({row, f, 1});
+inline void add_point(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
+                      Array<Triplet>& triplets) {
+  if (element == Element::kFace) return triplets.push_back({row, f, 1});
   for (int k = 0; k < 3; ++k)
-    if (place[k] != 0) shares.push_back({row, element_row(mesh, element, f, k), place[k]});
+    if (place[k] != 0) triplets.push_back({row, element_row(mesh, element, f, k), place[k]});
 }
 
 /// Makes the weights of every row add up to 1.
-inline void average(int rows, Array<Share>& shares) {
+inline void normalize_rows(int rows, Array<Triplet>& triplets) {
   Array<double> total(rows, 0);
-  for (const Share& share : shares) total[share.row] += share.weight;
-  for (Share& share : shares) share.weight /= total[share.row];
+  for (const Triplet& triplet : triplets) total[triplet.row] += triplet.weight;
+  for (Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
 }
 
 /// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
-inline void share_corners(const MetaSide& side, Element element, int f, int first, int last,
-                          Array<Share>& shares) {
+inline void add_corners(const MetaSide& side, Element element, int f, int first, int last,
+                        Array<Triplet>& triplets) {
   for (int c = first; c < last; ++c)
     for (int k = 0; k < 3; ++k)
       if (side.corner(c, k) == 1) {
         const int row = element_row(side.mesh, element, f, k);
         const bool has_copies = element == Element::kVertex && !side.same.empty();
-        shares.push_back({has_copies ? side.same.data()[row] : row, c, 1});
+        triplets.push_back({has_copies ? side.same.data()[row] : row, c, 1});
       }
 }
 
 /// Gives every vertex the row of the one that it is the same as.
 inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
-  Array<Share> shares;
+  Array<Triplet> triplets;
   for (int v = 0; v < rows.rows(); ++v)
-    if (same.data()[v] >= 0) shares.push_back({v, same.data()[v], 1});
-  return composed(transfer_of(rows.rows(), rows.rows(), std::move(shares)), rows);
+    if (same.data()[v] >= 0) triplets.push_back({v, same.data()[v], 1});
+  return product(transfer_of(rows.rows(), rows.rows(), std::move(triplets)), rows);
 }
 
 /// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
-inline void share_integral(const MetaSide& side, int f, int first, int last, Array<Share>& shares) {
+inline void add_integral(const MetaSide& side, int f, int first, int last,
+                         Array<Triplet>& triplets) {
   const auto point = [&](int c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
   for (int c = first + 1; c + 1 < last; ++c) {
     const double area = cross(point(c) - point(first), point(c + 1) - point(first));
     if (!(area > 0)) continue;
-    for (int corner : {first, c, c + 1}) shares.push_back({f, corner, area / 3});
+    for (int corner : {first, c, c + 1}) triplets.push_back({f, corner, area / 3});
   }
 }
 
 }  // namespace detail
 
-Attributes Transfer::apply(const Values& values) const {
-  Attributes result;
+Values Transfer::apply(const Values& values) const {
   const int columns = static_cast<int>(values.cols());
   const std::ptrdiff_t stride = columns * std::ptrdiff_t{sizeof(double)};
-  Values filled = Values::Zero(rows(), columns);
-  static_cast<Outcome&>(result) =
-      apply(values.data(), values.rows(), stride, columns, filled.data(), rows(), stride);
-  if (result.status != Status::kDone) return result;
-  result.values.swap(filled);
-  for (int i = 0; i < rows(); ++i) result.covered.push_back(covers(i));
+  Values result = Values::Zero(rows(), columns);
+  if (!apply(values.data(), values.rows(), stride, columns, result.data(), rows(), stride))
+    result.resize(0, columns);
   return result;
-}
-
-Outcome Transfer::check(std::ptrdiff_t n_values, std::ptrdiff_t n_results) const {
-  Outcome outcome = *this;
-  const bool fits = n_values == n_sources;
-  if (status == Status::kDone && !(fits && n_results == rows()))
-    detail::fail(outcome, Status::kInvalidAttributes,
-                 {fits ? "the result has " : "the attributes have ",
-                  std::to_string(fits ? n_results : n_values), " rows, but ",
-                  fits ? rows() : n_sources, " are needed"});
-  return outcome;
 }
 
 Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
-  detail::Array<detail::Share> shares;
+  detail::Array<detail::Triplet> triplets;
   for (int p = 0; p < meta.n_polygons(); ++p)
     for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c)
-      detail::share_place(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, shares);
+      detail::add_point(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, triplets);
   return detail::transfer_of(static_cast<int>(s.corner.rows()),
-                             detail::element_count(s.mesh, element), std::move(shares));
+                             detail::element_count(s.mesh, element), std::move(triplets));
 }
 
 Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
   const int rows = detail::element_count(s.mesh, element);
-  detail::Array<detail::Share> shares;
+  detail::Array<detail::Triplet> triplets;
   for (int p = 0; p < meta.n_polygons(); ++p) {
     const int f = s.face.data()[p], first = meta.offsets.data()[p];
     const int last = meta.offsets.data()[p + 1];
     if (element == Element::kFace)
-      detail::share_integral(s, f, first, last, shares);
+      detail::add_integral(s, f, first, last, triplets);
     else
-      detail::share_corners(s, element, f, first, last, shares);
+      detail::add_corners(s, element, f, first, last, triplets);
   }
-  detail::average(rows, shares);
-  Transfer result = detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(shares));
+  detail::normalize_rows(rows, triplets);
+  Transfer result =
+      detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(triplets));
   const bool has_copies = element == Element::kVertex && !s.same.empty();
   return has_copies ? detail::for_copies(result, s.same) : result;
 }
 
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target) {
-  return detail::composed(from_meta(meta, detail::other(from), target),
-                          to_meta(meta, from, element));
+  return detail::product(from_meta(meta, detail::other(from), target),
+                         to_meta(meta, from, element));
 }
 
-Remesh remesh(const SurfaceMap& map, Side side) {
+TriangleMesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const detail::Origin& origin = data.origin(side);
-  Remesh result;
-  result.mesh.vertices = Points3::Zero(origin.given->vertices.rows(), 3);
-  const std::vector<MappedPoint> images = data.map_vertices(side);
-  Eigen::Vector3d first = {0, 0, 0};  // image
-  for (std::size_t v = images.size(); v-- > 0;)
-    if (images[v].covered) first = data.position_of_given(images[v].point, detail::other(side));
-  for (const MappedPoint& image : images) {
-    const auto v = static_cast<Eigen::Index>(result.covered.size());
-    result.covered.push_back(image.covered);
-    result.mesh.vertices.row(v) =
-        image.covered ? data.position_of_given(image.point, detail::other(side)) : first;
-  }
+  const Side other = detail::other(side);
+  const Triangles& triangles = data.origin(side).triangles;
+  const std::vector<SurfacePoint> images = data.map_vertices(side);
+  const auto exists = [](const SurfacePoint& p) { return p.exists(); };
+  const auto first = std::find_if(images.begin(), images.end(), exists);
+  TriangleMesh result;
+  result.vertices = Points3::Zero(static_cast<Eigen::Index>(images.size()), 3);
+  for (std::size_t v = 0; v < images.size() && first != images.end(); ++v)
+    result.vertices.row(static_cast<Eigen::Index>(v)) =
+        data.position_of_given(exists(images[v]) ? images[v] : *first, other);
   detail::Array<int> corners;
-  for (int f = 0; f < origin.triangles.rows(); ++f) {
-    bool is_covered = true;
-    for (int k = 0; k < 3; ++k)
-      is_covered = is_covered && result.covered.data()[origin.triangles(f, k)] != 0;
-    for (int k = 0; k < 3 && is_covered; ++k) corners.push_back(origin.triangles(f, k));
+  for (int f = 0; f < triangles.rows(); ++f) {
+    const int* const corner = triangles.data() + 3 * std::ptrdiff_t{f};
+    if (std::all_of(corner, corner + 3, [&](int v) { return exists(images.data()[v]); }))
+      for (int k = 0; k < 3; ++k) corners.push_back(corner[k]);
   }
-  result.mesh.triangles = detail::triangles_from(corners);
+  result.triangles = detail::triangles_from(corners);
   return result;
 }
 
@@ -12670,10 +12239,10 @@ inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>&
 
 /// Holds a vertex where it is on the other surface; false if it is not there.
 inline bool add_pin(const EmbeddedPair& pair, int row, Array<Follower>& followers) {
-  const MappedPoint image = pair.map_vertex(row);
-  if (image.covered)
-    followers.push_back(follower_in(pair.s.mesh, row, image.point.face, weights_of(image.point)));
-  return image.covered;
+  const SurfacePoint image = pair.map_vertex(row);
+  if (image.exists())
+    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image)));
+  return image.exists();
 }
 
 /// Vertices of two surfaces that are held on the other one.
@@ -12686,7 +12255,7 @@ struct Held {
 class Closer {
  public:
   Closer(const SurfacePair& closed, const SurfacePair& open, const Array<PlacedLandmark>& landmarks,
-         const Held& held, const Options& options, const Executor& executor)
+         const Held& held, const RunOptions& options, const Executor& executor)
       : closed_(closed),
         open_(open),
         landmarks_(landmarks),
@@ -13033,7 +12602,7 @@ class Closer {
   const SurfacePair &closed_, &open_;
   const Array<PlacedLandmark>& landmarks_;
   const Held& held_;
-  Options options_;
+  RunOptions options_;
   const Executor& executor_;
   EmbeddedPair pair_;  // the surfaces that are open
   int tried_ = 0;      // seams
@@ -13110,16 +12679,12 @@ class ExactSum {
 
   static Digits digits_of(double x) {
     int exponent;
-    const std::int64_t n = static_cast<std::int64_t>(std::ldexp(std::frexp(x, &exponent), 53));
-    const std::uint64_t bits = static_cast<std::uint64_t>(n < 0 ? -n : n), mask = kMask;
-    const int place = exponent - 53 - kLeastExponent, shift = place % 24;
-    const std::uint64_t rest = bits >> (24 - shift);
-    Digits d = {place / 24, {}};
-    const std::uint64_t digit[4] = {(bits << shift) & mask, rest & mask, (rest >> 24) & mask,
-                                    rest >> 48};
-    for (int i = 0; i < 4; ++i)
-      d.digit[i] =
-          n < 0 ? -static_cast<std::int64_t>(digit[i]) : static_cast<std::int64_t>(digit[i]);
+    const double fraction = std::frexp(x, &exponent);  // of 53 bits: three digits, or parts of four
+    const int place = exponent - kLeastExponent;
+    double rest = std::ldexp(fraction, place % 24);
+    Digits d = {place / 24 - 3, {}};
+    for (int i = 4; i-- > 0; rest = std::ldexp(rest - std::trunc(rest), 24))
+      d.digit[i] = static_cast<std::int64_t>(rest);
     return d;
   }
 
@@ -13139,20 +12704,20 @@ inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
 
 inline bool comes_before(Vec2 p, Vec2 q) { return p.x < q.x || (p.x == q.x && p.y < q.y); }
 
-/// A side of a triangle or of a polygon, from u to v.
-struct DirectedSide {
+/// An edge of a triangle or of a polygon, from u to v.
+struct DirectedEdge {
   int u, v, of;
-  bool operator<(const DirectedSide& o) const { return u != o.u ? u < o.u : v < o.v; }
+  bool operator<(const DirectedEdge& o) const { return u != o.u ? u < o.u : v < o.v; }
 };
 
 /// Sides by their ends; finds those without a partner in the other direction. False if one is there
 /// twice, in one direction: `twice` is its polygon.
-inline bool match_sides(Array<DirectedSide>& sides, Array<DirectedSide>& single, int& twice) {
+inline bool match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single, int& twice) {
   std::sort(sides.begin(), sides.end());
   for (int i = 0; i + 1 < sides.size(); ++i)
     if (!(sides[i] < sides[i + 1])) return twice = sides[i + 1].of, false;
-  for (const DirectedSide& side : sides)
-    if (!std::binary_search(sides.begin(), sides.end(), DirectedSide{side.v, side.u, -1}))
+  for (const DirectedEdge& side : sides)
+    if (!std::binary_search(sides.begin(), sides.end(), DirectedEdge{side.v, side.u, -1}))
       single.push_back(side);
   return true;
 }
@@ -13160,8 +12725,8 @@ inline bool match_sides(Array<DirectedSide>& sides, Array<DirectedSide>& single,
 /// Sweeps over the boundary of an embedding, from left to right.
 class BoundarySweep {
  public:
-  BoundarySweep(const Points2& x, const Array<DirectedSide>& boundary) : x_(x) {
-    for (const DirectedSide& side : boundary) {
+  BoundarySweep(const Points2& x, const Array<DirectedEdge>& boundary) : x_(x) {
+    for (const DirectedEdge& side : boundary) {
       const bool runs_right = comes_before(at(side.u), at(side.v));
       segments_.push_back(runs_right ? Segment{side.u, side.v, true}
                                      : Segment{side.v, side.u, false});
@@ -13262,7 +12827,7 @@ class BoundarySweep {
 
 /// Verifies one embedding; `boundary` becomes the sides of triangles that have no partner.
 inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side side,
-                             Array<DirectedSide>& boundary, Outcome& outcome) {
+                             Array<DirectedEdge>& boundary, Outcome& outcome) {
   const auto refuse = [&](const char* what, int id, const char* how, Element element) {
     return fail(outcome, Status::kNumericalFailure, {what, id, " of ", letter(side), how},
                 {{side, element, id}});
@@ -13270,7 +12835,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
   for (int v = 0; v < rows_of(x); ++v)
     if (!std::isfinite(x(v, 0)) || !std::isfinite(x(v, 1)))
       return refuse("vertex ", v, " has no planar position", Element::kVertex);
-  Array<DirectedSide> sides;
+  Array<DirectedEdge> sides;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
     const int* v = mesh.triangles.data() + 3 * static_cast<std::ptrdiff_t>(f);
     if (orientation(row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) <= 0)
@@ -13278,7 +12843,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
     for (int k = 0; k < 3; ++k) sides.push_back({v[k], v[(k + 1) % 3], f});
   }
   int twice = -1;
-  if (!match_sides(sides, boundary, twice))
+  if (!match_edges(sides, boundary, twice))
     return refuse("triangle ", twice, " has a side that another one has, too", Element::kFace);
   BoundarySweep sweep(x, boundary);
   return sweep.run() ||
@@ -13300,11 +12865,10 @@ class MetaMeshVerifier {
         is_closed_(is_closed),
         outcome_(outcome) {}
 
-  bool run(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
+  bool run(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
     for (int p = 0; p < meta_.n_polygons(); ++p)
       if (!verify_polygon(p)) return false;
-    return verify_pairs() && verify_sides(boundary_a, boundary_b) &&
-           (!is_closed_ || verify_coverage());
+    return verify_pairs() && verify_sides(boundary_a, boundary_b);
   }
 
  private:
@@ -13358,7 +12922,7 @@ class MetaMeshVerifier {
 
   /// Two triangles overlap in one convex polygon.
   bool verify_pairs() {
-    Array<DirectedSide> pairs;
+    Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
       pairs.push_back({meta_.face_a.data()[p], meta_.face_b.data()[p], p});
     std::sort(pairs.begin(), pairs.end());
@@ -13367,15 +12931,16 @@ class MetaMeshVerifier {
     return true;
   }
 
-  /// Where a polygon ends, another one begins, or a surface ends.
-  bool verify_sides(const Array<DirectedSide>& boundary_a, const Array<DirectedSide>& boundary_b) {
-    Array<DirectedSide> sides, single;
+  /// Where a polygon ends, another one begins, or a surface ends. Of a closed map none ends: then
+  /// its polygons have no boundary, and so they are all of either surface.
+  bool verify_sides(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
+    Array<DirectedEdge> sides, single;
     for (int p = 0; p < meta_.n_polygons(); ++p)
       for (int i = begin(p); i < end(p); ++i)
         sides.push_back({vertex(i), vertex(i + 1 < end(p) ? i + 1 : begin(p)), p});
     int twice = -1;
-    if (!match_sides(sides, single, twice)) return refuse(twice, "has a side of another one");
-    for (const DirectedSide& side : single)
+    if (!match_edges(sides, single, twice)) return refuse(twice, "has a side of another one");
+    for (const DirectedEdge& side : single)
       if (is_closed_ || !(ends_there(side, meta_.corner_a, *meta_.a, meta_.face_a, boundary_a) ||
                           ends_there(side, meta_.corner_b, *meta_.b, meta_.face_b, boundary_b)))
         return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
@@ -13383,8 +12948,8 @@ class MetaMeshVerifier {
   }
 
   /// True if a side of a polygon lies on a side of its triangle that is one of the boundary.
-  bool ends_there(const DirectedSide& side, const Points3& weights, const TriangleMesh& mesh,
-                  const std::vector<int>& face, const Array<DirectedSide>& boundary) const {
+  bool ends_there(const DirectedEdge& side, const Points3& weights, const TriangleMesh& mesh,
+                  const std::vector<int>& face, const Array<DirectedEdge>& boundary) const {
     int i = begin(side.of);
     while (vertex(i) != side.u) ++i;
     const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = face.data()[side.of];
@@ -13393,34 +12958,9 @@ class MetaMeshVerifier {
       if (u[k] == 0 && v[k] == 0 &&
           std::binary_search(
               boundary.begin(), boundary.end(),
-              DirectedSide{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
+              DirectedEdge{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
         return true;
     return false;
-  }
-
-  /// The polygons of a closed map cover both surfaces.
-  bool verify_coverage() {
-    for (Side side : {Side::kA, Side::kB}) {
-      const TriangleMesh& mesh = side == Side::kA ? *meta_.a : *meta_.b;
-      const Points3& on = side == Side::kA ? meta_.on_a : meta_.on_b;
-      const double unit = unit_scale(mesh.vertices);
-      double of_mesh = 0, of_polygons = 0;
-      const auto area = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
-        return 0.5 * norm(cross(unit * (b - a), unit * (c - a)));
-      };
-      for (int f = 0; f < mesh.triangles.rows(); ++f)
-        of_mesh += area(row3(mesh.vertices, mesh.triangles(f, 0)),
-                        row3(mesh.vertices, mesh.triangles(f, 1)),
-                        row3(mesh.vertices, mesh.triangles(f, 2)));
-      for (int p = 0; p < meta_.n_polygons(); ++p)
-        for (int i = begin(p) + 1; i + 1 < end(p); ++i)
-          of_polygons +=
-              area(row3(on, vertex(begin(p))), row3(on, vertex(i)), row3(on, vertex(i + 1)));
-      if (!(of_mesh > 0 && std::abs(of_mesh - of_polygons) <= kTolerance * of_mesh))
-        return fail(outcome_, Status::kNumericalFailure,
-                    {"the map is to be closed, and does not cover ", letter(side)});
-    }
-    return true;
   }
 
   static constexpr double kTolerance = 1e-9;
@@ -13440,7 +12980,7 @@ Outcome verify(const SurfaceMap& map) {
   if (map.status() != Status::kDone)
     return detail::fail(outcome, map.status(), {map.message()}), outcome;
   const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
-  detail::Array<detail::DirectedSide> boundary_a, boundary_b;
+  detail::Array<detail::DirectedEdge> boundary_a, boundary_b;
   const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded),
                      &b = map.mesh(Side::kB, Ids::kEmbedded);
   if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
@@ -13636,7 +13176,7 @@ inline void rescale(double factor, Surface& s) {
 }
 
 /// Gives the surfaces the sizes that landmarks tell, if that is of use; see Options::keep_scale.
-inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& options,
+inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                       SurfacePair& pair, Outcome& outcome) {
   constexpr double kFar = 100;
   const RelativeSize size = relative_size(pair, landmarks);
@@ -13660,7 +13200,7 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const Options& opt
 
 /// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
 inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side side,
-                        Options& options, Outcome& outcome) {
+                        RunOptions& options, Outcome& outcome) {
   int& outer = side == Side::kA ? options.outer_a : options.outer_b;
   const int given = outer, n = static_cast<int>(prepared.new_vertex.size());
   outer = given >= 0 && given < n ? prepared.new_vertex.data()[given] : -1;
@@ -13681,36 +13221,19 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
 
 inline bool check_options(const Options& o, Outcome& outcome) {
   if (!check_arithmetic(outcome)) return false;
-  const Tuning& t = o.tuning;
   const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
-  const auto in_0_to_1 = [](double x) { return x >= 0 && x < 1; };
   const struct {
     bool is_met;
     const char* text;
-  } rules[] = {
-      {o.measure.is_complete(), "measure must have a density"},
-      {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
-      {at_least_0(t.barrier_weight) && t.barrier_weight > 0, "barrier_weight must be positive"},
-      {at_least_0(t.spd_epsilon) && t.spd_epsilon > 0, "spd_epsilon must be positive"},
-      {t.history_length >= 1, "history_length must be at least 1"},
-      {t.history_decay > 0 && t.history_decay <= 1, "history_decay must be in (0, 1]"},
-      {at_least_0(t.omega_start), "omega_start must be at least 0"},
-      {at_least_0(t.omega_factor) && t.omega_factor > 1, "omega_factor must be above 1"},
-      {t.omega_least >= 0 && (t.omega_least <= t.omega_start || t.omega_start == 0),
-       "omega_least must be in [0, omega_start]"},
-      {t.max_displacement > 0, "max_displacement must be positive"},
-      {t.max_coverage_loss > 0, "max_coverage_loss must be positive"},
-      {in_0_to_1(t.least_coverage), "least_coverage must be in [0, 1)"},
-      {t.search_stride >= 1 && t.search_stride <= 8, "search_stride must be in [1, 8]"},
-      {t.quasi_newton_steps >= 0, "quasi_newton_steps must be at least 0"},
-      {t.coarsest >= 0, "coarsest must be at least 0"},
-      {in_0_to_1(t.solve_tolerance) && t.solve_tolerance > 0, "solve_tolerance must be in (0, 1)"},
-      {o.max_iterations >= 0, "max_iterations must be at least 0"},
-      {o.max_seconds > 0, "max_seconds must be positive"},
-      {o.max_memory > 0, "max_memory must be positive"},
-      {o.tolerance >= 0, "tolerance must be at least 0"},
-      {t.window >= 1, "window must be at least 1"},
-      {o.threads >= 0, "threads must be at least 0"}};
+  } rules[] = {{o.measure.is_complete(), "measure must have a density"},
+               {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
+               {o.history_length >= 1, "history_length must be at least 1"},
+               {at_least_0(o.omega_start), "omega_start must be at least 0"},
+               {o.coarsest >= 0, "coarsest must be at least 0"},
+               {o.max_iterations >= 0, "max_iterations must be at least 0"},
+               {o.max_seconds > 0, "max_seconds must be positive"},
+               {o.tolerance >= 0, "tolerance must be at least 0"},
+               {o.threads >= 0, "threads must be at least 0"}};
   for (const auto& rule : rules)
     if (!rule.is_met)
       return fail(outcome, Status::kInvalidOptions, {"option out of range: ", rule.text});
@@ -13746,7 +13269,7 @@ inline bool claim(const Prepared& prepared, Side side, const char* how, std::vec
 /// exact landmark lies on both boundaries or on none.
 inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
                               const HalfEdgeMesh& b, const Prepared& prepared_b,
-                              const Array<PlacedLandmark>& landmarks, Options& options,
+                              const Array<PlacedLandmark>& landmarks, RunOptions& options,
                               Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
   Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
@@ -13771,47 +13294,10 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
          claim(prepared_b, Side::kB, "pinned", options.pins_b, bonds_b, outcome);
 }
 
-/// memory_estimate() from counts. The peak is where a system is factorised. Bytes of an item are
-/// those of its types; numbers of items, and what the factor needs, are fitted to runs.
-inline double memory_of_run(double vertices, double faces_a, double faces_b,
-                            const Options& options) {
-  if (!(vertices > 1)) return 0;
-  const double faces = faces_a + faces_b;
-  // Triangles, and crossings of edges: 3.3 of equilateral triangles at random, 3.4 to 5.1 in maps.
-  const double polygons = faces + 4 * std::sqrt(faces_a * faces_b);
-  const double models =
-      (std::max)(1, (std::min)(options.tuning.history_length, options.max_iterations));
-  const double blocks_of_model = 4 * vertices + 1.2 * polygons;
-  const double history = (models + 1) * (36 * blocks_of_model + 32 * vertices);
-  // The union of all models and of Q. Per block: both matrices and their analysis, update matrices;
-  // the factor, by nested dissection.
-  const double of_Q = options.tuning.omega_start > 0 ? 10 : 1;
-  const double blocks = of_Q * vertices + (1.1 + 0.07 * (std::min)(models, 12.0)) * polygons;
-  const double solver = blocks * (150 + 44 * std::log2(vertices));
-  const double iterates = thread_count(options) + 4;  // trials, and some more
-  const double elements = polygons * (490 + 34 * iterates) + faces * (890 + 47 * iterates);
-  constexpr double kAllocator = 1.03;  // what its pieces waste,
-  constexpr double kOnce = 1e6;        // and code and stacks, touched for the first time
-  return kOnce + kAllocator * (history + solver + elements);
-}
-
-inline bool check_memory(const TriangleMesh& a, const TriangleMesh& b, const Options& options,
-                         Outcome& outcome) {
-  const double needed = memory_estimate(a, b, options);
-  const auto in_mb = [](double bytes) { return static_cast<int>((std::min)(bytes / 1e6, 1e9)); };
-  return needed <= options.max_memory ||
-         fail(outcome, Status::kMemoryLimit,
-              {"this takes about ", in_mb(needed) + 1, " MB of memory and max_memory is ",
-               in_mb(options.max_memory),
-               " MB: raise it, or take coarser meshes or a shorter history"});
-}
-
 /// A mesh as a call takes it. The copy is made here.
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
   const SharedMesh given = shared(mesh);
-  HalfEdgeMesh m;
-  if (!options.prepare) return std::make_shared<const Prepared>(as_given(given, m));
   std::vector<LandmarkPoint> ends;
   for (const Landmark& l : landmarks) ends.push_back(side == Side::kA ? l.a : l.b);
   return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
@@ -13840,20 +13326,16 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
 /// Checks everything a call was given, and builds the surfaces. Ids in the options become those of
 /// the prepared meshes.
 inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
-                       Options& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
+                       RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
                        Outcome& outcome) {
-  if (!check_options(options, outcome) || !check_memory(*a.mesh, *b.mesh, options, outcome) ||
-      !check_problems(a.problems, Side::kA, outcome) ||
+  if (!check_options(options, outcome) || !check_problems(a.problems, Side::kA, outcome) ||
       !check_problems(b.problems, Side::kB, outcome))
     return false;
   pair = {surface_of(a, options.keep_scale), surface_of(b, options.keep_scale)};
   const HalfEdgeMesh &m = pair.a.mesh, &n = pair.b.mesh;
-  if (options.close && m.loops() == 0 && n.loops() == 0 &&
-      !(options.fixed_a.empty() && options.fixed_b.empty()))
-    return fail(
-        outcome, Status::kInvalidPins,
-        {"where maps of closed surfaces are closed, no vertex can be fixed in the plane: set ",
-         "close to false, or pin it"});
+  if (m.loops() == 0 && n.loops() == 0 && !(options.fixed_a.empty() && options.fixed_b.empty()))
+    return fail(outcome, Status::kInvalidPins,
+                {"of two closed surfaces, no vertex can be fixed in the plane: pin it"});
   return take_rows(a, "initial_f", options.initial_f, outcome) &&
          take_rows(b, "initial_g", options.initial_g, outcome) &&
          check_loops(m, a, Side::kA, options, outcome) &&
@@ -13898,7 +13380,7 @@ inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char*
 }
 
 /// Takes the start from Options, after checking it.
-inline void take_positions(const SurfacePair& pair, const Options& options, Embedding& start) {
+inline void take_positions(const SurfacePair& pair, const RunOptions& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
   if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
@@ -13958,7 +13440,6 @@ inline StatusWords words_of(Status s) {
       {"invalid positions", ""},
       {"invalid pins",
        "a triangle at a pinned vertex is so thin at the start that rounding turns it over"},
-      {"invalid attributes", ""},
       {"no overlap", "the two embeddings do not overlap at the start"},
       {"numerical failure",
        "the energy or its derivatives are not finite: a triangle is too thin for them, or the "
@@ -13995,7 +13476,7 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
 
 /// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
-                           const Array<PlacedLandmark>& landmarks, const Options& options,
+                           const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                            bool may_wait, Held& held, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
@@ -14021,8 +13502,8 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
 
 class LandmarkPuller {
  public:
-  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart, const Options& options,
-                 const Executor& executor, Optimizer& optimizer)
+  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart,
+                 const RunOptions& options, const Executor& executor, Optimizer& optimizer)
       : s_(s),
         apart_(apart),
         stiffest_(options.exact_landmarks ? kHardest : kStiffest),
@@ -14038,8 +13519,7 @@ class LandmarkPuller {
     optimizer_.iterate(result);  // with a log of its own: E may rise, and nothing settles
     was_stopped_ = result.status == Status::kUnfinished && result.log.empty();
     if (was_stopped_) return true;
-    executor_.tell(Phase::kOptimization, 0, {"bringing landmarks together: ", apart_.size()},
-                   nullptr);
+    executor_.tell(false, 0, {"bringing landmarks together: ", apart_.size()}, nullptr);
     if (result.log.empty() || ++iteration_ == most_) {
       iteration_ = 0;
       weight_ *= 10;
@@ -14344,7 +13824,7 @@ class Run {
   void find_openings() {
     openings_.resize(1);
     if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
-    executor_.tell(Phase::kEmbedding, 0, {"looking where to open closed surfaces"}, nullptr);
+    executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
     openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
     if (!openings_.empty()) return;
     fail(result_, Status::kInvalidLandmarks,
@@ -14483,8 +13963,7 @@ class Run {
     const std::vector<IterationLog>& log = latest().log;
     if (told_ == log.size()) return;
     told_ = log.size();
-    executor_.tell(Phase::kOptimization, optimizer_->fraction(result_), {"optimising the map"},
-                   &log.back());
+    executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"}, &log.back());
   }
 
   /// Status, sentence and positions, if the caller goes no further.
@@ -14511,7 +13990,7 @@ class Run {
 
   static bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
 
-  bool can_close() const { return options_.close && is_closed(whole_.a) && is_closed(whole_.b); }
+  bool can_close() const { return is_closed(whole_.a) && is_closed(whole_.b); }
 
   /// The map of two surfaces that were opened has been optimised, and not been closed yet.
   bool is_to_be_closed() const {
@@ -14618,7 +14097,7 @@ class Run {
   const SharedPrepared a_, b_;
   std::vector<Landmark> landmarks_;  // those that were not left out
   const Options given_options_;
-  Options options_;  // with ids of the prepared meshes
+  RunOptions options_;  // with ids of the prepared meshes
   const bool only_start_;
   Executor executor_;
   SurfacePair whole_;             // the surfaces as they are prepared,
@@ -14753,29 +14232,13 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 
 const char* to_string(Status s) { return detail::words_of(s).name; }
 
-double memory_estimate(const MeshView& a, const MeshView& b, const Options& options) {
-  const auto count = [](const auto& view) { return static_cast<double>(view.rows); };
-  return detail::memory_of_run(count(a.positions) + count(b.positions), count(a.triangles),
-                               count(b.triangles), options);
-}
-
 Options Options::paper() {
   Options options;
+  options.as_published = true;
   options.coverage_weight = -2;  // no reward
-  options.tuning.barrier_weight = 1e-8;
-  options.tuning.history_length = 6;
-  options.tuning.history_decay = 0.5;
-  options.tuning.omega_start = 1e9;
-  options.tuning.omega_factor = 1.25;
-  options.tuning.omega_least = 0;
+  options.omega_start = 1e9;
   options.max_iterations = 550;
-  options.tuning.least_coverage = 0;
-  options.tuning.search_stride = 1;
-  options.tuning.quasi_newton_steps = 0;
-  options.tuning.coarsest = 0;
-  options.tuning.solve_tolerance = 1e-12;
-  options.tuning.window = 10;
-  options.tuning.scaffold = false;
+  options.coarsest = 0;
   return options;
 }
 
@@ -14817,9 +14280,6 @@ bool Solver::advance(double seconds) {
 }
 
 const Result& Solver::result() const { return run_->result(); }
-Phase Solver::phase() const {
-  return run_->is_embedding() ? Phase::kEmbedding : Phase::kOptimization;
-}
 double Solver::fraction() const { return run_->fraction(); }
 Outcome Solver::change(const std::vector<Landmark>& landmarks, const Options& options) {
   Outcome outcome;

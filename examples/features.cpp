@@ -67,8 +67,8 @@ void join_landmarks(const Pair& p) {
 void use_points(const Pair& p, const ism::SurfaceMap& map) {
   std::vector<ism::Landmark> landmarks;
   for (int v = 0; v < p.a.vertices.rows(); v += 1 + static_cast<int>(p.a.vertices.rows()) / 10) {
-    const ism::MappedPoint image = map.forward_vertex(v);
-    if (image.covered) landmarks.push_back({v, image.point});
+    const ism::SurfacePoint image = map.forward_vertex(v);
+    if (image.exists()) landmarks.push_back({v, image});
   }
   const ism::Result r = ism::compute_map(p.a, p.b, landmarks, some_iterations());
   print("points", r);
@@ -134,21 +134,20 @@ void map_polygons(const Pair& p, const ism::SurfaceMap& map) {
 /// mesh, where nothing is lost, back to A.
 void carry_attributes(const Pair& p, const ism::SurfaceMap& map) {
   const ism::MetaMesh meta = map.meta_mesh();
-  const ism::Attributes on_b =
-      ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex)
-          .apply(p.a.vertices);
-  const ism::Attributes corners =
+  const ism::Transfer to_b =
+      ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex);
+  const ism::Values on_b = to_b.apply(p.a.vertices);
+  const ism::Values corners =
       ism::to_meta(meta, ism::Side::kA, ism::Element::kVertex).apply(p.a.vertices);
-  const ism::Attributes back =
-      ism::from_meta(meta, ism::Side::kA, ism::Element::kVertex).apply(corners.values);
+  const ism::Transfer to_a = ism::from_meta(meta, ism::Side::kA, ism::Element::kVertex);
+  const ism::Values back = to_a.apply(corners);
   double error = 0;
-  for (Eigen::Index v = 0; v < back.values.rows(); ++v)
-    if (back.covered[static_cast<std::size_t>(v)])
-      error = std::max(error, (back.values.row(v) - p.a.vertices.row(v)).norm());
-  std::printf("%-16s %ld of %ld vertices of B have some, back on A they differ by %.0e\n",
-              "attributes",
-              static_cast<long>(std::count(on_b.covered.begin(), on_b.covered.end(), 1)),
-              static_cast<long>(p.b.vertices.rows()), error);
+  for (int v = 0; v < to_a.rows(); ++v)
+    if (to_a.covers(v)) error = std::max(error, (back.row(v) - p.a.vertices.row(v)).norm());
+  int covered = 0;
+  for (int v = 0; v < on_b.rows(); ++v) covered += to_b.covers(v);
+  std::printf("%-16s %d of %d vertices of B have some, back on A they differ by %.0e\n",
+              "attributes", covered, to_b.rows(), error);
 }
 
 /// A shape between A and B, and how much the map stretches.

@@ -76,7 +76,6 @@ printed.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale the meshes first; for meshes in one unit. Else both get the area 1,
                      or, if landmarks agree that a part has another size, that size
-  --no-prepare       refuse meshes with defects
   --no-weld          keep vertices apart that are at one place
   --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
                      false and true; can be repeated
@@ -158,29 +157,15 @@ std::string read_number(const std::string& flag, const std::string& text, bool& 
 template <class Visit>
 void for_each_option(ism::Options& o, const Visit& visit) {
   visit("coverage_weight", o.coverage_weight);
-  visit("barrier_weight", o.tuning.barrier_weight);
-  visit("spd_epsilon", o.tuning.spd_epsilon);
-  visit("history_length", o.tuning.history_length);
-  visit("history_decay", o.tuning.history_decay);
-  visit("omega_start", o.tuning.omega_start);
-  visit("omega_factor", o.tuning.omega_factor);
-  visit("omega_least", o.tuning.omega_least);
-  visit("max_displacement", o.tuning.max_displacement);
-  visit("max_coverage_loss", o.tuning.max_coverage_loss);
-  visit("least_coverage", o.tuning.least_coverage);
-  visit("search_stride", o.tuning.search_stride);
-  visit("quasi_newton_steps", o.tuning.quasi_newton_steps);
-  visit("coarsest", o.tuning.coarsest);
-  visit("solve_tolerance", o.tuning.solve_tolerance);
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
-  visit("window", o.tuning.window);
+  visit("coarsest", o.coarsest);
+  visit("history_length", o.history_length);
+  visit("omega_start", o.omega_start);
+  visit("as_published", o.as_published);
   visit("keep_scale", o.keep_scale);
-  visit("prepare", o.prepare);
   visit("weld", o.weld);
-  visit("close", o.close);
   visit("exact_landmarks", o.exact_landmarks);
-  visit("scaffold", o.tuning.scaffold);
   visit("outer_a", o.outer_a);
   visit("outer_b", o.outer_b);
   visit("threads", o.threads);
@@ -251,7 +236,6 @@ bool read_switch(const std::string& flag, Arguments& args) {
   if (flag == "--pin-landmarks") return args.pin_landmarks = true;
   if (flag == "--exact-landmarks") return args.options.exact_landmarks = true;
   if (flag == "--keep-scale") return args.options.keep_scale = true;
-  if (flag == "--no-prepare") return args.options.prepare = false, true;
   if (flag == "--no-weld") return args.options.weld = false, true;
   if (flag == "--picture") return args.picture = true;
   if (flag == "--heat") return args.heat = true;
@@ -342,8 +326,7 @@ struct Input {
 std::string check_surface(const std::string& path, const ism::TriangleMesh& mesh,
                           const std::vector<ism::LandmarkPoint>& landmarks,
                           const ism::Options& options) {
-  const std::vector<ism::Problem> problems =
-      options.prepare ? ism::prepare(mesh, landmarks, options.weld).problems : ism::validate(mesh);
+  const std::vector<ism::Problem> problems = ism::prepare(mesh, landmarks, options.weld).problems;
   if (problems.empty()) return {};
   std::string error = path + ": " + problems[0].message;
   if (problems.size() > 1) error += " (problem 1 of " + std::to_string(problems.size()) + ")";
@@ -581,12 +564,12 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
   const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
   LandmarkError result;
   for (const ism::Landmark& l : input.landmarks) {
-    const ism::MappedPoint image =
+    const ism::SurfacePoint image =
         l.a.vertex >= 0 ? map.forward_vertex(l.a.vertex) : map.forward(l.a.point);
-    result.uncovered += !image.covered;
-    if (!image.covered) continue;
+    result.uncovered += !image.exists();
+    if (!image.exists()) continue;
     const Eigen::Vector3d target = landmarks::position(input.b, l.b);
-    const double distance = (map.position_on_b(image.point) - target).norm() / diagonal;
+    const double distance = (map.position_on_b(image) - target).norm() / diagonal;
     if (distance < result.largest) continue;
     result.largest = distance;
     result.worst = l;
@@ -597,7 +580,6 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
 /// What is said of a map besides what its result says.
 struct Findings {
   LandmarkError landmarks;
-  std::vector<ism::Opening> openings;
   bool is_closed = false;
 };
 
@@ -662,7 +644,7 @@ Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
     }
     new_vertices.push_back({{"corners", corners}, {"weights", weights}});
   }
-  for (const ism::Repair& repair : prepared.repairs) repairs.push_back(repair.message);
+  for (const ism::Problem& repair : prepared.repairs) repairs.push_back(repair.message);
   return {{"file", path},        {"vertices", ids.size}, {"triangles", mesh.triangles.rows()},
           {"prepared", repairs}, {"opened_at", opening}, {"added", new_vertices}};
 }
@@ -686,21 +668,6 @@ Json json_list(const std::vector<Item>& items, Json (*json_of)(const Item&)) {
   Json json = Json::array();
   for (const Item& item : items) json.push_back(json_of(item));
   return json;
-}
-
-Json json_opening(const ism::Opening& o) {
-  return {{"of", o.side == ism::Side::kA ? "A" : "B"},
-          {"vertex", o.vertex},
-          {"edges", o.edges},
-          {"over", o.over}};
-}
-
-Json json_coarse(const ism::CoarseLevel& level) {
-  return {{"vertices_a", level.vertices_a},
-          {"vertices_b", level.vertices_b},
-          {"iterations", level.iterations},
-          {"mean_distortion", level.mean_distortion},
-          {"seconds", level.seconds}};
 }
 
 Json json_seconds(const Seconds& s) {
@@ -728,12 +695,10 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
       {"a", json_mesh(args.a, input.notes_a, *e.a, *e.prepared_a, e.added_a, e.opening_a)},
       {"b", json_mesh(args.b, input.notes_b, *e.b, *e.prepared_b, e.added_b, e.opening_b)},
       {"landmarks", input.landmarks.size()},
-      {"memory_estimate", ism::memory_estimate(input.a, input.b, args.options)},
       {"is_closed", found.is_closed},
-      {"openings", json_list(found.openings, json_opening)},
       {"options", json_options(args)},
       {"start", start},
-      {"coarse", json_list(result.coarse, json_coarse)},
+      {"coarse", json_list(result.coarse, json_iteration)},
       {"final", final},
       {"seconds", json_seconds(s)},
       {"iterations", iterations}};
@@ -802,7 +767,7 @@ std::string planar_text(const char* comment, const ism::TriangleMesh& given,
 
 /// The mesh on one side on the other one.
 std::string remesh_text(const char* comment, const ism::SurfaceMap& map, ism::Side side) {
-  const ism::TriangleMesh mesh = ism::remesh(map, side).mesh;
+  const ism::TriangleMesh mesh = ism::remesh(map, side);
   return mesh_io::obj_text(comment, mesh.vertices, mesh.triangles);
 }
 
@@ -859,7 +824,7 @@ Eigen::MatrixXd in_unit_square(const ism::Points2& f, const ism::Points2& places
 Eigen::MatrixXd texture_coordinates(const Input& input, const ism::Result& result,
                                     const picture::Scene& scene) {
   if (input.uv_a.rows() > 0)
-    return ism::to_meta(scene.given, ism::Side::kA, ism::Element::kCorner).apply(input.uv_a).values;
+    return ism::to_meta(scene.given, ism::Side::kA, ism::Element::kCorner).apply(input.uv_a);
   const ism::MetaMesh& meta = scene.meta;
   ism::Points2 places(meta.corner_a.rows(), 2);
   for (Eigen::Index c = 0; c < places.rows(); ++c)
@@ -1011,7 +976,7 @@ void print_landmarks(const Input& input, const ism::Result& result, const Landma
 void print_preparation(const std::vector<std::string>& notes, const ism::Prepared& prepared,
                        int opening) {
   for (const std::string& note : notes) std::printf("             %s\n", note.c_str());
-  for (const ism::Repair& repair : prepared.repairs)
+  for (const ism::Problem& repair : prepared.repairs)
     std::printf("             %s\n", repair.message.c_str());
   if (opening >= 0) std::printf("             closed: opened at vertex %d\n", opening);
 }
@@ -1040,19 +1005,14 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("added        %d vertices to A, %d to B, behind those given\n", added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
-  for (const ism::CoarseLevel& level : result.coarse)
-    std::printf("before that  %d iterations on %d + %d vertices\n", level.iterations,
-                level.vertices_a, level.vertices_b);
+  for (const ism::IterationLog& coarse : result.coarse)
+    std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
               last.mean_distortion, args.measure == "sd" ? 2 : 0, first.mean_distortion);
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
   if (found.is_closed) std::printf("closed       the map has been closed along a seam\n");
-  for (const ism::Opening& o : found.openings)
-    std::printf("opening      of %s at vertex %d, %d edges: %.2f%% of %s lie over it\n",
-                o.side == ism::Side::kA ? "A" : "B", o.vertex, o.edges, 100 * o.over,
-                o.side == ism::Side::kA ? "B" : "A");
   if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
@@ -1101,9 +1061,8 @@ int exit_code(ism::Status status, bool own_start) {
 ism::Result compute(const Arguments& args, const Input& input) {
   ProgressLine line(args.quiet);
   ism::Options options = args.options;
-  if (args.variant != Variant::kFull)
-    options.tuning.omega_start = options.tuning.quasi_newton_steps = options.tuning.coarsest = 0;
-  if (args.variant == Variant::kProjectedNewton) options.tuning.history_length = 1;
+  if (args.variant != Variant::kFull) options.omega_start = options.coarsest = 0;
+  if (args.variant == Variant::kProjectedNewton) options.history_length = 1;
   options.progress = [&line](const ism::Progress& progress) {
     line.show(progress);
     return true;
@@ -1134,7 +1093,7 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const Findings found = {landmark_error(input, map), map.openings(), map.is_closed()};
+  const Findings found = {landmark_error(input, map), map.is_closed()};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, scene);
   error = add_wanted_files(args, input, result, scene, files);

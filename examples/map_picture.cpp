@@ -142,8 +142,8 @@ render::Shape covered_part(const Scene& scene, ism::Side side) {
   shape.vertices = side == ism::Side::kA ? scene.meta.on_a : scene.meta.on_b;
   shape.triangles = scene.fans.triangles;
   const Eigen::MatrixXd normals = normals_of(scene, side);
-  shape.corner_normals = scene.fans.at_corners(
-      ism::to_meta(scene.meta, side, ism::Element::kVertex).apply(normals).values);
+  shape.corner_normals =
+      scene.fans.at_corners(ism::to_meta(scene.meta, side, ism::Element::kVertex).apply(normals));
   return shape;
 }
 
@@ -229,7 +229,7 @@ Texture front_texture(const Scene& scene) {
     uv.row(v) << p.x(), 1 - p.y();
   }
   return {render::checker_texture(24, 768),
-          ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv).values};
+          ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv)};
 }
 
 render::Shape textured_part(const Scene& scene, ism::Side side, const Texture& texture) {

@@ -33,10 +33,10 @@ int main(int argc, char** argv) {
 
   const ism::SurfaceMap map(result);
   for (int v = 0; v < a.mesh.vertices.rows(); ++v) {
-    const ism::MappedPoint image = map.forward_vertex(v);
-    if (!image.covered) continue;  // outside the common part
-    std::cout << "vertex " << v << " of A goes to " << map.position_on_b(image.point).transpose()
-              << " in triangle " << image.point.face << " of B\n";
+    const ism::SurfacePoint image = map.forward_vertex(v);
+    if (!image.exists()) continue;  // outside the common part
+    std::cout << "vertex " << v << " of A goes to " << map.position_on_b(image).transpose()
+              << " in triangle " << image.face << " of B\n";
     break;
   }
   return 0;

@@ -99,11 +99,11 @@ inline double round_trip(const ism::SurfaceMap& map) {
   const ism::TriangleMesh& a = map.mesh(ism::Side::kA);
   double largest = 0;
   for (int v = 0; v < a.vertices.rows(); ++v) {
-    const ism::MappedPoint image = map.forward_vertex(v);
-    const ism::MappedPoint back = image.covered ? map.backward(image.point) : image;
-    if (!back.covered) return std::numeric_limits<double>::infinity();
+    const ism::SurfacePoint image = map.forward_vertex(v);
+    const ism::SurfacePoint back = image.exists() ? map.backward(image) : image;
+    if (!back.exists()) return std::numeric_limits<double>::infinity();
     const Eigen::Vector3d x = a.vertices.row(v);
-    largest = std::max(largest, (map.position_on_a(back.point) - x).norm());
+    largest = std::max(largest, (map.position_on_a(back) - x).norm());
   }
   return largest / diagonal(a);
 }

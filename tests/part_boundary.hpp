@@ -236,7 +236,7 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
         REQUIRE(map.status() == Status::kDone);
         const HalfEdgeMesh m = half_edges(*r.start.a);
         for (int v = 0; v < disk.mesh.vertices.rows(); ++v)
-          if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).covered);
+          if (!m.on_boundary(v)) CHECK(map.forward_vertex(v).exists());
       }
 }
 
@@ -257,14 +257,14 @@ TEST_CASE("along held boundaries everything is covered, the edges of boundaries,
   const Result r = ism::compute_map(a.mesh, b.mesh, {}, held(Boundary::kSlide, 10));
   REQUIRE(is_valid(r));
   const SurfaceMap map(r);
-  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).covered);
-  for (int v = 0; v < b.mesh.vertices.rows(); ++v) CHECK(map.backward_vertex(v).covered);
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).exists());
+  for (int v = 0; v < b.mesh.vertices.rows(); ++v) CHECK(map.backward_vertex(v).exists());
   const HalfEdgeMesh m = half_edges(a.mesh);
   for (int h = 0; h < m.tail.size(); ++h) {
     const auto image = map.forward_path({m.tail[h], m.tip(h)});
     REQUIRE(image.size() == 1);
-    const Vector3d from = map.position_on_b(map.forward_vertex(m.tail[h]).point);
-    const Vector3d to = map.position_on_b(map.forward_vertex(m.tip(h)).point);
+    const Vector3d from = map.position_on_b(map.forward_vertex(m.tail[h]));
+    const Vector3d to = map.position_on_b(map.forward_vertex(m.tip(h)));
     CHECK((map.position_on_b(image[0].front()) - from).norm() < 1e-9);
     CHECK((map.position_on_b(image[0].back()) - to).norm() < 1e-9);
   }
@@ -502,7 +502,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const TriangleMesh a = shapes::grid(5, 5).mesh;
   SurfacePair pair = {build_surface(a, false), build_surface(a, false)};
   ism::Embedding embedding;
-  const Options fixed = held(Boundary::kFixed);
+  const RunOptions fixed(held(Boundary::kFixed));
   const Array<PlacedLandmark> none;
   const Executor executor(fixed);
   const auto embed = [&] {
@@ -517,7 +517,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const int u = m.tail[m.boundary[1]], v = m.tail[m.boundary[2]];  // two places that are fixed
   Array<VertexPair> landmarks;
   landmarks.push_back({u, v, {u, v}});
-  Options options = fixed;
+  RunOptions options = fixed;
   options.exact_landmarks = true;
   LandmarkJoiner joiner(pair, landmarks, options, executor);
   while (joiner.step(embedding)) {

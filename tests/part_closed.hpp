@@ -208,10 +208,9 @@ TEST_CASE("exact landmarks are kept when the map is closed, by the body and by t
     CHECK(r.final_state().pin_residual < 1e-9);
     const SurfaceMap map(r);
     for (const Landmark& l : landmarks) {
-      const ism::MappedPoint image = map.forward_vertex(l.a.vertex);
-      REQUIRE(image.covered);
-      CHECK((map.position_on_b(image.point).transpose() - b.vertices.row(l.b.vertex)).norm() <
-            1e-9);
+      const ism::SurfacePoint image = map.forward_vertex(l.a.vertex);
+      REQUIRE(image.exists());
+      CHECK((map.position_on_b(image).transpose() - b.vertices.row(l.b.vertex)).norm() < 1e-9);
     }
   }
 }
@@ -234,9 +233,7 @@ TEST_CASE("a Solver closes the map in steps, and can be changed then") {
   }
   check_closed(a, b, solver.result());
   int calls = 0;
-  options.progress = [&](const ism::Progress& p) {
-    return p.phase == ism::Phase::kEmbedding || ++calls < 4;
-  };
+  options.progress = [&](const ism::Progress& p) { return p.is_embedding || ++calls < 4; };
   const Result open = ism::compute_map(a, b, landmarks, options);
   CHECK(open.status == Status::kCancelled);
   CHECK(is_injective(shapes::half_edges(*open.start.a), open.f));
@@ -274,7 +271,7 @@ TEST_CASE("a seam bends both surfaces by little, whatever their triangles are li
   CHECK(traced >= 0.97 * seams);
 }
 
-TEST_CASE("curves, remeshing and attributes cross the seam") {
+TEST_CASE("paths, remeshing and attributes cross the seam") {
   const auto [a, b, landmarks] = blobs(3, 5);
   Options options = iterations(20);
   const Result r = ism::compute_map(a, b, landmarks, options);
@@ -289,16 +286,13 @@ TEST_CASE("curves, remeshing and attributes cross the seam") {
     const std::vector<ism::Polyline> image = map.forward_path({edge[0], edge[1]});
     REQUIRE(image.size() == 1);
     const auto at = [&](const ism::SurfacePoint& p) { return map.position_on_b(p); };
-    const auto end = [&](int v) { return at(map.forward_vertex(v).point); };
+    const auto end = [&](int v) { return at(map.forward_vertex(v)); };
     CHECK((at(image[0].front()) - end(edge[0])).norm() < 1e-9);
     CHECK((at(image[0].back()) - end(edge[1])).norm() < 1e-9);
-    const std::vector<ism::Polyline> back = map.backward_curve(image[0]);
-    CHECK(back.size() == 1);
   }
-  const ism::Remesh mesh = ism::remesh(map, Side::kA);
-  CHECK(mesh.mesh.triangles == a.triangles);
-  CHECK(build_half_edges(static_cast<int>(mesh.mesh.vertices.rows()), mesh.mesh.triangles)
-            .boundary.empty());
+  const TriangleMesh mesh = ism::remesh(map, Side::kA);
+  CHECK(mesh.triangles == a.triangles);
+  CHECK(build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles).boundary.empty());
   const ism::Transfer to_b =
       ism::transfer(map.meta_mesh(), Side::kA, ism::Element::kVertex, ism::Element::kVertex);
   CHECK(to_b.n_sources == a.vertices.rows());
@@ -307,14 +301,12 @@ TEST_CASE("curves, remeshing and attributes cross the seam") {
 }
 
 TEST_CASE(
-    "paths along edges of a closed surface that stays cut are there on both sides of the cut") {
+    "paths along edges of a closed surface that is cut open are there on both sides of the cut") {
   const auto [a, b, landmarks] = blobs(3, 5);
-  Options options = iterations(3);
-  options.close = false;
-  const Result r = ism::compute_map(a, b, landmarks, options);
-  REQUIRE(ism::is_usable(r.status));
-  REQUIRE(r.start.a->vertices.rows() > a.vertices.rows());
-  const SurfaceMap map(r);
+  const ism::Embedding start = ism::initial_embedding(a, b, landmarks, iterations(3));
+  REQUIRE(ism::is_usable(start.status));
+  REQUIRE(start.a->vertices.rows() > a.vertices.rows());
+  const SurfaceMap map(start);
   CHECK(map.mesh(Side::kA).triangles == a.triangles);
   int uncovered = 0;
   for (int f = 0; f < a.triangles.rows(); ++f)
@@ -349,7 +341,7 @@ TEST_CASE("no surface is opened at an exact landmark") {
 TEST_CASE("a surface on itself has no seam before the map is closed") {
   const TriangleMesh a = shapes::blob(2, 0.3, 1);
   ism::Solver solver(a, a, landmarks_of(a, a, 2), on_one_thread());
-  while (solver.phase() == ism::Phase::kEmbedding) solver.step();
+  while (solver.result().status == Status::kNoMapYet) solver.step();
   const SurfaceMap map(solver.result());
   CHECK(map.status() == Status::kDone);
   CHECK(!map.is_closed());
@@ -362,8 +354,8 @@ TEST_CASE("a run that is cancelled while the map is being closed says so, and ca
   check_closed(a, b, whole);
   bool is_optimized = false, is_to_stop = true;
   options.progress = [&](const ism::Progress& p) {
-    is_optimized = is_optimized || p.phase == ism::Phase::kOptimization;
-    return !(is_optimized && p.phase == ism::Phase::kEmbedding && is_to_stop);
+    is_optimized = is_optimized || !p.is_embedding;
+    return !(is_optimized && p.is_embedding && is_to_stop);
   };
   ism::Solver solver(a, b, landmarks, options);
   while (solver.step()) {
@@ -377,19 +369,6 @@ TEST_CASE("a run that is cancelled while the map is being closed says so, and ca
   CHECK(solver.result().status == whole.status);
 }
 
-TEST_CASE("closed surfaces can stay open") {
-  const auto [a, b, landmarks] = blobs(2, 5);
-  Options options = iterations(5);
-  options.close = false;
-  const Result r = ism::compute_map(a, b, landmarks, options);
-  CHECK(r.status == Status::kIterationLimit);
-  CHECK(r.log.size() == 5);
-  CHECK(r.start.opening_a >= 0);
-  CHECK(shapes::half_edges(*r.start.a).loops() == 1);
-  CHECK(!SurfaceMap(r).is_closed());
-  CHECK(r.start.a->triangles.rows() == a.triangles.rows());
-}
-
 TEST_CASE("pins stay where the start puts them when the map is closed, on coarse surfaces, too") {
   for (int level : {2, 3}) {
     CAPTURE(level);
@@ -399,55 +378,41 @@ TEST_CASE("pins stay where the start puts them when the map is closed, on coarse
       options.pins_a.push_back(landmarks[static_cast<std::size_t>(i)].a.vertex);
     const int in_between = static_cast<int>(b.vertices.rows()) / 2;
     options.pins_b = {in_between};
-    options.close = false;
-    const Result open = ism::compute_map(a, b, landmarks, options);
-    REQUIRE(ism::is_usable(open.status));
-    options.close = true;
     const Result r = ism::compute_map(a, b, landmarks, options);
     check_closed(a, b, r);
-    const SurfaceMap map(r), open_map(open);
+    const SurfaceMap map(r), open_map(ism::initial_embedding(a, b, landmarks, options));
     for (int v : options.pins_a) {
-      const ism::MappedPoint p = map.forward_vertex(v), q = open_map.forward_vertex(v);
-      CHECK((map.position_on_b(p.point) - open_map.position_on_b(q.point)).norm() < 1e-9);
+      const ism::SurfacePoint p = map.forward_vertex(v), q = open_map.forward_vertex(v);
+      CHECK((map.position_on_b(p) - open_map.position_on_b(q)).norm() < 1e-9);
     }
-    const ism::MappedPoint p = map.backward_vertex(in_between);
-    const ism::MappedPoint q = open_map.backward_vertex(in_between);
-    CHECK((map.position_on_a(p.point) - open_map.position_on_a(q.point)).norm() < 1e-9);
+    const ism::SurfacePoint p = map.backward_vertex(in_between);
+    const ism::SurfacePoint q = open_map.backward_vertex(in_between);
+    CHECK((map.position_on_a(p) - open_map.position_on_a(q)).norm() < 1e-9);
   }
 }
 
 TEST_CASE("closed surfaces pass through coarse levels, too") {
   const auto [a, b, landmarks] = blobs(3, 5);
   Options options = iterations(10);
-  options.tuning.coarsest = 60;
+  options.coarsest = 60;
   const Result r = ism::compute_map(a, b, landmarks, options);
   CHECK_FALSE(r.coarse.empty());
   check_closed(a, b, r);
 }
 
-TEST_CASE("any vertices can be pinned; none can be fixed in the plane if the map is closed") {
+TEST_CASE("any vertices can be pinned; none can be fixed in the plane") {
   const auto [a, b, landmarks] = blobs(1, 2);
-  int uncovered = 0;
   for (int v = 0; v < a.vertices.rows(); ++v) {
     CAPTURE(v);
     Options options = iterations(2);
     options.pins_a = {v};
     check_closed(a, b, ism::compute_map(a, b, landmarks, options));
-    options.close = false;
-    const Result open = ism::compute_map(a, b, landmarks, options);
-    uncovered += open.status == Status::kInvalidPins;
-    CHECK((ism::is_usable(open.status) || open.status == Status::kInvalidPins));
   }
-  CHECK(uncovered > 0);
   Options options = iterations(2);
   options.fixed_b = {3};
   const Result r = ism::compute_map(a, b, landmarks, options);
   CHECK(r.status == Status::kInvalidPins);
-  CHECK(r.message ==
-        "where maps of closed surfaces are closed, no vertex can be fixed in the plane: set close "
-        "to false, or pin it");
-  options.close = false;
-  CHECK(ism::is_usable(ism::compute_map(a, b, landmarks, options).status));
+  CHECK(r.message == "of two closed surfaces, no vertex can be fixed in the plane: pin it");
 }
 
 TEST_CASE("a surface with defects has the map that it has without") {

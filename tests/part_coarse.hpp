@@ -122,16 +122,16 @@ TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations
   const Disk a = bent_grid(26, 26, 0.9, rng), b = bent_grid(22, 30, -0.7, rng);
   const std::vector<Landmark> landmarks = {{60, 70}, {500, 480}, {620, 600}};
   Options options = on_one_thread();
-  options.tuning.coarsest = 0;
+  options.coarsest = 0;
   const Result plain = map_of(a, b, landmarks, options);
   CHECK(plain.coarse.empty());
-  options.tuning.coarsest = 45;
+  options.coarsest = 45;
   const Result coarse = map_of(a, b, landmarks, options);
   REQUIRE(coarse.coarse.size() == 2);
-  CHECK(coarse.coarse[0].vertices_a < coarse.coarse[1].vertices_a);
-  CHECK(coarse.coarse[1].vertices_b < b.mesh.vertices.rows() / 2);
-  for (const ism::CoarseLevel& level : coarse.coarse) {
-    CHECK(level.iterations > 0);
+  CHECK(coarse.coarse[0].polygons < coarse.coarse[1].polygons / 2);
+  CHECK(coarse.coarse[1].polygons < coarse.initial.polygons / 2);
+  for (const ism::IterationLog& level : coarse.coarse) {
+    CHECK(level.iteration > 0);
     CHECK(level.mean_distortion > 2);
     CHECK(level.mean_distortion < coarse.initial.mean_distortion);
   }
@@ -162,13 +162,13 @@ TEST_CASE("constraints hold on all levels, and a map is there after every step")
   slide.boundary = ism::Boundary::kSlide;
   slide.pins_b = {80};
   for (Options options : {free, pinned, exact, fixed, slide}) {
-    options.tuning.coarsest = 12;
+    options.coarsest = 12;
     Solver solver(a.mesh, b.mesh, landmarks, options);
     int coarse_steps = 0;
     Points2 before;
     while (solver.step()) {
       const Result& r = solver.result();
-      if (solver.phase() == ism::Phase::kEmbedding || !r.log.empty()) continue;
+      if (solver.result().status == ism::Status::kNoMapYet || !r.log.empty()) continue;
       const HalfEdgeMesh m = half_edges(*r.start.a), n = half_edges(*r.start.b);
       CHECK(is_injective(m, r.f));
       CHECK(is_injective(n, r.g));
@@ -197,7 +197,7 @@ TEST_CASE("surfaces with openings pass through coarse levels, too") {
   shapes::bend(a, 0.4);
   shapes::bend(b, -0.3);
   Options options = on_one_thread();
-  options.tuning.coarsest = 40;
+  options.coarsest = 40;
   const Result r = map_of(a, b, {{20, 18}, {200, 150}}, options);
   CHECK_FALSE(r.coarse.empty());
   CHECK(r.final_state().energy < r.initial.energy);
@@ -207,7 +207,7 @@ TEST_CASE("nothing is lost where the start is the end already") {
   Rng rng(56);
   const Disk a = bent_grid(20, 20, 0.8, rng), b = bent_grid(19, 21, -0.8, rng);
   Options options = on_one_thread();
-  options.tuning.coarsest = 60;
+  options.coarsest = 60;
   const Result first = map_of(a, b, {{50, 50}, {350, 350}}, options);
   options.initial_f = first.f;
   options.initial_g = first.g;
@@ -220,7 +220,7 @@ TEST_CASE("nothing is lost where the start is the end already") {
 TEST_CASE("where nothing can be removed, or little, there are no levels") {
   Options options = on_one_thread();
   options.boundary = ism::Boundary::kFixed;
-  options.tuning.coarsest = 1;
+  options.coarsest = 1;
   Disk strip = shapes::grid(40, 1);  // all on the boundary
   Disk other = shapes::grid(38, 1);
   shapes::bend(other, 0.2);

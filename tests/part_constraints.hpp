@@ -147,7 +147,7 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const auto [a, b] = nested_pair(3);
   const JointSurface s = shapes::joined(a.mesh, b.mesh);
   const Points2 start = stacked(a.plane, b.plane);
-  const Options options = with_pins(a, b);
+  const RunOptions options(with_pins(a, b));
   Result result;
   Held held;
   REQUIRE(find_followers(s, start, {}, options, false, held, result));
@@ -198,19 +198,19 @@ TEST_CASE("pinned vertices stay where they are on the other surface") {
     CHECK(is_injective(half_edges(b.mesh), result.g));
     const SurfaceMap after(a.mesh, b.mesh, result.f, result.g);
     for (int v : options.pins_a) {
-      const Vector3d p = before.position_on_b(before.forward_vertex(v).point);
-      const Vector3d q = after.position_on_b(after.forward_vertex(v).point);
+      const Vector3d p = before.position_on_b(before.forward_vertex(v));
+      const Vector3d q = after.position_on_b(after.forward_vertex(v));
       CHECK((p - q).norm() < 1e-12);
     }
-    const Vector3d p = before.position_on_a(before.backward_vertex(pin_b).point);
-    const Vector3d q = after.position_on_a(after.backward_vertex(pin_b).point);
+    const Vector3d p = before.position_on_a(before.backward_vertex(pin_b));
+    const Vector3d q = after.position_on_a(after.backward_vertex(pin_b));
     CHECK((p - q).norm() < 1e-12);
     options.pins_a.clear();
     const Result free = ism::compute_map(a.mesh, b.mesh, {}, options);
     CHECK(free.final_state().energy < result.final_state().energy);
     const SurfaceMap moved(a.mesh, b.mesh, free.f, free.g);
-    const Vector3d r = moved.position_on_b(moved.forward_vertex(6).point);
-    CHECK((before.position_on_b(before.forward_vertex(6).point) - r).norm() > 1e-3);
+    const Vector3d r = moved.position_on_b(moved.forward_vertex(6));
+    CHECK((before.position_on_b(before.forward_vertex(6)) - r).norm() > 1e-3);
   }
 }
 
@@ -244,9 +244,9 @@ TEST_CASE("bad pins are refused with the vertices") {
   refuse({3, 4, 3}, {}, "vertex 3 of A is to be pinned, but it is pinned already", {of_a(3)});
   refuse({}, {0}, "vertex 0 of B is not mapped to A by the start", {of_b(0)});
   const SurfaceMap map(a.mesh, b.mesh, a.plane, b.plane);
-  const ism::MappedPoint image = map.backward_vertex(24);
-  REQUIRE(image.covered);
-  const int v = a.mesh.triangles(image.point.face, 0);
+  const ism::SurfacePoint image = map.backward_vertex(24);
+  REQUIRE(image.exists());
+  const int v = a.mesh.triangles(image.face, 0);
   refuse({v}, {24}, "vertex " + std::to_string(v) + " of A lies in a triangle of vertex 24 of B",
          {of_a(v), of_b(24)});
 }

@@ -125,18 +125,18 @@ TEST_CASE("attributes are carried from the vertices given to the vertices given"
     CHECK(t.n_sources == n_vertices(e.a.mesh));
     CHECK(t.rows() == n_vertices(e.b.mesh));
     for (int source : t.sources) CHECK(e.a.clean[at(source)] >= 0);
-    const ism::Attributes on_b = t.apply(values_at(e.a.mesh.vertices));
+    const ism::Values on_b = t.apply(values_at(e.a.mesh.vertices));
     std::map<int, int> first;
     for (int v = 0; v < t.rows(); ++v) {
       const int clean = e.b.clean[at(v)];
       CHECK(t.covers(v) == (clean >= 0));
       if (clean < 0) continue;
       const int same = first.insert({clean, v}).first->second;  // no cracks
-      CHECK(on_b.values.row(v) == on_b.values.row(same));
-      const ism::MappedPoint image = map.backward_vertex(v);
-      REQUIRE(image.covered);
-      const ism::Values there = values_at(map.position_on_a(image.point).transpose());
-      CHECK((on_b.values.row(v) - there.row(0)).norm() < 0.02);  // linear in between
+      CHECK(on_b.row(v) == on_b.row(same));
+      const ism::SurfacePoint image = map.backward_vertex(v);
+      REQUIRE(image.exists());
+      const ism::Values there = values_at(map.position_on_a(image).transpose());
+      CHECK((on_b.row(v) - there.row(0)).norm() < 0.02);  // linear in between
     }
   }
 }
@@ -146,35 +146,35 @@ TEST_CASE("images are asked for, and answered, in the ids given") {
   const SurfaceMap map(e.result);
   const TriangleMesh& a = e.a.mesh;
   for (int v = 0; v < n_vertices(a); ++v) {
-    const ism::MappedPoint image = map.forward_vertex(v);
-    CHECK(image.covered == (e.a.clean[at(v)] >= 0));
-    if (!image.covered) continue;
-    const ism::MappedPoint back = map.backward(image.point);
-    REQUIRE(back.covered);
-    CHECK((map.position_on_a(back.point) - a.vertices.row(v).transpose()).norm() < 1e-9);
-    const ism::MappedPoint same = map.forward_vertex(e.a.first[at(e.a.clean[at(v)])]);
-    CHECK((map.position_on_b(same.point) - map.position_on_b(image.point)).norm() < 1e-12);
+    const ism::SurfacePoint image = map.forward_vertex(v);
+    CHECK(image.exists() == (e.a.clean[at(v)] >= 0));
+    if (!image.exists()) continue;
+    const ism::SurfacePoint back = map.backward(image);
+    REQUIRE(back.exists());
+    CHECK((map.position_on_a(back) - a.vertices.row(v).transpose()).norm() < 1e-9);
+    const ism::SurfacePoint same = map.forward_vertex(e.a.first[at(e.a.clean[at(v)])]);
+    CHECK((map.position_on_b(same) - map.position_on_b(image)).norm() < 1e-12);
   }
   int dropped = 0;
   for (int f = 0; f < n_triangles(a); ++f) {
     int covered = 0;
     for (int k = 0; k < 3; ++k) {
-      const ism::MappedPoint corner = map.forward({f, Vector3d::Unit(k)});
-      covered += corner.covered;
-      if (!corner.covered) continue;
-      const ism::MappedPoint vertex = map.forward_vertex(a.triangles(f, k));
-      CHECK((map.position_on_b(corner.point) - map.position_on_b(vertex.point)).norm() < 1e-9);
+      const ism::SurfacePoint corner = map.forward({f, Vector3d::Unit(k)});
+      covered += corner.exists();
+      if (!corner.exists()) continue;
+      const ism::SurfacePoint vertex = map.forward_vertex(a.triangles(f, k));
+      CHECK((map.position_on_b(corner) - map.position_on_b(vertex)).norm() < 1e-9);
       const std::vector<ism::Polyline> edge =
           map.forward_path({a.triangles(f, k), a.triangles(f, (k + 1) % 3)});
       REQUIRE(edge.size() == 1);
-      CHECK((map.position_on_b(edge[0].front()) - map.position_on_b(vertex.point)).norm() < 1e-9);
+      CHECK((map.position_on_b(edge[0].front()) - map.position_on_b(vertex)).norm() < 1e-9);
     }
     CHECK((covered == 0 || covered == 3));
     dropped += covered == 0;
   }
   CHECK(dropped == 2);  // the loose part and the triangle that is there twice
-  CHECK_FALSE(map.forward_vertex(n_vertices(a)).covered);
-  CHECK_FALSE(map.forward({n_triangles(a), Vector3d::Unit(0)}).covered);
+  CHECK_FALSE(map.forward_vertex(n_vertices(a)).exists());
+  CHECK_FALSE(map.forward({n_triangles(a), Vector3d::Unit(0)}).exists());
   CHECK(map.forward_path({0, 1}).empty());
 }
 
@@ -189,8 +189,8 @@ TEST_CASE("a vertex at which a closed surface is cut has an image if one of its 
   int at_cut = 0;
   for (int f = 0; f < n_triangles(a); ++f)
     for (int k = 0; k < 3; ++k) {
-      if (!map.forward({f, Vector3d::Unit(k)}).covered) continue;
-      CHECK(map.forward_vertex(a.triangles(f, k)).covered);
+      if (!map.forward({f, Vector3d::Unit(k)}).exists()) continue;
+      CHECK(map.forward_vertex(a.triangles(f, k)).exists());
       ++at_cut;
     }
   CHECK(at_cut > 0);
@@ -212,12 +212,13 @@ TEST_CASE("the meta mesh and remeshing speak of the meshes given") {
     const int clean = e.a.clean[at(v)];
     CHECK(meta.same_a[at(v)] == (clean < 0 ? -1 : e.a.first[at(clean)]));
   }
-  const ism::Remesh mesh = ism::remesh(map, Side::kA);
-  CHECK(n_vertices(mesh.mesh) == n_vertices(e.a.mesh));
-  CHECK(n_triangles(mesh.mesh) == n_triangles(e.clean_a));
-  const ism::Prepared welded = ism::prepare(mesh.mesh);
+  const ism::TriangleMesh mesh = ism::remesh(map, Side::kA);
+  CHECK(n_vertices(mesh) == n_vertices(e.a.mesh));
+  CHECK(n_triangles(mesh) == n_triangles(e.clean_a));
+  const ism::Prepared welded = ism::prepare(mesh);
   CHECK(welded.problems.empty());
-  for (const ism::Repair& r : welded.repairs) CHECK(r.kind != ism::Repair::Kind::kTurnedTriangles);
+  for (const ism::Problem& r : welded.repairs)
+    CHECK(r.kind != ism::Problem::Kind::kInconsistentOrientation);
   CHECK(n_vertices(*welded.mesh) == n_vertices(e.clean_a));
 }
 

@@ -25,7 +25,6 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using ism::MappedPoint;
 using ism::MetaMesh;
 using ism::Points2;
 using ism::Points3;
@@ -167,12 +166,12 @@ void check_unusable(const SurfaceMap& map, Status status, const std::string& wha
   CAPTURE(map.message());
   CHECK(map.status() == status);
   CHECK(map.message().find(what) != std::string::npos);
-  CHECK_FALSE(map.forward({0, Vector3d::Constant(1.0 / 3)}).covered);
-  CHECK_FALSE(map.backward({0, Vector3d::Constant(1.0 / 3)}).covered);
-  CHECK_FALSE(map.forward_vertex(0).covered);
-  CHECK_FALSE(map.backward_vertex(0).covered);
-  for (const MappedPoint& p : map.forward_vertices()) CHECK_FALSE(p.covered);
-  for (const MappedPoint& p : map.backward_vertices()) CHECK_FALSE(p.covered);
+  CHECK_FALSE(map.forward({0, Vector3d::Constant(1.0 / 3)}).exists());
+  CHECK_FALSE(map.backward({0, Vector3d::Constant(1.0 / 3)}).exists());
+  CHECK_FALSE(map.forward_vertex(0).exists());
+  CHECK_FALSE(map.backward_vertex(0).exists());
+  for (const SurfacePoint& p : map.forward_vertices()) CHECK_FALSE(p.exists());
+  for (const SurfacePoint& p : map.backward_vertices()) CHECK_FALSE(p.exists());
   CHECK(map.meta_mesh().corners.empty());
   CHECK(map.meta_mesh().on_a.rows() == 0);
 }
@@ -192,19 +191,19 @@ TEST_CASE("mapping forward and backward returns the point, and outside there is 
       const SurfacePoint p = random_point(a, rng);
       const double depth = deepest(b, planar(a, p));
       if (std::abs(depth) < 1e-9) continue;  // on the rim of B up to rounding
-      const MappedPoint image = map.forward(p);
-      CHECK(image.covered == (depth > 0));
-      if (!image.covered) {
+      const SurfacePoint image = map.forward(p);
+      CHECK(image.exists() == (depth > 0));
+      if (!image.exists()) {
         ++apart;
         continue;
       }
       ++inside;
-      check_surface_point(b, image.point);
-      CHECK((planar(b, image.point) - planar(a, p)).norm() < 1e-12);
-      const MappedPoint back = map.backward(image.point);
-      REQUIRE(back.covered);
-      check_surface_point(a, back.point);
-      CHECK((map.position_on_a(back.point) - map.position_on_a(p)).norm() < 1e-9);
+      check_surface_point(b, image);
+      CHECK((planar(b, image) - planar(a, p)).norm() < 1e-12);
+      const SurfacePoint back = map.backward(image);
+      REQUIRE(back.exists());
+      check_surface_point(a, back);
+      CHECK((map.position_on_a(back) - map.position_on_a(p)).norm() < 1e-9);
     }
     CHECK(inside > 50);
     CHECK(apart > 20);
@@ -220,13 +219,13 @@ TEST_CASE("mapping backward and forward returns the point") {
     const SurfacePoint p = random_point(b, rng);
     const double depth = deepest(a, planar(b, p));
     if (std::abs(depth) < 1e-9) continue;
-    const MappedPoint image = map.backward(p);
-    CHECK(image.covered == (depth > 0));
-    if (!image.covered) continue;
+    const SurfacePoint image = map.backward(p);
+    CHECK(image.exists() == (depth > 0));
+    if (!image.exists()) continue;
     ++inside;
-    const MappedPoint back = map.forward(image.point);
-    REQUIRE(back.covered);
-    CHECK((map.position_on_b(back.point) - map.position_on_b(p)).norm() < 1e-9);
+    const SurfacePoint back = map.forward(image);
+    REQUIRE(back.exists());
+    CHECK((map.position_on_b(back) - map.position_on_b(p)).norm() < 1e-9);
   }
   CHECK(inside > 50);
 }
@@ -234,19 +233,19 @@ TEST_CASE("mapping backward and forward returns the point") {
 TEST_CASE("vertices are mapped where they lie in the plane") {
   const auto [a, b] = overlapping_pair(45);
   const SurfaceMap map = map_of(a, b);
-  const std::vector<MappedPoint> forward = map.forward_vertices();
-  const std::vector<MappedPoint> backward = map.backward_vertices();
+  const std::vector<SurfacePoint> forward = map.forward_vertices();
+  const std::vector<SurfacePoint> backward = map.backward_vertices();
   REQUIRE(static_cast<int>(forward.size()) == n_vertices(a));
   REQUIRE(static_cast<int>(backward.size()) == n_vertices(b));
-  const auto check = [](const Disk& from, const Disk& to, int v, const MappedPoint& p,
-                        const MappedPoint& again) {
+  const auto check = [](const Disk& from, const Disk& to, int v, const SurfacePoint& p,
+                        const SurfacePoint& again) {
     CAPTURE(v);
     const Vector2d x = from.plane.row(v).transpose();
-    CHECK(p.covered == (deepest(to, x) > 0));  // no vertex of these pairs lies on a rim
-    CHECK(again.covered == p.covered);
-    CHECK(again.point.face == p.point.face);
-    CHECK(again.point.barycentric == p.point.barycentric);
-    if (p.covered) CHECK((planar(to, p.point) - x).norm() < 1e-12);
+    CHECK(p.exists() == (deepest(to, x) > 0));  // no vertex of these pairs lies on a rim
+    CHECK(again.exists() == p.exists());
+    CHECK(again.face == p.face);
+    CHECK(again.barycentric == p.barycentric);
+    if (p.exists()) CHECK((planar(to, p) - x).norm() < 1e-12);
   };
   for (int v = 0; v < n_vertices(a); ++v)
     check(a, b, v, forward[static_cast<std::size_t>(v)], map.forward_vertex(v));
@@ -262,18 +261,18 @@ TEST_CASE("equal positions map every vertex and every point to itself") {
     for (int v = 0; v < n_vertices(disk); ++v) {
       CAPTURE(v);
       const Vector3d expected = disk.mesh.vertices.row(v);
-      const MappedPoint forward = map.forward_vertex(v), backward = map.backward_vertex(v);
-      REQUIRE(forward.covered);
-      REQUIRE(backward.covered);
-      CHECK((map.position_on_b(forward.point) - expected).norm() < 1e-9);
-      CHECK((map.position_on_a(backward.point) - expected).norm() < 1e-9);
+      const SurfacePoint forward = map.forward_vertex(v), backward = map.backward_vertex(v);
+      REQUIRE(forward.exists());
+      REQUIRE(backward.exists());
+      CHECK((map.position_on_b(forward) - expected).norm() < 1e-9);
+      CHECK((map.position_on_a(backward) - expected).norm() < 1e-9);
     }
     Rng rng(46);
     for (int i = 0; i < 50; ++i) {
       const SurfacePoint p = random_point(disk, rng);
-      const MappedPoint image = map.forward(p);
-      REQUIRE(image.covered);
-      CHECK((map.position_on_b(image.point) - map.position_on_a(p)).norm() < 1e-9);
+      const SurfacePoint image = map.forward(p);
+      REQUIRE(image.exists());
+      CHECK((map.position_on_b(image) - map.position_on_a(p)).norm() < 1e-9);
     }
   }
 }
@@ -296,15 +295,15 @@ TEST_CASE("positions are interpolated in the units of the mesh given") {
 TEST_CASE("copies of a map outlive it") {
   const auto [a, b] = overlapping_pair(47);
   std::vector<SurfaceMap> copies;
-  MappedPoint expected;
+  SurfacePoint expected;
   {
     const SurfaceMap map = map_of(a, b);
     expected = map.forward_vertex(20);
     copies.push_back(map);
   }
-  const MappedPoint again = copies[0].forward_vertex(20);
-  CHECK(again.covered == expected.covered);
-  CHECK(again.point.barycentric == expected.point.barycentric);
+  const SurfacePoint again = copies[0].forward_vertex(20);
+  CHECK(again.exists() == expected.exists());
+  CHECK(again.barycentric == expected.barycentric);
 }
 
 // ---- meta mesh ----
@@ -361,16 +360,16 @@ TEST_CASE("covered vertices of both meshes are vertices of the meta mesh") {
   };
   int count = 0;
   for (int v = 0; v < n_vertices(a); ++v) {
-    const MappedPoint p = map.forward_vertex(v);
-    if (!p.covered) continue;
+    const SurfacePoint p = map.forward_vertex(v);
+    if (!p.exists()) continue;
     ++count;
-    CHECK(find(a.mesh.vertices.row(v), map.position_on_b(p.point)));
+    CHECK(find(a.mesh.vertices.row(v), map.position_on_b(p)));
   }
   for (int v = 0; v < n_vertices(b); ++v) {
-    const MappedPoint p = map.backward_vertex(v);
-    if (!p.covered) continue;
+    const SurfacePoint p = map.backward_vertex(v);
+    if (!p.exists()) continue;
     ++count;
-    CHECK(find(map.position_on_a(p.point), b.mesh.vertices.row(v)));
+    CHECK(find(map.position_on_a(p), b.mesh.vertices.row(v)));
   }
   CHECK(count > 30);
   CHECK(count < mesh.on_a.rows());  // the rest are crossings
@@ -404,18 +403,18 @@ TEST_CASE("queries outside the meshes are not covered") {
   REQUIRE(map.status() == Status::kDone);
   const Vector3d middle = Vector3d::Constant(1.0 / 3);
   for (int id : {-1, -1000, 1 << 30}) {
-    CHECK_FALSE(map.forward_vertex(id).covered);
-    CHECK_FALSE(map.backward_vertex(id).covered);
-    CHECK_FALSE(map.forward({id, middle}).covered);
-    CHECK_FALSE(map.backward({id, middle}).covered);
+    CHECK_FALSE(map.forward_vertex(id).exists());
+    CHECK_FALSE(map.backward_vertex(id).exists());
+    CHECK_FALSE(map.forward({id, middle}).exists());
+    CHECK_FALSE(map.backward({id, middle}).exists());
   }
-  CHECK_FALSE(map.forward_vertex(9).covered);
-  CHECK_FALSE(map.backward_vertex(12).covered);
-  CHECK_FALSE(map.forward({8, middle}).covered);
-  CHECK_FALSE(map.backward({12, middle}).covered);
-  CHECK_FALSE(map.forward(SurfacePoint()).covered);
-  CHECK(map.forward({7, middle}).covered);
-  CHECK(map.forward_vertex(8).covered);
+  CHECK_FALSE(map.forward_vertex(9).exists());
+  CHECK_FALSE(map.backward_vertex(12).exists());
+  CHECK_FALSE(map.forward({8, middle}).exists());
+  CHECK_FALSE(map.backward({12, middle}).exists());
+  CHECK_FALSE(map.forward(SurfacePoint()).exists());
+  CHECK(map.forward({7, middle}).exists());
+  CHECK(map.forward_vertex(8).exists());
 }
 
 TEST_CASE("edges are mapped to polylines that join the images of their ends") {
@@ -450,23 +449,23 @@ TEST_CASE("edges are mapped to polylines that join the images of their ends") {
         }
         middle.barycentric = 0.5 * (line[k].barycentric + end.barycentric);
         CHECK((map.position_on_b(middle) - 0.5 * (p + q)).norm() < 1e-9);
-        const ism::MappedPoint back = map.backward(middle);
-        REQUIRE(back.covered);
-        const Vector3d on_a = map.position_on_a(back.point);
+        const ism::SurfacePoint back = map.backward(middle);
+        REQUIRE(back.exists());
+        const Vector3d on_a = map.position_on_a(back);
         const Vector3d from = a.mesh.vertices.row(u), to = a.mesh.vertices.row(v);
         CHECK((on_a - from).cross(to - from).norm() < 1e-9 * (to - from).squaredNorm());
         crossings += k > 0;
       }
     }
     if (polylines.size() != 1) continue;
-    const ism::MappedPoint start = map.forward_vertex(u), end = map.forward_vertex(v);
-    if (!start.covered || !end.covered) continue;
+    const ism::SurfacePoint start = map.forward_vertex(u), end = map.forward_vertex(v);
+    if (!start.exists() || !end.exists()) continue;
     ++whole;
     const auto distance = [&](const ism::SurfacePoint& p, const ism::SurfacePoint& q) {
       return (map.position_on_b(p) - map.position_on_b(q)).norm();
     };
-    CHECK(distance(polylines[0].front(), start.point) < 1e-9);
-    CHECK(distance(polylines[0].back(), end.point) < 1e-9);
+    CHECK(distance(polylines[0].front(), start) < 1e-9);
+    CHECK(distance(polylines[0].back(), end) < 1e-9);
   }
   CHECK(whole > 100);
   CHECK(crossings > 100);
@@ -529,10 +528,10 @@ TEST_CASE("a map of a result is the map of its meshes and positions, or has its 
   REQUIRE(ism::is_usable(result.status));
   const SurfaceMap map(result);
   REQUIRE(map.status() == Status::kDone);
-  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).covered);
+  for (int v = 0; v < a.mesh.vertices.rows(); ++v) CHECK(map.forward_vertex(v).exists());
   for (const SurfaceMap& none : {SurfaceMap(), SurfaceMap(ism::Result())}) {
     CHECK(none.status() == Status::kNoMapYet);
-    CHECK_FALSE(none.forward_vertex(0).covered);
+    CHECK_FALSE(none.forward_vertex(0).exists());
     CHECK(none.meta_mesh().corners.empty());
   }
   const SurfaceMap refused(ism::compute_map(a.mesh, b.mesh, {{-1, 0}}, options));
@@ -562,10 +561,10 @@ TEST_CASE("points on edges between slivers have images") {
       const double t = rng.uniform();
       const int f = rng.below(kSlivers);
       const bool is_first = rng.below(2) == 0;
-      const MappedPoint image =
+      const SurfacePoint image =
           map.forward({f, Vector3d(1 - t, is_first ? t : 0, is_first ? 0 : t)});
-      uncovered += !image.covered;
-      if (image.covered) CHECK(std::abs(image.point.barycentric[0] - (1 - t)) < 1e-14);
+      uncovered += !image.exists();
+      if (image.exists()) CHECK(std::abs(image.barycentric[0] - (1 - t)) < 1e-14);
     }
     CHECK(uncovered == 0);
   }
@@ -578,7 +577,7 @@ TEST_CASE("a point without an image lies nowhere") {
     CHECK(map.position_on_a({face, Vector3d(1, 0, 0)}).hasNaN());
     CHECK(map.position_on_b({face, Vector3d(1, 0, 0)}).hasNaN());
   }
-  CHECK(map.position_on_b(ism::MappedPoint().point).hasNaN());
+  CHECK(map.position_on_b(ism::SurfacePoint()).hasNaN());
   CHECK(SurfaceMap().position_on_a({0, Vector3d(1, 0, 0)}).hasNaN());
 }
 

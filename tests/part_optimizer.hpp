@@ -294,10 +294,9 @@ TEST_CASE("a run from the identity ends at once with nothing changed") {
     disk.mesh.vertices.setZero();
     disk.mesh.vertices.leftCols<2>() = disk.plane;
     Options options = given_planes(disk, disk);
-    options.tuning.barrier_weight = 1e-12;
     const Result result = ism::compute_map(disk.mesh, disk.mesh, {}, options);
     CHECK(result.status == Status::kConverged);
-    CHECK(static_cast<int>(result.log.size()) <= options.tuning.window);
+    CHECK(static_cast<int>(result.log.size()) <= Tuning().window);
     const IterationLog& end = result.final_state();
     CHECK(result.initial.mean_distortion == doctest::Approx(2).epsilon(1e-10));
     CHECK(end.mean_distortion == doctest::Approx(2).epsilon(1e-10));
@@ -332,12 +331,13 @@ TEST_CASE("a run does not end as long as the preconditioner holds it back") {
 TEST_CASE("options of a run hold on coarse levels and after a change") {
   const Disk disk = shapes::grid(4, 4);
   Options options = given_planes(disk, disk);
-  options.tuning.omega_least = 1;
+  RunOptions run(options);
+  run.tuning.omega_least = 1;
   const Executor executor(options);
   const SurfacePair pair = {build_surface(disk.mesh, false), build_surface(disk.mesh, false)};
   const JointSurface s = join(pair);
   const Array<Follower> none;
-  Optimizer optimizer(s, options, none, executor);
+  Optimizer optimizer(s, run, none, executor);
   Result result;
   optimizer.start(stacked(disk.plane, disk.plane), result);
   optimizer.lower_omega(1e-3);
@@ -658,7 +658,8 @@ TEST_CASE("every iterate is injective, whatever the limit of iterations") {
     check_energy_never_grows(result);
     CHECK(result.final_state().energy < before);
     before = result.final_state().energy;
-    const Weights weights = weights_of(options);
+    const RunOptions run(options);
+    const Weights weights = weights_of(run);
     const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     // The positions belong to the log; where products are fused, code inlined twice rounds twice.
     CHECK(end.energy == doctest::Approx(result.final_state().energy).epsilon(1e-14));
@@ -717,19 +718,18 @@ TEST_CASE("a quasi-Newton direction does with the newest secant what the true He
 TEST_CASE("quasi-Newton steps follow iterations once the preconditioner hardly acts") {
   const auto [a, b] = random_pair(32, 6, 6);
   Options options = given_planes(a, b);
-  options.tuning.quasi_newton_steps = 3;
   const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
   check_energy_never_grows(result);
   check_injective(a, b, result);
   int in_a_row = 0, taken = 0;
   for (const IterationLog& log : result.log) {
     in_a_row = log.quasi_newton ? in_a_row + 1 : 0;
-    CHECK(in_a_row <= 3);
+    CHECK(in_a_row <= Tuning().quasi_newton_steps);
     if (log.quasi_newton) CHECK(log.omega <= 0.01);
     taken += log.quasi_newton;
   }
   CHECK(taken > 5);
-  options.tuning.quasi_newton_steps = 0;
+  options.omega_start = 0;
   for (const IterationLog& log : ism::compute_map(a.mesh, b.mesh, {}, options).log)
     CHECK_FALSE(log.quasi_newton);
 }
@@ -739,12 +739,12 @@ TEST_CASE("every variant lowers the energy") {
     const auto [a, b] = random_pair(seed);
     const Options full = given_planes(a, b);
     Options smoothed = full;
-    smoothed.tuning.omega_start = smoothed.tuning.quasi_newton_steps = 0;
+    smoothed.omega_start = 0;
     Options newton = smoothed;
-    newton.tuning.history_length = 1;
+    newton.history_length = 1;
     for (const Options* variant : {&std::as_const(newton), &std::as_const(smoothed), &full}) {
-      CAPTURE(variant->tuning.history_length);
-      CAPTURE(variant->tuning.omega_start);
+      CAPTURE(variant->history_length);
+      CAPTURE(variant->omega_start);
       Options options = *variant;
       options.max_iterations = 15;
       const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
@@ -770,7 +770,7 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
   const IterationLog* before = &result.initial;
   for (const IterationLog& log : result.log) {
     const double covered = log.coverage_a * area_a + log.coverage_b * area_b;
-    const double barrier = options.tuning.barrier_weight * (log.energy_f + log.energy_g);
+    const double barrier = Tuning().barrier_weight * (log.energy_f + log.energy_g);
     const double energy = log.map_energy - coverage_reward(options) * covered + barrier;
     CHECK(log.energy == doctest::Approx(energy).epsilon(1e-10));
     CHECK(log.mean_distortion == doctest::Approx(log.map_energy / covered).epsilon(1e-10));
@@ -778,8 +778,8 @@ TEST_CASE("logs are consistent with the objective and the step rules") {
     CHECK(log.step > 0);
     CHECK(log.step < log.max_step);
     CHECK(log.iteration == before->iteration + 1);
-    CHECK(before->coverage_a - log.coverage_a <= options.tuning.max_coverage_loss * (1 + 1e-12));
-    CHECK(before->coverage_b - log.coverage_b <= options.tuning.max_coverage_loss * (1 + 1e-12));
+    CHECK(before->coverage_a - log.coverage_a <= Tuning().max_coverage_loss * (1 + 1e-12));
+    CHECK(before->coverage_b - log.coverage_b <= Tuning().max_coverage_loss * (1 + 1e-12));
     before = &log;
   }
 }
@@ -804,20 +804,18 @@ TEST_CASE("a usable result has an overlap, however little the objective rewards 
     }
 }
 
-TEST_CASE("the covered area never falls below the share the options say") {
-  for (double least : {0.5, 0.9}) {
-    const auto [a, b] = random_pair(17);
-    Options options = given_planes(a, b);
-    options.coverage_weight = -2;
-    options.tuning.least_coverage = least;
-    const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
-    REQUIRE(ism::is_usable(result.status));
-    for (const IterationLog& log : result.log) {
-      CHECK(log.coverage_a > least * result.initial.coverage_a);
-      CHECK(log.coverage_b > least * result.initial.coverage_b);
-    }
-    CHECK(result.final_state().coverage_a < 1.2 * least * result.initial.coverage_a);
+TEST_CASE("the covered area never falls below the least share") {
+  const double least = Tuning().least_coverage;
+  const auto [a, b] = random_pair(17);
+  Options options = given_planes(a, b);
+  options.coverage_weight = -2;
+  const Result result = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(ism::is_usable(result.status));
+  for (const IterationLog& log : result.log) {
+    CHECK(log.coverage_a > least * result.initial.coverage_a);
+    CHECK(log.coverage_b > least * result.initial.coverage_b);
   }
+  CHECK(result.final_state().coverage_a < 1.2 * least * result.initial.coverage_a);
 }
 
 // A start on a coarse level's map may cover less: no step was then taken that did not make up for
@@ -900,7 +898,7 @@ TEST_CASE("every measure is minimised, injectively") {
     CHECK(result.final_state().energy < result.initial.energy);
     check_energy_never_grows(result);
     check_injective(a, b, result);
-    const Weights weights = {0.2, options.tuning.barrier_weight, 1e-3, &measure};
+    const Weights weights = {0.2, Tuning().barrier_weight, 1e-3, &measure};
     const Iterate end = evaluated(joined(a.mesh, b.mesh), weights, stacked(result.f, result.g));
     CHECK(end.map_energy == doctest::Approx(result.final_state().map_energy).epsilon(1e-9));
   }
@@ -995,7 +993,8 @@ TEST_CASE("a measure that is no number is reported, not accepted") {
   options.fixed_a = {0};  // so that the planes are not moved first
   options.measure = {bottomless, 0, 1};
   const JointSurface s = joined(a.mesh, b.mesh);
-  const Weights weights = weights_of(options);
+  const RunOptions run(options);
+  const Weights weights = weights_of(run);
   ModelBuilder(s, weights, Executor(options))
       .differentiate_elements(evaluated(s, weights, stacked(a.plane, b.plane)));
   sound = calls;
@@ -1143,10 +1142,6 @@ TEST_CASE("a scaffold lets a run go on where its boundary meets itself") {
       CHECK(result.status == Status::kConverged);
       check_energy_never_grows(result);
       check_injective(a, b, result);
-      options.tuning.scaffold = false;
-      const Result without = ism::compute_map(a.mesh, b.mesh, {}, options);
-      check_injective(a, b, without);
-      CHECK(result.final_state().energy < without.final_state().energy - 0.001);
     }
 }
 
@@ -1156,7 +1151,7 @@ TEST_CASE("cancelling after two iterations returns the second iterate") {
   const auto [a, b] = random_pair(26);
   Options options = given_planes(a, b);
   options.progress = [](const Progress& p) {
-    REQUIRE(p.phase == ism::Phase::kOptimization);
+    REQUIRE_FALSE(p.is_embedding);
     REQUIRE(p.iteration != nullptr);
     CHECK_FALSE(p.what.empty());
     return p.iteration->iteration < 2;
@@ -1180,7 +1175,7 @@ TEST_CASE("cancelling during the embedding aborts without positions, at every re
   Options options = on_one_thread();
   options.max_iterations = 0;
   options.progress = [&](const Progress& p) {
-    CHECK(p.phase == ism::Phase::kEmbedding);
+    CHECK(p.is_embedding);
     CHECK(p.iteration == nullptr);
     return ++reports > 0;
   };
@@ -1221,80 +1216,29 @@ TEST_CASE("options out of range are refused by name") {
     refuse_with(
         name, [&](Options& o, auto value) { o.*member = value; }, values);
   };
-  const auto refuse_tuning = [&](const std::string& name, auto member, auto values) {
-    refuse_with(
-        name, [&](Options& o, auto value) { o.tuning.*member = value; }, values);
-  };
   using Doubles = std::vector<double>;
   using Ints = std::vector<int>;
   refuse("coverage_weight", &Options::coverage_weight, Doubles{-kInf, kNan, kInf});
-  refuse_tuning("barrier_weight", &ism::Tuning::barrier_weight, Doubles{0, -1, kNan, kInf});
-  refuse_tuning("spd_epsilon", &ism::Tuning::spd_epsilon, Doubles{0, -1, kNan, kInf});
-  refuse_tuning("history_length", &ism::Tuning::history_length, Ints{0, -1});
-  refuse_tuning("history_decay", &ism::Tuning::history_decay, Doubles{0, -1, 1.5, kNan});
-  refuse_tuning("omega_start", &ism::Tuning::omega_start, Doubles{-1, kNan, kInf});
-  refuse_tuning("omega_factor", &ism::Tuning::omega_factor, Doubles{1, 0, -4, kNan, kInf});
-  refuse_tuning("omega_least", &ism::Tuning::omega_least, Doubles{-1, 1e5, kNan, kInf});
-  refuse_tuning("max_displacement", &ism::Tuning::max_displacement, Doubles{0, -1, kNan});
+  refuse("history_length", &Options::history_length, Ints{0, -1});
+  refuse("omega_start", &Options::omega_start, Doubles{-1, kNan, kInf});
   refuse("max_seconds", &Options::max_seconds, Doubles{0, -1, kNan});
-  refuse("max_memory", &Options::max_memory, Doubles{0, -1, kNan});
-  refuse_tuning("least_coverage", &ism::Tuning::least_coverage, Doubles{1, -1, kNan});
-  refuse_tuning("max_coverage_loss", &ism::Tuning::max_coverage_loss, Doubles{0, -1, kNan});
-  refuse_tuning("search_stride", &ism::Tuning::search_stride, Ints{0, -1, 9});
-  refuse_tuning("quasi_newton_steps", &ism::Tuning::quasi_newton_steps, Ints{-1});
-  refuse_tuning("solve_tolerance", &ism::Tuning::solve_tolerance, Doubles{0, 1, -1, kNan});
+  refuse("coarsest", &Options::coarsest, Ints{-1});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
-  refuse_tuning("window", &ism::Tuning::window, Ints{0, -3});
   refuse("threads", &Options::threads, Ints{-1});
-}
-
-TEST_CASE("what would take more memory than allowed is refused with both numbers") {
-  const TriangleMesh a = shapes::grid(20, 20).mesh, b = shapes::grid(18, 20).mesh;
-  Options options;
-  options.max_memory = 2e6;
-  const Result result = ism::compute_map(a, b, {}, options);
-  check_refused(result, Status::kMemoryLimit, "max_memory is 2 MB");
-  const double needed = ism::memory_estimate(a, b, options);
-  const std::string mb = std::to_string(static_cast<int>(needed / 1e6) + 1);
-  CHECK(result.message.find("about " + mb + " MB") != std::string::npos);
-  CHECK(ism::initial_embedding(a, b, {}, options).status == Status::kMemoryLimit);
-  ism::Solver solver(a, b, {}, options);
-  CHECK_FALSE(solver.step());
-  CHECK(solver.result().status == Status::kMemoryLimit);
-  options.max_memory = needed;
-  options.max_iterations = 1;
-  CHECK(ism::is_usable(ism::compute_map(a, b, {}, options).status));
-}
-
-TEST_CASE("the estimate of memory grows with meshes and history, and of nothing is nothing") {
-  const auto estimate = [](double faces, int history) {
-    Options options;
-    options.tuning.history_length = history;
-    return ism::detail::memory_of_run(faces, faces, faces, options);
-  };
-  CHECK(ism::memory_estimate(TriangleMesh(), TriangleMesh()) == 0);
-  CHECK(estimate(1000, 12) > 3 * estimate(300, 12));
-  CHECK(estimate(1000, 12) > 1.2 * estimate(1000, 1));
-  CHECK(estimate(2e9, 2000000000) > estimate(2e9, 12));
-  CHECK(std::isfinite(estimate(2e9, 2000000000)));
 }
 
 TEST_CASE("meshes that are no surfaces are refused by name") {
   const TriangleMesh good = shapes::grid(2, 2).mesh;
-  ism::Options as_given;
-  as_given.prepare = false;
-  check_refused(ism::compute_map(bow_tie(), good, {}, as_given), Status::kInvalidMesh, "mesh A");
-  check_refused(ism::compute_map(good, bow_tie(), {}, as_given), Status::kInvalidMesh, "mesh B");
   TriangleMesh bad = good;
   bad.triangles(1, 1) = 99;
   const Result result = ism::compute_map(good, bad);
   check_refused(result, Status::kInvalidMesh, "mesh B");
   CHECK(result.ids == Ids{{ism::Side::kB, ism::Element::kFace, 1}});
   check_refused(ism::compute_map(TriangleMesh(), good), Status::kInvalidMesh, "mesh A");
-  const ism::Embedding e = ism::initial_embedding(good, bow_tie(), {}, as_given);
+  const ism::Embedding e = ism::initial_embedding(good, bad);
   CHECK(e.status == Status::kInvalidMesh);
-  CHECK(e.message == ism::compute_map(good, bow_tie(), {}, as_given).message);
+  CHECK(e.message == result.message);
 }
 
 TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
@@ -1370,14 +1314,14 @@ TEST_CASE("the unit of given positions does not matter") {
 // ---- presets and names ----
 
 TEST_CASE("the paper preset has the paper's constants and can be run") {
-  const Options paper = Options::paper();
+  const RunOptions paper(Options::paper());
   CHECK(paper.coverage_weight == -2);
   CHECK(paper.tuning.barrier_weight == 1e-8);
   CHECK(paper.tuning.spd_epsilon == 1e-3);
-  CHECK(paper.tuning.omega_start == 1e9);
+  CHECK(paper.omega_start == 1e9);
   CHECK(paper.tuning.omega_factor == 1.25);
   CHECK(paper.tuning.omega_least == 0);
-  CHECK(paper.tuning.history_length == 6);
+  CHECK(paper.history_length == 6);
   CHECK(paper.tuning.history_decay == 0.5);
   CHECK(paper.tuning.least_coverage == 0);
   CHECK(paper.tuning.search_stride == 1);

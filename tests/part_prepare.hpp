@@ -27,7 +27,6 @@ namespace {
 
 using ism::Prepared;
 using ism::Problem;
-using ism::Repair;
 using ism::TriangleMesh;
 using shapes::Disk;
 using shapes::Rng;
@@ -105,7 +104,7 @@ Prepared checked(const TriangleMesh& given, const std::vector<ism::LandmarkPoint
 }
 
 /// The only thing that was done.
-void check_only(const Prepared& p, Repair::Kind kind, const std::string& message, const Ids& ids) {
+void check_only(const Prepared& p, Problem::Kind kind, const std::string& message, const Ids& ids) {
   REQUIRE(p.repairs.size() == 1);
   CHECK(p.repairs[0].kind == kind);
   CHECK(p.repairs[0].message == message);
@@ -145,7 +144,7 @@ TEST_CASE("triangles with vertices of their own are welded") {
     REQUIRE(n_vertices(*p.mesh) == n_vertices(disk.mesh));
     REQUIRE(n_triangles(*p.mesh) == n_triangles(disk.mesh));
     REQUIRE(p.repairs.size() == 1);
-    CHECK(p.repairs[0].kind == Repair::Kind::kWelded);
+    CHECK(p.repairs[0].kind == Problem::Kind::kUnwelded);
     CHECK(p.repairs[0].message == "welded " + std::to_string(n_vertices(given)) + " vertices to " +
                                       std::to_string(n_vertices(disk.mesh)));
     CHECK(p.repairs[0].ids.size() ==
@@ -200,24 +199,24 @@ TEST_CASE("repeated, degenerate and turned triangles, and vertices without") {
   SUBCASE("repeated") {
     add_triangle(mesh, mesh.triangles(7, 1), mesh.triangles(7, 2), mesh.triangles(7, 0));
     add_triangle(mesh, mesh.triangles(9, 1), mesh.triangles(9, 0), mesh.triangles(9, 2));
-    check_only(checked(mesh), Repair::Kind::kDroppedRepeated, "dropped 2 repeated triangles",
+    check_only(checked(mesh), Problem::Kind::kRepeatedTriangle, "dropped 2 repeated triangles",
                {n, n + 1});
   }
   SUBCASE("with equal corners") {
     add_triangle(mesh, 3, 3, 4);
     add_triangle(mesh, 5, 5, 5);
-    check_only(checked(mesh), Repair::Kind::kDroppedDegenerate, "dropped 2 degenerate triangles",
+    check_only(checked(mesh), Problem::Kind::kDegenerateTriangle, "dropped 2 degenerate triangles",
                {n, n + 1});
   }
   SUBCASE("turned") {
     for (int f : {3, 17, 18, 40}) turn(mesh, f);
-    check_only(checked(mesh), Repair::Kind::kTurnedTriangles, "turned 4 triangles over",
+    check_only(checked(mesh), Problem::Kind::kInconsistentOrientation, "turned 4 triangles over",
                {3, 17, 18, 40});
   }
   SUBCASE("unused vertices") {
     add_vertex(mesh, 1, 2, 3);
     add_vertex(mesh, 0, 0, 0);
-    check_only(checked(mesh), Repair::Kind::kDroppedVertices,
+    check_only(checked(mesh), Problem::Kind::kUnreferencedVertex,
                "dropped 2 vertices that no triangle uses", {42, 43});
   }
   const Prepared p = checked(mesh);
@@ -242,7 +241,7 @@ TEST_CASE("a triangle without area leaves no gap") {
   CHECK(n_vertices(*p.mesh) == 6);
   CHECK(area(*p.mesh) == doctest::Approx(area(mesh)));
   CHECK(shapes::half_edges(*p.mesh).loops() == 1);
-  CHECK(p.repairs[0].kind == Repair::Kind::kDroppedDegenerate);
+  CHECK(p.repairs[0].kind == Problem::Kind::kDegenerateTriangle);
 }
 
 TEST_CASE("a short edge becomes one vertex: a closed surface stays closed") {
@@ -257,7 +256,7 @@ TEST_CASE("a short edge becomes one vertex: a closed surface stays closed") {
     CHECK(n_triangles(*p.mesh) == 126);
     CHECK(shapes::half_edges(*p.mesh).loops() == 0);
     CHECK(p.new_vertex[static_cast<std::size_t>(u)] == p.new_vertex[static_cast<std::size_t>(v)]);
-    CHECK(p.repairs[0].kind == Repair::Kind::kDroppedDegenerate);
+    CHECK(p.repairs[0].kind == Problem::Kind::kDegenerateTriangle);
   }
 }
 
@@ -357,10 +356,9 @@ TEST_CASE("a torus is refused in the ids given, and one that was cut stays cut")
   }
   const Prepared p = ism::prepare(closed);
   REQUIRE(p.problems.size() == 1);
-  CHECK(p.problems[0].message.find("through vertex " + std::to_string(p.problems[0].ids[0])) !=
-        std::string::npos);
+CHECK(p.problems[0].message.find("genus 1") != std::string::npos);
   CHECK(p.given_vertex[0] == 1);  // so that ids differ
-  check_only(checked(open), Repair::Kind::kDroppedVertices,
+  check_only(checked(open), Problem::Kind::kUnreferencedVertex,
              "dropped 1 vertex that no triangle uses", {0});
 }
 
@@ -393,7 +391,7 @@ TEST_CASE("flaps are cut off, surfaces that meet in an edge or a vertex apart") 
   const Prepared p = checked(mesh);
   CHECK(p.mesh->vertices == clean.vertices);
   CHECK(p.mesh->triangles == clean.triangles);
-  CHECK(p.repairs.back().kind == Repair::Kind::kDroppedComponents);
+  CHECK(p.repairs.back().kind == Problem::Kind::kSeveralComponents);
 }
 
 TEST_CASE("of several components the one with most landmarks is kept, else the largest") {
@@ -519,7 +517,7 @@ TEST_CASE("a closed surface gets the orientation of positive volume, whatever mo
     for (int f = 0; f < turned; ++f) turn(mesh, f);
     const Prepared p = checked(mesh);
     REQUIRE(p.repairs.size() == 1);
-    CHECK(p.repairs[0].kind == Repair::Kind::kTurnedTriangles);
+    CHECK(p.repairs[0].kind == Problem::Kind::kInconsistentOrientation);
     CHECK(p.repairs[0].ids.size() == static_cast<std::size_t>(turned));
     const bool tells = p.repairs[0].message.find("inside out") != std::string::npos;
     CHECK(tells == (2 * turned > n));
@@ -790,7 +788,7 @@ TEST_CASE("a damaged mesh is mapped as the clean one, with landmarks and constra
   CHECK(ism::SurfaceMap(r).status() == ism::Status::kDone);
 
   ism::Solver solver(given, b.mesh, of_given, options_of_given);
-  for (int i = 0; i < 200 && solver.phase() != ism::Phase::kOptimization; ++i) solver.step();
+  for (int i = 0; i < 200 && solver.result().status == ism::Status::kNoMapYet; ++i) solver.step();
   of_given[0].b = 13;
   CHECK(solver.change(of_given, options_of_given).status == ism::Status::kDone);
   CHECK(ism::is_usable(solver.result().status));
@@ -830,10 +828,6 @@ TEST_CASE("what is wrong with constraints on a prepared mesh is said in the ids 
   for (const ism::ElementId& id : r.ids)
     if (id.side == ism::Side::kB)
       CHECK(r.message.find("vertex " + std::to_string(id.id) + " of B") != std::string::npos);
-  options = some_iterations();
-  options.prepare = false;
-  r = ism::compute_map(given, b.mesh, {}, options);
-  CHECK(r.status == ism::Status::kInvalidMesh);
 }
 
 TEST_CASE("given positions belong to the vertices given") {

@@ -70,23 +70,12 @@ Disk shuffled(Disk disk) {
   return disk;
 }
 
-/// Seconds to map a curve through points in every k-th triangle of A.
-double seconds_of_curve(const Disk& a, const Disk& b, int k) {
-  const ism::SurfaceMap map = runs::good_map(a, b);
-  ism::Polyline points;
-  for (int f = 0; f < a.mesh.triangles.rows(); f += k)
-    points.push_back({f, Eigen::Vector3d(0.3, 0.3, 0.4)});
-  const double start = processor_seconds();
-  CHECK(!map.forward_curve(points).empty());
-  return processor_seconds() - start;
-}
-
 void check_run(const ism::Result& result, int least_iterations) {
   CAPTURE(result.message);
   CHECK(ism::is_usable(result.status));
   CHECK(static_cast<int>(result.log.size()) >= least_iterations);
   CHECK(std::isfinite(result.final_state().energy));
-  const double least = ism::Tuning().least_coverage;
+  const double least = ism::detail::Tuning().least_coverage;
   CHECK(result.final_state().coverage_a >= least * result.initial.coverage_a);
   CHECK(result.final_state().coverage_b >= least * result.initial.coverage_b);
 }
@@ -175,25 +164,6 @@ TEST_CASE("openings outside of the overlap are located in near-linear time") {
   CHECK(growth(2500, seconds) < kNearLinear);
   is_shuffled = true;
   CHECK(growth(2500, seconds) < 2 * kNearLinear);  // what is read lies all over the memory
-}
-
-TEST_CASE("a long segment is mapped in near-linear time") {
-  const auto seconds = [](int n) {
-    Disk b = shapes::strip(3);
-    b.plane.col(0) *= n / 3.0;
-    return seconds_of_curve(shapes::strip(n), b, 2 * n - 1);  // from one end to the other
-  };
-  CHECK(growth(10000, seconds) < kNearLinear);
-}
-
-TEST_CASE("segments across gaps of the boundary are mapped in near-linear time") {
-  const auto seconds = [](int n) {  // three per tooth, most of which leave it
-    const Disk a = shapes::comb(n, 9);
-    Disk b = a;
-    b.plane.rowwise() += Eigen::RowVector2d(0.3, 0.2);
-    return seconds_of_curve(a, b, 7);
-  };
-  CHECK(growth(400, seconds) < kNearLinear);
 }
 
 TEST_CASE("arrays grow by a few items in near-linear time") {
@@ -347,7 +317,6 @@ TEST_CASE("all entry points take near-linear time") {
         const ism::SurfaceMap map(in.result);
         map.forward_vertices();
         map.backward_vertices();
-        map.openings();
         ism::summarize(map.distortion());
         ism::remesh(map, Side::kA);
       },

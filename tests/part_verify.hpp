@@ -23,12 +23,12 @@ using ism::Points2;
 using ism::Side;
 using ism::Status;
 using ism::SurfaceMap;
-using ism::detail::DirectedSide;
+using ism::detail::DirectedEdge;
 using ism::detail::Vec2;
 using shapes::Disk;
 using shapes::Rng;
 
-using Sides = ism::detail::Array<DirectedSide>;
+using Sides = ism::detail::Array<DirectedEdge>;
 
 bool is_embedding(const ism::TriangleMesh& mesh, const Points2& x, Outcome& outcome) {
   Sides boundary;
@@ -168,7 +168,7 @@ TEST_CASE("every iterate is verified, however the run goes on") {
   ism::Solver exact(a.mesh, b.mesh, {{20, 30}, {60, 90}}, options);
   CHECK(verified_steps(exact) >= 8);
   options.exact_landmarks = false;
-  options.tuning.coarsest = 20;
+  options.coarsest = 20;
   ism::Solver coarse(a.mesh, b.mesh, {}, options);
   CHECK(verified_steps(coarse) >= 8);
 }
@@ -281,7 +281,7 @@ TEST_CASE("embeddings that are not injective are found") {
     CHECK_FALSE(ism::detail::BoundarySweep(x, boundary).run());  // clockwise, around nothing
     x.bottomRows<4>().col(0).array() -= 5;
     CHECK(ism::detail::BoundarySweep(x, boundary).run());  // clockwise, inside: an opening
-    for (DirectedSide& side : boundary) std::swap(side.u, side.v);
+    for (DirectedEdge& side : boundary) std::swap(side.u, side.v);
     CHECK_FALSE(ism::detail::BoundarySweep(x, boundary).run());
   }
 }

@@ -75,7 +75,7 @@ std::vector<Problem> problems() {
       {"sliding", a.mesh, b.mesh, {{100, 150}}, few},
       {"exact landmarks", a.mesh, b.mesh, {{100, 150}, {300, 200}}, few},
       {"closed", shapes::sphere(1), shapes::sphere(2), {{3, 5}, {7, 9}, {10, 1}}, few}};
-  all[0].options.tuning.coarsest = 200;
+  all[0].options.coarsest = 200;
   all[1].options.boundary = ism::Boundary::kSlide;
   all[2].options.exact_landmarks = true;
   return all;

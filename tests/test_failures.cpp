@@ -300,24 +300,4 @@ TEST_CASE("a task takes at most 64 KB of stack, and so does the calling thread")
     CHECK(call_stack.used() <= 64 * 1024);
   }
 }
-
-TEST_CASE("the estimate of memory is within 30% of the peak of the process") {
-  for (int n : {24, 40})
-    for (int threads : {1, 2}) {
-      CAPTURE(n);
-      CAPTURE(threads);
-      const auto disks = large_pair(n);
-      const shapes::Disk &a = disks.first, &b = disks.second;
-      const ism::Options options = options_of(threads, 16);
-      const double estimate = ism::memory_estimate(a.mesh, b.mesh, options);
-      const std::vector<ism::Landmark> landmarks = {{0, 0}, {n, n - 3}};
-      double peak = 0;  // of three: what malloc kept of earlier runs is not seen to grow
-      for (int i = 0; i < 3; ++i)
-        peak = std::max(peak,
-                        peak_memory([&] { ism::compute_map(a.mesh, b.mesh, landmarks, options); }));
-      if (peak == 0) return;
-      CHECK(estimate / peak > 0.7);
-      CHECK(estimate / peak < 1.3);
-    }
-}
 #endif

@@ -282,8 +282,6 @@ TEST_CASE("queries without memory") {
     map.forward_vertices();
     map.backward_vertices();
     map.forward_path({0, 1, 2});
-    map.backward_curve({ism::SurfacePoint{0, {0.2, 0.3, 0.5}}, ism::SurfacePoint{5, {1, 0, 0}}});
-    map.openings();
     ism::summarize(map.distortion());
     ism::remesh(map, ism::Side::kA);
     const ism::MetaMesh meta = map.meta_mesh();

@@ -7,5 +7,5 @@
 #include "part_ldlt.hpp"
 #include "part_mesh.hpp"
 #include "part_overlay.hpp"
-#include "part_prepare.hpp"
 #include "part_predicates.hpp"
+#include "part_prepare.hpp"

@@ -218,11 +218,11 @@ TEST_CASE("the paper preset runs the paper's method, and ends where the default 
 
 TEST_CASE("memory, and then the preconditioner, end lower from a bad start") {  // Fig. 9
   Options full;
-  full.tuning.coarsest = 0;
+  full.coarsest = 0;
   Options smoothed = full;
-  smoothed.tuning.omega_start = smoothed.tuning.quasi_newton_steps = 0;
+  smoothed.omega_start = 0;
   Options newton = smoothed;
-  newton.tuning.history_length = 1;
+  newton.history_length = 1;
   const auto end = [](const Options& options) {
     return run_hills(14, 0.8, 0.1, options).final_state().mean_distortion;
   };

@@ -263,7 +263,7 @@ TEST_CASE("every iterate is what rational arithmetic says, whatever the boundary
     sum += counts;
   }
   Options options = iterations(6);
-  options.tuning.coarsest = 20;
+  options.coarsest = 20;
   sum += check_every_iterate({a.mesh, b.mesh, {}, options});
   print("boundaries", sum);
   CHECK(sum.maps >= 30);

@@ -16,7 +16,6 @@
 
 namespace {
 
-using ism::Phase;
 using ism::Result;
 using ism::Solver;
 using ism::Status;
@@ -38,7 +37,7 @@ std::vector<Case> cases() {
   ism::Options options;
   options.threads = 1;
   options.max_iterations = 12;
-  options.tuning.coarsest = 12;
+  options.coarsest = 12;
   const std::vector<ism::Landmark> landmarks = {{22, 25}, {75, 69}};
   std::vector<Case> all;
   all.push_back({"no landmarks", a, b, {}, options});
@@ -131,7 +130,6 @@ TEST_CASE("a solver does what compute_map() does, in steps") {
       CHECK(fraction <= 1);
       has_map = has_map || ism::is_usable(solver.result().status);
       CHECK(ism::is_usable(solver.result().status) == has_map);
-      CHECK((solver.phase() == Phase::kOptimization) == has_map);
       CHECK((solver.result().f.rows() > 0) == has_map);
       CHECK(solver.result().status == (has_map ? Status::kUnfinished : Status::kNoMapYet));
       CHECK_FALSE(solver.result().message.empty());
@@ -239,14 +237,13 @@ TEST_CASE("a solver goes on with other landmarks and options from the map it has
     do {
       ++steps;
       REQUIRE(ism::is_usable(solver.result().status));
-      CHECK(solver.phase() == Phase::kOptimization);
       CHECK(ism::SurfaceMap(solver.result()).status() == Status::kDone);
     } while (solver.step());
     CHECK(steps > 10);
     const Result& r = solver.result();
     if (c.to.options.pins_b.empty()) {  // else pins are somewhere else from the start
       Case same = c.to;
-      same.options.tuning.coarsest = 0;  // nor does a change pass through coarse levels
+      same.options.coarsest = 0;  // nor does a change pass through coarse levels
       const Result anew = expected_of(same);
       CAPTURE(anew.final_state().mean_distortion);
       CHECK(r.final_state().mean_distortion < 1.05 * anew.final_state().mean_distortion);
@@ -257,21 +254,21 @@ TEST_CASE("a solver goes on with other landmarks and options from the map it has
       if (l.a.vertex >= 0 && l.b.vertex >= 0) CHECK(r.f.row(l.a.vertex) == r.g.row(l.b.vertex));
     const ism::SurfaceMap after(r);
     for (int v : c.to.options.pins_b) {
-      const ism::MappedPoint image = after.backward_vertex(v), was = before.backward_vertex(v);
-      REQUIRE(was.covered);
-      CHECK((after.position_on_a(image.point) - before.position_on_a(was.point)).norm() < 1e-9);
+      const ism::SurfacePoint image = after.backward_vertex(v), was = before.backward_vertex(v);
+      REQUIRE(was.exists());
+      CHECK((after.position_on_a(image) - before.position_on_a(was)).norm() < 1e-9);
     }
   }
 }
 
 TEST_CASE("a change to or from a run without a preconditioner takes its weight from the options") {
   Case c = cases()[1];
-  c.options.tuning.coarsest = 0;
+  c.options.coarsest = 0;
   ism::Options projected_newton = c.options;
-  projected_newton.tuning.omega_start = 0;
+  projected_newton.omega_start = 0;
   Solver solver = solver_of(c);
   const auto advance = [&] {
-    while (solver.phase() != Phase::kOptimization) REQUIRE(solver.step());
+    while (!ism::is_usable(solver.result().status)) REQUIRE(solver.step());
     for (int i = 0; i < 3; ++i) REQUIRE(solver.step());
     return solver.result().final_state().omega;
   };
@@ -284,10 +281,9 @@ TEST_CASE("a change to or from a run without a preconditioner takes its weight f
 
 TEST_CASE("a memory of any length is one of all iterations") {
   Case c = cases()[1];
-  c.options.tuning.history_length = 100;
+  c.options.history_length = 100;
   const Result expected = expected_of(c);
-  c.options.tuning.history_length = std::numeric_limits<int>::max();
-  c.options.tuning.window = std::numeric_limits<int>::max();
+  c.options.history_length = std::numeric_limits<int>::max();
   check_same(ism::compute_map(c.a.mesh, c.b.mesh, c.landmarks, c.options), expected);
 }
 
@@ -356,7 +352,7 @@ TEST_CASE("a change that is refused changes nothing; before there is a map it be
   outcome = solver.change({{5, 6}, {5, 7}}, c.options);
   CHECK(outcome.status == Status::kInvalidLandmarks);
   bad = c.options;
-  bad.tuning.window = 0;
+  bad.history_length = 0;
   CHECK(solver.change(c.landmarks, bad).status == Status::kInvalidOptions);
   while (solver.step()) {
   }
@@ -375,7 +371,7 @@ TEST_CASE("a change that cannot be met leaves a map, and says why; the next one 
   ism::Options exact;
   exact.exact_landmarks = true;
   exact.max_iterations = 1;
-  exact.tuning.coarsest = 0;
+  exact.coarsest = 0;
   int n_failed = 0;
   for (int i = 0; i < 20; ++i) {
     const Disk a = shapes::perturbed_grid(8, 8, 0.2, rng),
@@ -423,7 +419,6 @@ TEST_CASE("the time limit ends a call, and its status says whether there is a ma
     Case d = c;
     d.options.max_iterations = 1 << 30;
     d.options.tolerance = 0;
-    d.options.tuning.window = 1 << 20;
     d.options.max_seconds = seconds;
     const Clock::time_point start = Clock::now();
     const Result r = ism::compute_map(d.a.mesh, d.b.mesh, d.landmarks, d.options);

@@ -195,7 +195,7 @@ TEST_CASE("on many islands of a bent map, no triangle is stretched much more tha
   const MatrixXd carried = uv_islands::carry(meta, Side::kA, uv);
   REQUIRE(carried.allFinite());
   const MatrixXd sampled =
-      ism::transfer(meta, Side::kA, ism::Element::kCorner, ism::Element::kCorner).apply(uv).values;
+      ism::transfer(meta, Side::kA, ism::Element::kCorner, ism::Element::kCorner).apply(uv);
   double least = 1, most = 1, most_sampled = 1;
   int same = 0;
   for (Eigen::Index t = 0; t < b.triangles.rows(); ++t) {

@@ -6,7 +6,7 @@
 int fig07_energies(int argc, char** argv) {
   figure::Arguments args = figure::read_arguments(argc, argv, {"hand"});
   const figure::Pair pair = figure::read_pair(args.pairs[0]);
-  args.options.tuning.coarsest = 0;  // all of it happens on these meshes
+  args.options.coarsest = 0;  // all of it happens on these meshes
   const ism::Result r = figure::optimize(pair, args.options);
   std::vector<ism::IterationLog> log = {r.initial};
   log.insert(log.end(), r.log.begin(), r.log.end());

@@ -35,9 +35,9 @@ Start common_start(const std::string& folder, const ism::Options& given) {
 
 /// Options of PN, SPN and the full method.
 ism::Options options_of(int variant, ism::Options options) {
-  options.tuning.coarsest = 0;  // all begin at the embedding
-  if (variant < 2) options.tuning.omega_start = options.tuning.quasi_newton_steps = 0;
-  if (variant < 1) options.tuning.history_length = 1;
+  options.coarsest = 0;  // all begin at the embedding
+  if (variant < 2) options.omega_start = 0;
+  if (variant < 1) options.history_length = 1;
   return options;
 }
 

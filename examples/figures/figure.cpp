@@ -93,7 +93,7 @@ ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& 
                            const ism::Points2& f, const ism::Points2& g) {
   const ism::SurfaceMap map(a, b, f, g);
   if (!ism::is_usable(map.status())) fail(map.message());
-  return ism::remesh(map, ism::Side::kA).mesh;
+  return ism::remesh(map, ism::Side::kA);
 }
 
 ism::SurfaceMap map_of(const ism::Result& result) { return ism::SurfaceMap(result); }
@@ -143,12 +143,12 @@ double excess(const ism::IterationLog& state) { return state.mean_distortion - 2
 bool is_proved(const ism::SurfaceMap& map) { return ism::verify(map).status == ism::Status::kDone; }
 
 double apart(const ism::SurfaceMap& x, const ism::SurfaceMap& y) {
-  const std::vector<ism::MappedPoint> by_x = x.forward_vertices(), by_y = y.forward_vertices();
+  const std::vector<ism::SurfacePoint> by_x = x.forward_vertices(), by_y = y.forward_vertices();
   double sum = 0;
   int n = 0;
   for (std::size_t v = 0; v < std::min(by_x.size(), by_y.size()); ++v) {
-    if (!by_x[v].covered || !by_y[v].covered) continue;
-    sum += (x.position_on_b(by_x[v].point) - y.position_on_b(by_y[v].point)).norm();
+    if (!by_x[v].exists() || !by_y[v].exists()) continue;
+    sum += (x.position_on_b(by_x[v]) - y.position_on_b(by_y[v])).norm();
     ++n;
   }
   const ism::Points3& b = x.mesh(ism::Side::kB).vertices;

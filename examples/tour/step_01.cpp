@@ -22,11 +22,11 @@ RoundTrip there_and_back(const ism::SurfaceMap& map) {
   const ism::TriangleMesh& a = map.mesh(ism::Side::kA);
   RoundTrip trip;
   for (int v = 0; v < a.vertices.rows(); ++v) {
-    const ism::MappedPoint image = map.forward_vertex(v);  // a triangle of B, and where in it
-    if (!image.covered) continue;
-    const ism::MappedPoint back = map.backward(image.point);
+    const ism::SurfacePoint image = map.forward_vertex(v);  // a triangle of B, and where in it
+    if (!image.exists()) continue;
+    const ism::SurfacePoint back = map.backward(image);
     const Eigen::Vector3d p = a.vertices.row(v).transpose();
-    trip.lost = std::max(trip.lost, (map.position_on_a(back.point) - p).norm());
+    trip.lost = std::max(trip.lost, (map.position_on_a(back) - p).norm());
     ++trip.covered;
   }
   return trip;
@@ -62,11 +62,11 @@ void draw(const ism::SurfaceMap& map, render::Canvas& canvas) {
   tour::draw_surface(on_b, b, tour::kPaleOrange, canvas);
   for (int v : spread(a.vertices, 160)) {
     const Eigen::Vector3d p = a.vertices.row(v).transpose();
-    const ism::MappedPoint image = map.forward_vertex(v);
+    const ism::SurfacePoint image = map.forward_vertex(v);
     const Eigen::Vector2d seen = on_a.project(p).head<2>();
     const render::Color color = hue(seen.x() / 210 + 0.35 * std::sin(seen.y() / 45));
     canvas.draw_ball(on_a, p, 5, color, 6);
-    if (image.covered) canvas.draw_ball(on_b, map.position_on_b(image.point), 5, color, 6);
+    if (image.exists()) canvas.draw_ball(on_b, map.position_on_b(image), 5, color, 6);
   }
   canvas.text({20, 30}, 13, "A", tour::kBlue);
   canvas.text({480, 30}, 13, "B", tour::kOrange);

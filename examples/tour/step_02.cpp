@@ -50,9 +50,9 @@ double gap(const ism::Embedding& e) {
   const ism::SurfaceMap map(*e.a, *e.b, e.f, e.g);  // the map of any two embeddings
   double most = 0;
   for (int v = 0; v < e.f.rows(); ++v) {
-    const ism::MappedPoint image = map.forward_vertex(v);
-    if (!image.covered) continue;
-    most = std::max(most, (in_plane(*e.b, e.g, image.point) - e.f.row(v).transpose()).norm());
+    const ism::SurfacePoint image = map.forward_vertex(v);
+    if (!image.exists()) continue;
+    most = std::max(most, (in_plane(*e.b, e.g, image) - e.f.row(v).transpose()).norm());
   }
   return most;
 }

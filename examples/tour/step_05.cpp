@@ -9,8 +9,7 @@ namespace {
 /// E of an iterate, from its parts; surfaces are scaled to area 1, so coverage is area.
 double objective(const ism::IterationLog& x, const ism::Options& options) {
   const double kappa = options.coverage_weight + options.measure.isometry();
-  return x.map_energy - kappa * (x.coverage_a + x.coverage_b) +
-         options.tuning.barrier_weight * (x.energy_f + x.energy_g);
+  return x.map_energy - kappa * (x.coverage_a + x.coverage_b) + 3e-4 * (x.energy_f + x.energy_g);
 }
 
 /// Both surfaces, coloured by the distortion of a map.

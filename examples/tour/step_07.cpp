@@ -9,10 +9,9 @@ namespace {
 
 ism::Options variant(double omega, int memory) {
   ism::Options options;
-  options.tuning.omega_start = omega;      // the first ω; 0: no preconditioner
-  options.tuning.history_length = memory;  // 1: the newest derivatives alone
-  options.tuning.coarsest = 0;             // begins on the meshes given
-  options.tuning.quasi_newton_steps = 0;   // every step has a Hessian of its own
+  options.omega_start = omega;      // the first ω; 0: no preconditioner
+  options.history_length = memory;  // 1: the newest derivatives alone
+  options.coarsest = 0;             // begins on the meshes given
   return options;
 }
 

@@ -66,8 +66,7 @@ double embedding_energy(const ism::TriangleMesh& mesh, const ism::Points2& x) {
 double objective(const tour::Pair& pair, const ism::Points2& f, const ism::Points2& g,
                  const ism::Options& options) {
   const double kappa = options.coverage_weight + options.measure.isometry();
-  double sum =
-      options.tuning.barrier_weight * (embedding_energy(pair.a, f) + embedding_energy(pair.b, g));
+  double sum = 3e-4 * (embedding_energy(pair.a, f) + embedding_energy(pair.b, g));
   for (const ism::PolygonDistortion& d : ism::SurfaceMap(pair.a, pair.b, f, g).distortion(true))
     sum += (d.density - kappa) * (d.area_a + d.area_b);
   return sum;
@@ -75,8 +74,7 @@ double objective(const tour::Pair& pair, const ism::Points2& f, const ism::Point
 
 ism::Options start_from(const ism::Points2& f, const ism::Points2& g) {
   ism::Options options;
-  options.tuning.coarsest = 0;
-  options.tuning.quasi_newton_steps = 0;
+  options.coarsest = 0;
   options.initial_f = f;
   options.initial_g = g;
   return options;
@@ -144,7 +142,7 @@ void step_08(tour::Report& report) {
   const tour::Pair pair = tour::sheets(12);
   const ism::Points2 f = tour::seen_from_above(pair.a), g = tour::seen_from_above(pair.b);
   ism::Options options = start_from(f, g);
-  options.tuning.omega_start = 0;  // rough directions: triangles are soon in the way
+  options.omega_start = 0;  // rough directions: triangles are soon in the way
   options.max_iterations = kIteration - 1;
   const ism::Result before = ism::compute_map(pair.a, pair.b, {}, options);
   options.max_iterations = kIteration;

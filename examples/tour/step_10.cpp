@@ -9,17 +9,18 @@ namespace {
 
 /// What a program gets from a map: to each a line.
 struct Uses {
-  ism::Attributes uv_of_b;  // texture coordinates for the vertices of B, from those of A
-  ism::Points3 halfway;     // a shape between A and B: vertices of the meta mesh
-  ism::Remesh a_on_b;       // the triangles of A with the shape of B
-  ism::Outcome proof;       // that f and g are injective and the overlay is complete
+  ism::Transfer to_b;        // from vertices of A to those of B, a sparse matrix
+  ism::Values uv_of_b;       // texture coordinates of B, from those of A
+  ism::Points3 halfway;      // a shape between A and B: vertices of the meta mesh
+  ism::TriangleMesh a_on_b;  // the triangles of A with the shape of B
+  ism::Outcome proof;        // that f and g are injective and the overlay is complete
 };
 
 Uses use(const ism::SurfaceMap& map, const ism::Values& uv_of_a) {
   const ism::MetaMesh meta = map.meta_mesh();
   Uses uses;
-  uses.uv_of_b = ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex)
-                     .apply(uv_of_a);
+  uses.to_b = ism::transfer(meta, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex);
+  uses.uv_of_b = uses.to_b.apply(uv_of_a);
   uses.halfway = ism::linear_morph(meta, 0.5);
   uses.a_on_b = ism::remesh(map, ism::Side::kA);
   uses.proof = ism::verify(map);
@@ -42,13 +43,12 @@ Eigen::MatrixXd at_corners(const Eigen::MatrixXd& values, const ism::Triangles& 
 }
 
 /// The triangles whose vertices all have values.
-ism::Triangles covered_triangles(const ism::TriangleMesh& mesh, const std::vector<char>& covered) {
+ism::Triangles covered_triangles(const ism::TriangleMesh& mesh, const ism::Transfer& transfer) {
   ism::Triangles result(mesh.triangles.rows(), 3);
   Eigen::Index n = 0;
   for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
     bool all = true;
-    for (int k = 0; k < 3; ++k)
-      all = all && covered[static_cast<std::size_t>(mesh.triangles(t, k))] != 0;
+    for (int k = 0; k < 3; ++k) all = all && transfer.covers(mesh.triangles(t, k));
     if (all) result.row(n++) = mesh.triangles.row(t);
   }
   return result.topRows(n);
@@ -68,18 +68,17 @@ void draw(const ism::SurfaceMap& map, const ism::Values& uv_of_a, const Uses& us
   shape.vertices = uses.halfway;
   shape.triangles = scene.fans.triangles;
   shape.corner_uv = scene.fans.at_corners(
-      ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv_of_a).values);
+      ism::to_meta(scene.meta, ism::Side::kA, ism::Element::kVertex).apply(uv_of_a));
   draw_textured(scene.axes.b, shape, texture, panel(1), canvas);
   shape = render::shape_of(b);  // what is not covered stays grey
   shape.color = tour::kGrey;
   canvas.draw(scene.view(ism::Side::kB, panel(2)), shape);
-  shape.triangles = covered_triangles(b, uses.uv_of_b.covered);
-  shape.corner_uv = at_corners(uses.uv_of_b.values, shape.triangles);
+  shape.triangles = covered_triangles(b, uses.to_b);
+  shape.corner_uv = at_corners(uses.uv_of_b, shape.triangles);
   draw_textured(scene.axes.b, shape, texture, panel(2), canvas);
   const render::View view = scene.view(ism::Side::kB, panel(3));
-  tour::draw_surface(view, uses.a_on_b.mesh, tour::kPaleOrange, canvas);
-  tour::draw_edges(view, uses.a_on_b.mesh.vertices, uses.a_on_b.mesh.triangles, 0.7, tour::kBlue,
-                   canvas);
+  tour::draw_surface(view, uses.a_on_b, tour::kPaleOrange, canvas);
+  tour::draw_edges(view, uses.a_on_b.vertices, uses.a_on_b.triangles, 0.7, tour::kBlue, canvas);
   const char* const titles[] = {"A, textured", "halfway", "B, texture of A", "mesh A, shape B"};
   for (int i = 0; i < 4; ++i) canvas.text({panel(i).x, 30}, 10, titles[i]);
 }
@@ -101,12 +100,12 @@ void step_10(tour::Report& report) {
   report.check(d.mean < 2.05, tour::format("%.3f per area; lengths change by %.2f to %.2f", d.mean,
                                            d.sigma_min, d.sigma_max));
   const int vertices = static_cast<int>(pair.b.vertices.rows());
-  const int covered =
-      static_cast<int>(std::count(uses.uv_of_b.covered.begin(), uses.uv_of_b.covered.end(), 1));
+  int covered = 0;
+  for (int v = 0; v < vertices; ++v) covered += uses.to_b.covers(v);
   report.check(covered > 0.8 * vertices,
                tour::format("%d of %d vertices of B have texture coordinates", covered, vertices));
   const int triangles = static_cast<int>(pair.a.triangles.rows());
-  const int on_b = static_cast<int>(uses.a_on_b.mesh.triangles.rows());
+  const int on_b = static_cast<int>(uses.a_on_b.triangles.rows());
   report.check(on_b > 0.8 * triangles,
                tour::format("%d of %d triangles of A lie on B", on_b, triangles));
   report.check_number("the mean distortion", d.mean, 2.02, 0.02);

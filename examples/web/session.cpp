@@ -104,17 +104,13 @@ ism::Options options_of(const val& v) {
   options.measure = measure_named(v["measure"].as<std::string>());
   options.coverage_weight = v["coverage"].as<double>();
   options.exact_landmarks = v["exact"].as<bool>();
-  options.max_memory = 1.6e9;  // of the 2 GB that a page has
-  ism::Tuning& t = options.tuning;
-  t.omega_start = v["omega"].as<double>();
-  t.history_length = v["memory"].as<int>();
+  options.omega_start = v["omega"].as<double>();
+  options.history_length = v["memory"].as<int>();
   const std::string variant = v["variant"].as<std::string>();
   if (variant != "full") {  // SPN (§5.3), and without its memory PN (§5.1)
-    t.omega_start = 0;
-    t.quasi_newton_steps = t.coarsest = 0;
-    if (variant == "pn") t.history_length = 1;
+    options.omega_start = options.coarsest = 0;
+    if (variant == "pn") options.history_length = 1;
   }
-  t.omega_least = (std::min)(t.omega_least, t.omega_start);
   return options;
 }
 
@@ -205,7 +201,7 @@ class Session {
     val v = mesh_of(*prepared.mesh);
     v.set("ok", true);
     std::vector<std::string> done = file.notes;
-    for (const ism::Repair& r : prepared.repairs) done.push_back(r.message);
+    for (const ism::Problem& r : prepared.repairs) done.push_back(r.message);
     v.set("repairs", list_of<std::string>(done, [](const std::string& s) { return val(s); }));
     return v;
   }
@@ -214,6 +210,9 @@ class Session {
   val start(val landmarks, val options) {
     last_.reset();
     if (!mesh_[0] || !mesh_[1]) return refusal("open two meshes first");
+    constexpr Eigen::Index kMost = 120000;  // for the 2 GB that a page has
+    if (mesh_[0]->triangles.rows() + mesh_[1]->triangles.rows() > kMost)
+      return refusal("a page has memory for 120,000 triangles in all: take coarser meshes");
     solver_ = std::make_unique<ism::Solver>(*mesh_[0], *mesh_[1], landmarks_of(landmarks),
                                             with_progress(options));
     return state(solver_->result().status == ism::Status::kNoMapYet);
@@ -253,10 +252,10 @@ class Session {
     std::vector<mesh_io::TextFile> files;
     for (Side side : {Side::kA, Side::kB}) {
       const bool is_a = side == Side::kA;
-      const ism::Remesh moved = ism::remesh(map, side);
+      const ism::TriangleMesh moved = ism::remesh(map, side);
       files.push_back({is_a ? "/A_on_B.obj" : "/B_on_A.obj",
-                       mesh_io::obj_text(is_a ? "A on B" : "B on A", moved.mesh.vertices,
-                                         moved.mesh.triangles)});
+                       mesh_io::obj_text(is_a ? "A on B" : "B on A", moved.vertices,
+                                         moved.triangles)});
       files.push_back(
           {is_a ? "/distortion_on_A.ply" : "/distortion_on_B.ply", heat_text(map, side)});
     }

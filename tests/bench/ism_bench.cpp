@@ -187,7 +187,7 @@ struct State {
     evaluate(surface, weights, x);
   }
   JointSurface surface;
-  ism::Options options;
+  RunOptions options;
   Weights weights = weights_of(options);
   Iterate x;
 };
@@ -357,7 +357,7 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
   const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(); });
   LinearSystem system;
   const double blending = median_seconds(repeats, [&] {
-    system = blend(history, 0, s.options.tuning.history_decay, {}, laplacian, run);
+    system = blend(history, 0, ism::detail::Tuning().history_decay, {}, laplacian, run);
   });
   report.add("assembly and blend", threads, assembly + blending, 1e3, "ms");
   return system;
@@ -528,16 +528,16 @@ void bench_scaling(const Arguments& args) {
     run.push_back(bench::seconds_since(start));
     embedding.push_back(result.start.seconds);
     std::string levels;
-    double coarse = 0;
-    for (const ism::CoarseLevel& level : result.coarse) {
-      levels += (levels.empty() ? "" : " + ") + std::to_string(level.iterations);
-      coarse += level.seconds;
-    }
+    for (const ism::IterationLog& last : result.coarse)
+      levels += (levels.empty() ? "" : " + ") + std::to_string(last.iteration);
+    double coarse = result.seconds;
     std::vector<double> full;
-    for (const ism::IterationLog& log : result.log)
-      if (!log.quasi_newton)
-        full.push_back(log.seconds_derivatives + log.seconds_assembly + log.seconds_solve +
-                       log.seconds_search);
+    for (const ism::IterationLog& log : result.log) {
+      const double seconds =
+          log.seconds_derivatives + log.seconds_assembly + log.seconds_solve + log.seconds_search;
+      coarse -= seconds;
+      if (!log.quasi_newton) full.push_back(seconds);
+    }
     std::printf("| %.0f | %s | %d (%d) | %.4f | %d | %.1f | %.1f | %.3f | %.1f | %.0f |\n", n,
                 levels.c_str(), static_cast<int>(result.log.size()), static_cast<int>(full.size()),
                 result.final_state().mean_distortion, result.final_state().polygons,
@@ -569,8 +569,8 @@ int main(int argc, char** argv) {
   options.max_iterations = 20;
   const ism::Result result = ism::compute_map(problem.a, problem.b, problem.landmarks, options);
   if (!ism::is_usable(result.status)) fail(result.message);
-  bench_state(State(problem, result.start.f, result.start.g), "The start",
-              options.tuning.omega_start, args, report);
+  bench_state(State(problem, result.start.f, result.start.g), "The start", options.omega_start,
+              args, report);
   bench_state(State(problem, result.f, result.g), "After 20 iterations", result.final_state().omega,
               args, report);
   if (!args.json.empty() && !report.write(args.json)) fail("cannot write " + args.json);

@@ -21,8 +21,7 @@ template <class T>
 static bool is_carried(const ism::Transfer& transfer) {
   const T given[5] = {T(7), T(7), T(7), T(7), T(7)};
   T carried[5] = {};
-  return transfer.apply(given, 5, sizeof(T), 1, carried, 5, sizeof(T)).status ==
-             ism::Status::kDone &&
+  return transfer.apply(given, 5, sizeof(T), 1, carried, 5, sizeof(T)) &&
          std::abs(static_cast<double>(carried[4]) - 7) < 1e-6;
 }
 
@@ -36,7 +35,7 @@ int main() {
   const ism::Result result = ism::compute_map(a, b, {{0, 0}, {2, 2}});
   if (!ism::is_usable(result.status)) return 1;
   const ism::SurfaceMap map(a, b, result.f, result.g);
-  if (!map.forward_vertex(4).covered) return 2;
+  if (!map.forward_vertex(4).exists()) return 2;
   const ism::Transfer transfer =
       ism::transfer(map.meta_mesh(), ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex);
   if (!all_are_carried<double, float, std::int8_t, std::uint8_t, std::int16_t, std::uint16_t,

@@ -419,7 +419,6 @@ inline void require_meta_mesh(const ism::MetaMesh& meta) {
 }
 
 inline void require_transfer(const ism::Transfer& t) {
-  require(t.status == ism::Status::kDone, "attributes can be transferred");
   require(t.sources.size() == t.weights.size(), "a weight for each source");
   for (const int s : t.sources) require_range(s, t.n_sources, "a source");
   for (int i = 0; i < t.rows(); ++i) {
@@ -432,10 +431,10 @@ inline void require_transfer(const ism::Transfer& t) {
 }
 
 inline void require_images(const ism::SurfaceMap& map) {
-  for (const ism::MappedPoint& m : map.forward_vertices())
-    if (m.covered) require_point(map.mesh(ism::Side::kB), m.point);
-  for (const ism::MappedPoint& m : map.backward_vertices())
-    if (m.covered) require_point(map.mesh(ism::Side::kA), m.point);
+  for (const ism::SurfacePoint& m : map.forward_vertices())
+    if (m.exists()) require_point(map.mesh(ism::Side::kB), m);
+  for (const ism::SurfacePoint& m : map.backward_vertices())
+    if (m.exists()) require_point(map.mesh(ism::Side::kA), m);
 }
 
 /// No triangle is a sliver of which rounding leaves nothing.
@@ -487,21 +486,17 @@ inline void ask(const ism::SurfaceMap& map, Bytes& bytes) {
   const int faces_b = static_cast<int>(b.triangles.rows()),
             vertices_b = static_cast<int>(b.vertices.rows());
   std::vector<int> path_a, path_b;
-  ism::Polyline curve_a, curve_b;
   for (int i = bytes.below(12); i > 0; --i) {
     path_a.push_back(bytes.id(vertices_a));
     path_b.push_back(bytes.id(vertices_b));
-    curve_a.push_back(odd_point(bytes, faces_a));
-    curve_b.push_back(odd_point(bytes, faces_b));
     map.forward_vertex(path_a.back()), map.backward_vertex(path_b.back());
-    map.position_on_b(map.forward(curve_a.back()).point);
-    map.position_on_a(map.backward(curve_b.back()).point);
+    map.position_on_b(map.forward(odd_point(bytes, faces_a)));
+    map.position_on_a(map.backward(odd_point(bytes, faces_b)));
   }
   for (const ism::Polyline& line : map.forward_path(path_a))
     for (const ism::SurfacePoint& p : line) require_range(p.face, faces_b, "the face of a path");
   for (const ism::Polyline& line : map.backward_path(path_b))
     for (const ism::SurfacePoint& p : line) require_range(p.face, faces_a, "the face of a path");
-  map.forward_curve(curve_a), map.backward_curve(curve_b);
 }
 
 inline void require_distortion(const ism::SurfaceMap& map, const ism::Points2& f,
@@ -529,7 +524,6 @@ inline void require_map(const ism::SurfaceMap& map, const ism::Points2& f, const
     require_transfer(ism::transfer(meta, side, Element::kVertex, Element::kVertex));
     require_transfer(ism::transfer(meta, side, Element::kFace, Element::kCorner));
   }
-  map.openings();
   require(ism::linear_morph(meta, 0.5).allFinite(), "a morph is finite");
   ask(map, bytes);
 }

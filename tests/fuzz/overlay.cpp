@@ -131,28 +131,28 @@ int place(const fuzz::IntPoint& p, const Lattice& lattice) {
 }
 
 void require_covered(const Lattice& from, const Lattice& to,
-                     const std::vector<ism::MappedPoint>& images) {
+                     const std::vector<ism::SurfacePoint>& images) {
   fuzz::require(images.size() == from.points.size(), "an image of each vertex");
   for (std::size_t v = 0; v < images.size(); ++v) {
     const int where = place(from.points[v], to);
-    fuzz::require(where != 1 || images[v].covered, "a vertex inside a triangle has an image");
-    fuzz::require(where != -1 || !images[v].covered, "a vertex outside has no image");
+    fuzz::require(where != 1 || images[v].exists(), "a vertex inside a triangle has an image");
+    fuzz::require(where != -1 || !images[v].exists(), "a vertex outside has no image");
   }
 }
 
 void require_round_trip(const SurfaceMap& map) {
   const ism::Points3 &a = map.mesh(ism::Side::kA).vertices, &b = map.mesh(ism::Side::kB).vertices;
   for (int v = 0; v < a.rows(); ++v) {
-    const ism::MappedPoint there = map.forward_vertex(v), back = map.backward(there.point);
-    if (!there.covered || !back.covered) continue;
+    const ism::SurfacePoint there = map.forward_vertex(v), back = map.backward(there);
+    if (!there.exists() || !back.exists()) continue;
     const Eigen::Vector3d p = a.row(v);
-    fuzz::require((map.position_on_a(back.point) - p).norm() < 1e-6, "vertices of A come back");
+    fuzz::require((map.position_on_a(back) - p).norm() < 1e-6, "vertices of A come back");
   }
   for (int v = 0; v < b.rows(); ++v) {
-    const ism::MappedPoint there = map.backward_vertex(v), back = map.forward(there.point);
-    if (!there.covered || !back.covered) continue;
+    const ism::SurfacePoint there = map.backward_vertex(v), back = map.forward(there);
+    if (!there.exists() || !back.exists()) continue;
     const Eigen::Vector3d p = b.row(v);
-    fuzz::require((map.position_on_b(back.point) - p).norm() < 1e-6, "vertices of B come back");
+    fuzz::require((map.position_on_b(back) - p).norm() < 1e-6, "vertices of B come back");
   }
 }
 

@@ -21,8 +21,8 @@ void require_problems(const TriangleMesh& mesh, const std::vector<ism::Problem>&
   }
 }
 
-void require_repairs(const TriangleMesh& mesh, const std::vector<ism::Repair>& repairs) {
-  for (const ism::Repair& r : repairs) {
+void require_repairs(const TriangleMesh& mesh, const std::vector<ism::Problem>& repairs) {
+  for (const ism::Problem& r : repairs) {
     require(!r.message.empty(), "a repair has a message");
     for (const int id : r.ids) require_range(id, count(mesh, r.element), "an id of a repair");
   }
@@ -59,8 +59,8 @@ void require_maps(const TriangleMesh& given, const Prepared& p) {
   for (const int v : p.new_vertex) require(v >= -1 && v < mesh.vertices.rows(), "a new vertex");
   for (const int f : p.new_triangle)
     require(f >= -1 && f < mesh.triangles.rows(), "a new triangle");
-  for (const ism::Repair& r : p.repairs)
-    if (r.kind == ism::Repair::Kind::kDroppedDegenerate)
+  for (const ism::Problem& r : p.repairs)
+    if (r.kind == ism::Problem::Kind::kDegenerateTriangle)
       for (const int f : r.ids)
         require(p.new_triangle[static_cast<std::size_t>(f)] == -1, "what was dropped is gone");
 }

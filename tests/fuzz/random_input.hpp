@@ -88,26 +88,6 @@ inline ism::DistortionMeasure read_measure(Bytes& bytes) {
   }
 }
 
-/// An integer, mostly small; rarely one that leads to long loops if it is believed.
-inline int read_integer(Bytes& bytes) {
-  const int kind = bytes.byte();
-  if (kind == 255) return bytes.raw<std::int32_t>();
-  return kind < 240 ? kind % 12 : kind - 250;
-}
-
-inline void change_tuning(Bytes& bytes, ism::Tuning& t) {
-  double* const kNumbers[] = {&t.barrier_weight,   &t.spd_epsilon,       &t.history_decay,
-                              &t.omega_start,      &t.omega_factor,      &t.omega_least,
-                              &t.max_displacement, &t.max_coverage_loss, &t.least_coverage,
-                              &t.solve_tolerance};
-  int* const kIntegers[] = {&t.history_length, &t.quasi_newton_steps, &t.coarsest, &t.search_stride,
-                            &t.window};
-  const int kind = bytes.below(16);
-  if (kind < 10) *kNumbers[kind] = bytes.number();
-  if (kind >= 10 && kind < 15) *kIntegers[kind - 10] = read_integer(bytes);
-  if (kind == 15) t.scaffold = bytes.flag();
-}
-
 /// The positions of a lattice, spoilt or not.
 inline void read_positions(Bytes& bytes, const Input& in, ism::Options& options) {
   options.initial_f = in.f, options.initial_g = in.g;
@@ -127,7 +107,7 @@ inline void run_backwards(int n, const std::function<void(int)>& task) {
 }
 
 inline void change_option(Bytes& bytes, const Input& in, ism::Options& o) {
-  switch (bytes.below(22)) {
+  switch (bytes.below(20)) {
     case 0:
       o.measure = read_measure(bytes);
       break;
@@ -147,7 +127,7 @@ inline void change_option(Bytes& bytes, const Input& in, ism::Options& o) {
       o.max_seconds = bytes.number();
       break;
     case 6:
-      o.max_memory = bytes.number() * 1e5;
+      o.history_length = bytes.between(0, 9);
       break;
     case 7:
       o.pins_a = read_ids(bytes, in.a);
@@ -177,19 +157,19 @@ inline void change_option(Bytes& bytes, const Input& in, ism::Options& o) {
       read_positions(bytes, in, o);
       break;
     case 16:
-      o.prepare = bytes.flag();
+      o.weld = bytes.flag();
       break;
     case 17:
-      o.close = bytes.flag();
+      o.as_published = bytes.flag();
       break;
     case 18:
-      o.tuning.coarsest = bytes.between(3, 6);
+      o.coarsest = bytes.between(3, 6);
       break;
     case 19:
       o.max_iterations = bytes.between(-1, 3);
       break;
     default:
-      change_tuning(bytes, o.tuning);
+      o.omega_start = bytes.number();
   }
 }
 
