@@ -237,16 +237,6 @@ TriangleMesh moved_in_space(const TriangleMesh& mesh, double scale, double angle
   return result;
 }
 
-/// Two triangles with one corner in common.
-TriangleMesh bow_tie() {
-  TriangleMesh mesh;
-  mesh.vertices.resize(5, 3);
-  mesh.vertices << 0, 0, 0, 1, 0, 0, 0, 1, 0, -1, 0, 0, 0, -1, 0;
-  mesh.triangles.resize(2, 3);
-  mesh.triangles << 0, 1, 2, 0, 3, 4;
-  return mesh;
-}
-
 }  // namespace
 
 // ---- the identity ----
