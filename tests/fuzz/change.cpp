@@ -34,7 +34,6 @@ void require_resumes(Bytes& bytes, Input& in, const ism::Result& result) {
   if (!ism::is_usable(result.status) || ism::SurfaceMap(result).status() != ism::Status::kDone)
     return;
   ism::Options options = in.options;
-  options.prepare = false;
   options.initial_f = result.f;
   options.initial_g = result.g;
   options.pins_a = options.pins_b = options.fixed_a = options.fixed_b = {};
