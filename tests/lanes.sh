@@ -95,7 +95,7 @@ export UBSAN_OPTIONS=print_stacktrace=1
 
 lane native g++ "" ""
 lane portable g++ "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF
-lane cxx20_no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_NATIVE=OFF \
+lane cxx20 g++ "" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_NATIVE=OFF \
   "${lean[@]}"
 lane clang clang++ "" "$scripts"
 lane clang_cxx23_portable clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23 -DISM_NATIVE=OFF "${lean[@]}"
