@@ -1,5 +1,5 @@
 // Maps pairs of meshes and prints a hash of the positions for each; builds by all compilers, for
-// all systems, print the same (tests/bits/compare.sh).
+// all systems, print the same (compare.sh).
 //   hashes ITERATIONS PAIR...   folders of A.obj, B.obj and landmarks.txt; `bent` and `closed` are
 //                               small pairs made here
 
