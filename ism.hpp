@@ -4854,20 +4854,15 @@ struct Front {
   int size() const { return own() + rows.size(); }
 };
 
-/// Fronts of one subtree, children before parents, or a front alone.
-struct FrontGroup {
-  Array<int> fronts;
-};
-
 /// The elimination order and the fronts; depends on the pattern and the positions only.
 struct LdltSymbolic {
   Array<int> order;     // order[i] is the vertex eliminated as the i-th
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
   std::int64_t panels_size = 0;
-  /// The groups of a stage can be eliminated side by side: first whole subtrees below a fixed
-  /// depth, then the fronts above it, level by level.
-  Array<Array<FrontGroup>> stages;
+  /// Per stage groups of fronts that can be eliminated side by side: first whole subtrees below a
+  /// fixed depth, children before parents, then the fronts above it, level by level.
+  Array<Array<Array<int>>> stages;
 };
 
 /// A line or circle with a fraction of some points below it, or inside.
@@ -4982,8 +4977,8 @@ class NestedDissection {
     for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
     add_front(0);
     schedule();
-    for (const Array<FrontGroup>& stage : result_.stages)
-      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group].fronts); });
+    for (const Array<Array<int>>& stage : result_.stages)
+      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
     place_panels();
     return std::move(result_);
   }
@@ -5247,25 +5242,18 @@ class NestedDissection {
     return id;
   }
 
+  /// The fronts of a subtree are one behind the other, the topmost last.
   void schedule() {
     constexpr int kSubtreeDepth = 5;
-    const Array<Front>& fronts = result_.fronts;
     result_.stages.resize(kSubtreeDepth + 1);
-    Array<int> place(fronts.size(), -1);               // of the group in its stage
-    for (int id = fronts.size() - 1; id >= 0; --id) {  // parents before children
-      const Front& front = fronts[id];
-      Array<FrontGroup>& stage =
-          result_.stages[kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth)];
-      if (front.depth > kSubtreeDepth) {
-        place[id] = place[front.parent];
-      } else {
-        place[id] = stage.size();
-        stage.push_back({});
-      }
-      stage[place[id]].fronts.push_back(id);
+    Array<int> group;
+    for (int id = 0; id < result_.fronts.size(); ++id) {
+      const int depth = result_.fronts[id].depth;
+      group.push_back(id);
+      if (depth > kSubtreeDepth) continue;
+      result_.stages[kSubtreeDepth - depth].push_back(group);
+      group.clear();
     }
-    for (Array<FrontGroup>& stage : result_.stages)
-      for (FrontGroup& group : stage) std::reverse(group.fronts.begin(), group.fronts.end());
   }
 
   /// Finds the rows and the entries of a group of fronts.
@@ -5469,8 +5457,7 @@ struct LdltFactor {
   LdltSymbolic symbolic;
   Eigen::VectorXd panels;         // one behind the other
   Array<Eigen::VectorXd> update;  // per front its update matrix, until its parent has taken it
-  Array<int> negative_pivots;     // per front
-  Array<char> broken;             // per front
+  Array<int> negative_pivots;     // per front; -1 where one is zero or not finite
   bool ok = false;                // no zero or non-finite pivot
   int negative = 0;               // number of negative pivots
 };
@@ -5538,7 +5525,7 @@ inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltFactor& fac
     extend_add(c, update_of(c, factor.update[child]), front.own(), panel, update);
     factor.update[child].resize(0);
   }
-  factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
+  if (!factor_panel(panel, factor.negative_pivots[id])) factor.negative_pivots[id] = -1;
   subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
 }
 
@@ -5554,17 +5541,16 @@ inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& execut
   factor.update.clear();
   factor.update.resize(n);
   factor.negative_pivots.assign(n, 0);
-  factor.broken.assign(n, 0);
-  for (const Array<FrontGroup>& stage : symbolic.stages)
+  for (const Array<Array<int>>& stage : symbolic.stages)
     executor.run(stage.size(), [&](int group) {
-      for (int id : stage[group].fronts)
+      for (int id : stage[group])
         if (!executor.is_stopped()) eliminate_front(id, matrix, factor);
     });
   factor.ok = !executor.is_stopped();
   factor.negative = 0;
-  for (int i = 0; i < n; ++i) {
-    factor.ok = factor.ok && !factor.broken[i];
-    factor.negative += factor.negative_pivots[i];
+  for (int negative : factor.negative_pivots) {
+    factor.ok = factor.ok && negative >= 0;
+    factor.negative += negative;
   }
 }
 

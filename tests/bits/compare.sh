@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds hashes.cpp by every compiler at several levels, without flags for a processor, and compares
-# what the programs print. What is not installed is skipped, and said to be.
+# Builds hashes.cpp by every compiler at several levels, and compares what the programs print. Flags
+# for a processor with fused multiplications are the only ones to change it, so there are none. What is not installed is skipped, and said to be.
 #   compare.sh FOLDER [quick]   where programs are built; quick: two of them, small pairs only
 #   EIGEN=dir                   where Eigen is (default: /usr/include/eigen3)
 # On Debian and Ubuntu: clang g++-aarch64-linux-gnu qemu-user g++-mingw-w64-x86-64-posix wine64
@@ -40,12 +40,13 @@ compare() {
   fi
 }
 
-# native COMPILER LEVEL PAIR...
+# native COMPILER FLAGS PAIR...
 native() {
-  local name="$1 $2" compiler="$1" level="$2"
+  local name="$1 $2" compiler="$1" level
+  read -ra level <<< "$2"
   shift 2
   has "$name" "$compiler" || return 0
-  "$compiler" "${flags[@]}" "$level" -pthread "$project/tests/bits/hashes.cpp" -o hashes &&
+  "$compiler" "${flags[@]}" "${level[@]}" -pthread "$project/tests/bits/hashes.cpp" -o hashes &&
     compare "$name" ./hashes 10 "$@" || status=1
 }
 
@@ -57,6 +58,7 @@ fi
 native g++ -O2 "${all[@]}"
 for level in -O0 -O3; do native g++ "$level" "${all[@]}"; done
 for level in -O0 -O2 -O3; do native clang++ "$level" "${all[@]}"; done
+if grep -qw avx /proc/cpuinfo; then native g++ "-O2 -mavx" "${all[@]}"; fi  # twice as many lanes
 source="$project/tests/bits/hashes.cpp"
 if has aarch64 aarch64-linux-gnu-g++ qemu-aarch64; then
   aarch64-linux-gnu-g++ "${flags[@]}" -O2 -static -pthread "$source" -o hashes_arm &&
