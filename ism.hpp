@@ -62,8 +62,6 @@
 //
 // MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [20]
 //            ISM_NO_THREADS       there: builds without <thread>
-//            ISM_NO_AVX2          there: no AVX2 chosen at run time (x86-64 with g++ or clang++);
-//                                 results then have the same bits on all such processors
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
 // CONTENTS   [1] version and configuration   [2] public API        [3] notation
@@ -837,20 +835,9 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #if defined(ISM_IMPLEMENTATION) && !defined(ISM_HPP_IMPLEMENTED)
 #define ISM_HPP_IMPLEMENTED
 
-// Programs for any x86-64 use AVX2 where they find it, unless ISM_NO_AVX2 is defined. A flat
-// function takes in all that it calls; those of clang++ take in what they call themselves only.
-#if defined(__GNUC__) && defined(__x86_64__) && defined(EIGEN_VECTORIZE) && !defined(__AVX2__) && \
-    !defined(ISM_NO_AVX2)
-#define ISM_AVX2 __attribute__((target("avx2,fma")))
-#ifndef __clang__
-#define ISM_AVX2_FLAT __attribute__((target("avx2,fma"), flatten))
-#endif
-#include <immintrin.h>
-#endif
-
 // Before a short loop whose variables shall be in registers: g++ -O2 leaves them in memory else.
 #if defined(__GNUC__) && !defined(__clang__)
-#define ISM_UNROLL _Pragma("GCC unroll 4")
+#define ISM_UNROLL _Pragma("GCC unroll 8")
 #else
 #define ISM_UNROLL
 #endif
@@ -873,6 +860,21 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #include <sched.h>
 
 #include <cstdio>
+#endif
+#endif
+
+// Products are not fused with sums, so that all compilers and processors compute the same bits;
+// but where the flags of an x86-64 build ask for fused instructions (-march=x86-64-v3), it has
+// them. The compiler may fuse what Eigen's functions do: here, none of them multiplies and adds.
+#ifndef __FMA__
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__) && defined(__FP_FAST_FMA)
+#define ISM_FUSING_IS_OFF
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#elif defined(_MSC_VER)
+#pragma fp_contract(off)
 #endif
 #endif
 
@@ -911,6 +913,28 @@ namespace detail {
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kPi = 3.14159265358979323846;
 
+// Powers and angles by products and square roots, which round alike on all systems, unlike std::pow
+// and std::sin.
+
+inline double power(double x, int n) {
+  double result = 1;
+  for (int i = 0; i < n; ++i) result *= x;
+  return result;
+}
+
+/// x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... that the binary digits of t
+/// name.
+inline double root_power(double x, double t) {
+  if (t == 1) return x;
+  double result = 1;
+  for (double root = x; t > 0; t -= t >= 1) {
+    root = std::sqrt(root);
+    t *= 2;
+    if (t >= 1) result *= root;
+  }
+  return result;
+}
+
 struct Vec2 {
   double x = 0, y = 0;
 };
@@ -933,6 +957,32 @@ inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 
 /// d turned by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
 inline Vec2 perp(Vec2 d) { return {d.y, -d.x}; }
+
+/// The point of the unit circle at an angle in [-2π, 2π]: from tan(angle / 128) by its series, the
+/// angle doubled six times.
+inline Vec2 on_circle(double angle) {
+  const double h = angle / 128, h2 = h * h;
+  const double t =
+      h * (1 + h2 * (1.0 / 3 + h2 * (2.0 / 15 + h2 * (17.0 / 315 + h2 * 62.0 / 2835))));
+  Vec2 p = 1 / (1 + t * t) * Vec2{1 - t * t, 2 * t};
+  for (int i = 0; i < 6; ++i) p = {p.x * p.x - p.y * p.y, 2 * p.x * p.y};
+  return p;
+}
+
+/// The angle of a vector, in [-π, π]; 0 of the null vector. It is halved six times, then the series
+/// of the arc tangent has it.
+inline double angle_of(Vec2 p) {
+  const double length = norm(p);
+  if (!(length > 0)) return 0;
+  if (p.x < 0) return (p.y < 0 ? -kPi : kPi) - angle_of({-p.x, p.y});
+  p = 1 / length * p;
+  for (int i = 0; i < 6; ++i) {
+    p.x += 1;
+    p = 1 / norm(p) * p;
+  }
+  const double t = p.y / p.x, t2 = t * t;
+  return 64 * t * (1 - t2 * (1.0 / 3 - t2 * (1.0 / 5 - t2 * (1.0 / 7 - t2 / 9))));
+}
 
 struct Vec3 {
   double x = 0, y = 0, z = 0;
@@ -1900,7 +1950,7 @@ inline AddedVertex copy_of(int v) {
 inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
   const Eigen::Vector3d& t = p.weights;
   const bool is_mean = t[0] > 0 && t[1] > 0 && (is_on_edge(p) ? t[2] == 0 : t[2] > 0) &&
-                       std::abs(t.sum() - 1) < 1e-9;
+                       std::abs(t[0] + t[1] + t[2] - 1) < 1e-9;
   const int h = is_mean ? find_edge(m, p.corners[0], p.corners[1]) : -1;
   if (h < 0 || is_on_edge(p) || m.tail[prev(h)] == p.corners[2]) return h;
   return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
@@ -3445,11 +3495,13 @@ class OverlayBuilder {
     const int n = overlay_.uncrossed.size(), width = static_cast<int>(std::sqrt(n)) + 1;
     std::array<int, 3>* const loop = overlay_.uncrossed.data();
     const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
-    std::sort(loop, loop + n,
-              [&](const auto& l, const auto& r) { return start(l).x < start(r).x; });
+    std::sort(loop, loop + n, [&](const auto& l, const auto& r) {
+      return start(l).x != start(r).x ? start(l).x < start(r).x : l < r;
+    });
     for (int i = 0; i < n; i += width)
-      std::sort(loop + i, loop + (std::min)(n, i + width),
-                [&](const auto& l, const auto& r) { return start(l).y < start(r).y; });
+      std::sort(loop + i, loop + (std::min)(n, i + width), [&](const auto& l, const auto& r) {
+        return start(l).y != start(r).y ? start(l).y < start(r).y : l < r;
+      });
     overlay_.starts.reset(n);
     for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(loop[i]), start(loop[i]));
     overlay_.starts.join();
@@ -3493,8 +3545,8 @@ inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_fa
 //             parametrised triangle in closed form, and the projection of Hessians to s.p.d. ones.
 // Method:     E_ρ = a w(F, G), where w depends on K, det F and det G only; so three numbers carry
 //             all that differs between measures, and the chain rule leads from them to the entries
-//             of F and G and on to the six points. Formulas are written for one polygon; batches of
-//             polygons then go through them side by side, one in every lane of a vector.
+//             of F and G and on to the six points. Formulas are written for one polygon, Real being
+//             double; with Lanes for Real, the same ones differentiate several polygons at once.
 // Invariants: six planar points, two rest frames and a corner code are the whole input; values are
 //             finite whenever both triangles are positive, also for polygons without area.
 // Fails:      never; triangles that are not positive, or too thin for rounded determinants to be,
@@ -3596,8 +3648,17 @@ inline Mat2 jacobian(Vec2 p0, Vec2 p1, Vec2 p2, const Mat2& rest_inverse) {
 }
 
 // ---- the density w of a measure ----
-//
-// Below, Real is double, or Lanes for one number per polygon of a batch.
+
+template <class Real>
+Real square(const Real& x) {
+  return x * x;
+}
+template <class Real>
+Real cross(const Real& ax, const Real& ay, const Real& bx, const Real& by) {
+  return ax * by - ay * bx;
+}
+inline double larger(double x, double y) { return (std::max)(x, y); }
+inline double is_positive(double x) { return x > 0 ? 1 : 0; }
 
 /// w with its derivatives in K and in the determinants of F and G.
 template <class Real>
@@ -3800,155 +3861,13 @@ inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<
   return H;
 }
 
-// ---- lanes: many polygons side by side ----
-//
-// Polygons are differentiated in batches, one per lane, and Hessians of polygons and triangles are
-// projected in batches: every operation below acts on all lanes, by the widest vector instructions
-// that the compiler may use. Lanes do not mix, so results do not depend on what else is in a batch.
-
-/// What one instruction takes: one double where Eigen knows no vectors of the processor.
-struct Packet {
-  using Native = Eigen::internal::packet_traits<double>::type;
-  static constexpr std::size_t kBytes = sizeof(Native);
-  Native at;
-  Packet() = default;
-  Packet(Native x) : at(x) {}
-  template <class Real, class = std::enable_if_t<(kBytes > sizeof(Real))>>
-  explicit Packet(Real x) : at(Eigen::internal::pset1<Native>(x)) {}
-};
-
-inline Packet operator+(const Packet& x, const Packet& y) {
-  return Eigen::internal::padd(x.at, y.at);
-}
-inline Packet operator-(const Packet& x, const Packet& y) {
-  return Eigen::internal::psub(x.at, y.at);
-}
-inline Packet operator*(const Packet& x, const Packet& y) {
-  return Eigen::internal::pmul(x.at, y.at);
-}
-inline Packet operator/(const Packet& x, const Packet& y) {
-  return Eigen::internal::pdiv(x.at, y.at);
-}
-inline Packet operator-(const Packet& x) { return Eigen::internal::pnegate(x.at); }
-inline Packet sqrt(const Packet& x) { return Eigen::internal::psqrt(x.at); }
-inline Packet abs(const Packet& x) { return Eigen::internal::pabs(x.at); }
-inline Packet larger(const Packet& x, const Packet& y) { return Eigen::internal::pmax(x.at, y.at); }
-inline Packet smaller(const Packet& x, const Packet& y) {
-  return Eigen::internal::pmin(x.at, y.at);
-}
-
-#ifdef ISM_AVX2
-inline bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
-#endif
-
-#ifdef ISM_AVX2_FLAT
-/// What one instruction of AVX2 takes, for functions that are called where the processor has it.
-struct alignas(32) Avx2Packet {
-  double at[4];  // no __m256d, which callers without AVX2 would pass otherwise
-  Avx2Packet() = default;
-  ISM_AVX2 Avx2Packet(__m256d x) { _mm256_store_pd(at, x); }
-  ISM_AVX2 explicit Avx2Packet(double x) : Avx2Packet(_mm256_set1_pd(x)) {}
-  ISM_AVX2 operator __m256d() const { return _mm256_load_pd(at); }
-};
-
-ISM_AVX2 inline Avx2Packet operator+(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_add_pd(x, y);
-}
-ISM_AVX2 inline Avx2Packet operator-(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_sub_pd(x, y);
-}
-ISM_AVX2 inline Avx2Packet operator*(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_mul_pd(x, y);
-}
-ISM_AVX2 inline Avx2Packet operator/(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_div_pd(x, y);
-}
-ISM_AVX2 inline Avx2Packet operator-(const Avx2Packet& x) {
-  return _mm256_xor_pd(x, _mm256_set1_pd(-0.0));
-}
-ISM_AVX2 inline Avx2Packet sqrt(const Avx2Packet& x) { return _mm256_sqrt_pd(x); }
-ISM_AVX2 inline Avx2Packet abs(const Avx2Packet& x) {
-  return _mm256_andnot_pd(_mm256_set1_pd(-0.0), x);
-}
-ISM_AVX2 inline Avx2Packet larger(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_max_pd(y, x);
-}
-ISM_AVX2 inline Avx2Packet smaller(const Avx2Packet& x, const Avx2Packet& y) {
-  return _mm256_min_pd(y, x);
-}
-#endif
-
-/// Two of them: the second one fills the pauses of the first; more do not fit the registers.
-template <class P>
-struct alignas(sizeof(P)) Pair {
-  static constexpr int kSize = sizeof(P) / sizeof(double) * 2;
-
-  P a, b;
-  Pair() = default;
-  Pair(const P& first, const P& second) : a(first), b(second) {}
-  Pair(double x) : a(x), b(x) {}
-  struct Lane {  // a number among the bytes of vectors, where no double is
-    void* at;
-    operator double() const { return number_at<double>(at); }
-    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
-  };
-  Lane operator[](int lane) {
-    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
-  }
-  double operator[](int lane) const { return const_cast<Pair&>(*this)[lane]; }
-
-  friend Pair operator+(const Pair& x, const Pair& y) { return {x.a + y.a, x.b + y.b}; }
-  friend Pair operator-(const Pair& x, const Pair& y) { return {x.a - y.a, x.b - y.b}; }
-  friend Pair operator*(const Pair& x, const Pair& y) { return {x.a * y.a, x.b * y.b}; }
-  friend Pair operator/(const Pair& x, const Pair& y) { return {x.a / y.a, x.b / y.b}; }
-  friend Pair operator-(const Pair& x) { return {-x.a, -x.b}; }
-  friend Pair& operator+=(Pair& x, const Pair& y) { return x = x + y; }
-  friend Pair& operator-=(Pair& x, const Pair& y) { return x = x - y; }
-  friend Pair& operator*=(Pair& x, const Pair& y) { return x = x * y; }
-  friend Pair square(const Pair& x) { return x * x; }
-  friend Pair sqrt(const Pair& x) { return {sqrt(x.a), sqrt(x.b)}; }
-  friend Pair abs(const Pair& x) { return {abs(x.a), abs(x.b)}; }
-  friend Pair larger(const Pair& x, const Pair& y) { return {larger(x.a, y.a), larger(x.b, y.b)}; }
-  friend Pair smaller(const Pair& x, const Pair& y) {
-    return {smaller(x.a, y.a), smaller(x.b, y.b)};
-  }
-  friend Pair clamp01(const Pair& x) { return smaller(larger(x, 0.0), 1.0); }
-
-  /// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
-  /// double.
-  friend Pair is_positive(const Pair& x) { return clamp01(x * 1e300 * 1e300); }
-
-  friend Pair select(const Pair& which, const Pair& one, const Pair& zero) {
-    return which * one + (1 - which) * zero;
-  }
-
-  friend bool any_positive(const Pair& x) {
-    bool any = false;
-    for (int lane = 0; lane < kSize; ++lane) any |= x[lane] > 0;
-    return any;
-  }
-
-  friend Pair cross(const Pair& ax, const Pair& ay, const Pair& bx, const Pair& by) {
-    return ax * by - ay * bx;
-  }
-};
-
-#ifdef ISM_AVX2_FLAT
-using Lanes = Pair<Pair<Packet>>;
-using Avx2Lanes = Pair<Avx2Packet>;  // the same numbers
-static_assert(sizeof(Lanes) == sizeof(Avx2Lanes), "SSE2 has half as many lanes");
-#else
-using Lanes = Pair<Packet>;
-#endif
-inline constexpr int kLanes = Lanes::kSize;
-
-/// A symmetric matrix in every lane, of which the lower triangles count.
-template <int N, class L = Lanes>
-struct LaneMatrix {
-  L entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
-  L& operator()(int i, int j) { return entry[i][j]; }
-  const L& operator()(int i, int j) const { return entry[i][j]; }
-  const L& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
+/// A symmetric matrix, of which the lower triangle counts.
+template <int N, class Real>
+struct Symmetric {
+  Real entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
+  Real& operator()(int i, int j) { return entry[i][j]; }
+  const Real& operator()(int i, int j) const { return entry[i][j]; }
+  const Real& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
   /// The 2×2 block (i, j) of one lane.
   Mat2 block(int i, int j, int lane) const {
     return {{symmetric(2 * i, 2 * j)[lane], symmetric(2 * i + 1, 2 * j)[lane],
@@ -3956,275 +3875,79 @@ struct LaneMatrix {
   }
 };
 
-// ---- projection to s.p.d. matrices (§5.1) ----
-
-/// Eigenvalues and eigenvectors of small symmetric matrices by Householder tridiagonalisation and
-/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Lanes that are done wait for
-/// the others.
-template <int N, class L = Lanes>
-struct LaneEigen {
-  L value[static_cast<std::size_t>(N)];
-  L vector[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];  // row i belongs to value[i]
-
-  void decompose(LaneMatrix<N, L>& a) {  // which is lost
-    tridiagonalize(a);
-    for (int l = 0; l + 1 < N; ++l) isolate(l);
-  }
-
- private:
-  L below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
-
-  /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
-  void tridiagonalize(LaneMatrix<N, L>& a) {
-    L beta[static_cast<std::size_t>(N)];
-    for (int k = 0; k + 1 < N; ++k) {
-      value[k] = a(k, k);
-      L tail = 0.0;
-      for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
-      const L head = a(k + 1, k), norm = sqrt(square(head) + tail);
-      const L some = is_positive(tail - 1e-290);  // squares of less have lost their digits
-      const L signed_norm = select(is_positive(head), norm, -norm);
-      below[k] = select(some, -signed_norm, head);
-      a(k + 1, k) = some * (head + signed_norm);
-      beta[k] = some / (signed_norm * (head + signed_norm) + (1 - some));  // 2 / vᵀv
-      reflect(a, k, beta[k]);
-    }
-    value[N - 1] = a(N - 1, N - 1);
-    below[N - 1] = 0.0;
-    accumulate(a, beta);
-  }
-
-  /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
-  static void reflect(LaneMatrix<N, L>& a, int k, const L& beta) {
-    L w[static_cast<std::size_t>(N)];
-    for (int i = k + 1; i < N; ++i) w[i] = 0.0;
-    for (int j = k + 1; j < N; ++j) {
-      L sum = a(j, j) * a(j, k);
-      for (int i = j + 1; i < N; ++i) {
-        sum += a(i, j) * a(i, k);
-        w[i] += a(i, j) * a(j, k);
-      }
-      w[j] += sum;
-    }
-    L vw = 0.0;
-    for (int i = k + 1; i < N; ++i) {
-      w[i] *= beta;
-      vw += a(i, k) * w[i];
-    }
-    for (int i = k + 1; i < N; ++i) w[i] -= 0.5 * beta * vw * a(i, k);
-    for (int j = k + 1; j < N; ++j)
-      for (int i = j; i < N; ++i) a(i, j) -= a(i, k) * w[j] + w[i] * a(j, k);
-  }
-
-  /// vector = Qᵀ, the product of the reflections.
-  void accumulate(const LaneMatrix<N, L>& v, const L* beta) {
-    for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j) vector[i][j] = i == j ? 1.0 : 0.0;
-    for (int k = N - 2; k >= 0; --k)
-      for (int i = k + 1; i < N; ++i) {
-        L sum = 0.0;
-        for (int j = k + 1; j < N; ++j) sum += vector[i][j] * v(j, k);
-        sum *= beta[k];
-        for (int j = k + 1; j < N; ++j) vector[i][j] -= sum * v(j, k);
-      }
-  }
-
-  /// 1 in the lanes whose sweep, which starts at m, has passed place i.
-  static L is_above(const L& m, int i) { return clamp01(m - static_cast<double>(i)); }
-
-  /// The first negligible subdiagonal entry from l on.
-  L split(int l) const {
-    constexpr double kNegligible = std::numeric_limits<double>::epsilon();
-    L m = static_cast<double>(N - 1);
-    for (int i = N - 2; i >= l; --i) {
-      const L excess = abs(below[i]) - kNegligible * (abs(value[i]) + abs(value[i + 1]));
-      m = select(is_positive(excess), m, static_cast<double>(i));
-    }
-    return m;
-  }
-
-  /// QL sweeps with Wilkinson's shift until value[l] stands alone.
-  void isolate(int l) {
-    constexpr int kMostSweeps = 50;
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-      const L m = split(l);
-      int last = l;  // NaN does not count
-      for (int k = 0; k < L::kSize; ++k)
-        if (m[k] > last) last = static_cast<int>(m[k]);
-      if (last == l) return;
-      const L on = is_above(m, l), off = 1 - on;
-      const L half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
-      const L root = abs(half) + sqrt(square(half) + 1);
-      L end = value[l + 1];  // value[m]
-      for (int i = l + 2; i <= last; ++i) end = select(is_above(m, i - 1), value[i], end);
-      Sweep state;
-      state.g = end - value[l] + (2 * is_positive(half) - 1) * below[l] / root;
-      for (int i = last - 1; i >= l; --i) rotate(i, m, state);
-      value[l] -= on * state.p;
-      below[l] = select(on, state.g, below[l]);
-      for (int i = l + 1; i <= last; ++i) below[i] *= 1 - is_above(m, i - 1) + is_above(m, i);
-    }
-  }
-
-  struct Sweep {
-    L g, s = 1.0, c = 1.0, p = 0.0;
-  };
-
-  /// One rotation of a sweep, in the lanes that have started.
-  void rotate(int i, const L& m, Sweep& state) {
-    constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
-    const L on = is_above(m, i), off = 1 - on;
-    const L f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
-    const L r2 = square(f) + square(g), r = sqrt(r2);
-    const L inverse = r * (1 / r2);  // beside the root, not after it
-    const L s = f * inverse, c = g * inverse;
-    const L h = value[i + 1] - state.p;
-    const L t = (value[i] - h) * s + 2 * c * b, p = s * t;
-    below[i + 1] = on * r + off * below[i + 1];
-    value[i + 1] = on * (h + p) + off * value[i + 1];
-    state.g = on * (c * t - b) + off * state.g;
-    state.p = on * p;
-    const L sine = on * s, cosine = on * c + off;
-    state.s = sine + off;
-    state.c = cosine;
-    for (int k = 0; k < N; ++k) {
-      const L x = vector[i][k], y = vector[i + 1][k];
-      vector[i + 1][k] = sine * x + cosine * y;
-      vector[i][k] = cosine * x - sine * y;
-    }
-  }
-};
-
-#ifdef ISM_AVX2_FLAT
-template <int N>
-ISM_AVX2_FLAT void decompose_avx2(LaneMatrix<N, Avx2Lanes>& a, LaneEigen<N, Avx2Lanes>& eigen) {
-  eigen.decompose(a);
-}
-#endif
-
-/// That of a, which is lost, by the widest lanes that this processor has.
-template <int N>
-void decompose(LaneMatrix<N>& a, LaneEigen<N>& eigen) {
-#ifdef ISM_AVX2_FLAT
-  if (has_avx2())
-    return decompose_avx2(reinterpret_cast<LaneMatrix<N, Avx2Lanes>&>(a),
-                          reinterpret_cast<LaneEigen<N, Avx2Lanes>&>(eigen));
-#endif
-  eigen.decompose(a);
-}
-
-/// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
-/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
-/// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
-/// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
-template <int P>
-void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
-  constexpr int N = 2 * (P - 1);
-  const double root = std::sqrt(static_cast<double>(P)), gamma = 1 / (1 + root);
-  LaneMatrix<N> reduced;
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j <= i; ++j) {
-      const int r = i % 2, q = j % 2;
-      reduced(i, j) =
-          H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
-    }
-  LaneEigen<N> eigen;
-  decompose(reduced, eigen);
-  Lanes v[static_cast<std::size_t>(2 * P)];
-  for (int k = 0; k < N; ++k) {
-    const Lanes lift = larger(epsilon - eigen.value[k], 0.0);
-    if (!any_positive(lift)) continue;
-    for (int r = 0; r < 2; ++r) {
-      Lanes sum = 0.0;
-      for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
-      v[r] = -sum / root;
-      for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
-    }
-    for (int i = 0; i < 2 * P; ++i) {
-      const Lanes lifted = lift * v[i];
-      for (int j = 0; j <= i; ++j) H(i, j) += lifted * v[j];
-    }
-  }
-  for (int i = 0; i < 2 * P; ++i)
-    for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
-}
-
-// ---- a batch of triangles ----
-
-/// One triangle per lane: its points, two coordinates each, its R⁻¹ and its area; and what
-/// differentiate() finds.
-struct TriangleBatch {
-  Lanes x[6], rest_inverse[4], area;
-  Lanes gradient[6];
-  LaneMatrix<6> hessian;
+/// A triangle: its points, two coordinates each, its R⁻¹ and its area; and what differentiate()
+/// finds.
+template <class Real>
+struct TriangleElement {
+  Real x[6], rest_inverse[4], area;
+  Real gradient[6];
+  Symmetric<6, Real> hessian;
 };
 
 /// The Jacobian of the triangle with its coordinates from x on.
-inline void jacobian(const CornerWeights<Lanes>& B, const Lanes* x, Lanes* J) {
+template <class Real>
+void jacobian(const CornerWeights<Real>& B, const Real* x, Real* J) {
   for (int k = 0; k < 4; ++k) {
     const int c = k / 2, r = k % 2;
     J[k] = B.weight[1][c] * (x[r + 2] - x[r]) + B.weight[2][c] * (x[r + 4] - x[r]);
   }
 }
 
-inline void differentiate(TriangleBatch& batch) {
-  const CornerWeights<Lanes> B(batch.rest_inverse);
-  Lanes J[4];
-  jacobian(B, batch.x, J);
-  const TriangleDensity<Lanes> w = triangle_density(J);
+template <class Real>
+void differentiate(TriangleElement<Real>& element) {
+  const CornerWeights<Real> B(element.rest_inverse);
+  Real J[4];
+  jacobian(B, element.x, J);
+  const TriangleDensity<Real> w = triangle_density(J);
   const auto second = [&](int k, int l) { return k >= l ? w.hessian[k][l] : w.hessian[l][k]; };
   for (int i = 0; i < 6; ++i) {
     const int r = i % 2;
-    const Lanes b0 = batch.area * B.weight[i / 2][0], b1 = batch.area * B.weight[i / 2][1];
-    batch.gradient[i] = b0 * w.gradient[r] + b1 * w.gradient[2 + r];
-    Lanes half[4];  // a row of the Hessian with its columns in J
+    const Real b0 = element.area * B.weight[i / 2][0], b1 = element.area * B.weight[i / 2][1];
+    element.gradient[i] = b0 * w.gradient[r] + b1 * w.gradient[2 + r];
+    Real half[4];  // a row of the Hessian with its columns in J
     for (int k = 0; k < 4; ++k) half[k] = b0 * second(r, k) + b1 * second(2 + r, k);
     for (int j = 0; j <= i; ++j)
-      batch.hessian(i, j) = B.weight[j / 2][0] * half[j % 2] + B.weight[j / 2][1] * half[2 + j % 2];
+      element.hessian(i, j) =
+          B.weight[j / 2][0] * half[j % 2] + B.weight[j / 2][1] * half[2 + j % 2];
   }
 }
 
-// ---- a batch of polygons ----
+// ---- derivatives of E_ρ ----
 
-/// A measure of the user's is asked lane by lane.
-inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
-  Stretch<Lanes> D;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const StretchDensity one = measure.density(S[lane], d[lane]);
-    D.value[lane] = one.value;
-    D.S[lane] = one.S, D.d[lane] = one.d;
-    D.SS[lane] = one.SS, D.Sd[lane] = one.Sd, D.dd[lane] = one.dd;
-  }
-  return D;
+inline Stretch<double> stretches(const DistortionMeasure& measure, double S, double d) {
+  const StretchDensity D = measure.density(S, d);
+  return {D.value, D.S, D.d, D.SS, D.Sd, D.dd};
 }
 
-inline InvariantDensity<Lanes> invariant_density(const DistortionMeasure& measure, double kappa,
-                                                 const Lanes& K, const Lanes& det_f,
-                                                 const Lanes& det_g) {
-  const Lanes d = det_f / det_g, S = larger(K / (det_g * det_g), 2 * d);
-  InvariantDensity<Lanes> w = measure.is_symmetric_dirichlet()
-                                  ? dirichlet_density(K, det_f, det_g)
-                                  : stretch_density(stretches(measure, S, d), measure.on_a(),
-                                                    measure.on_b(), K, det_f, det_g);
+template <class Real>
+InvariantDensity<Real> invariant_density(const DistortionMeasure& measure, double kappa,
+                                         const Real& K, const Real& det_f, const Real& det_g) {
+  const Real d = det_f / det_g, S = larger(K / (det_g * det_g), 2 * d);
+  InvariantDensity<Real> w = measure.is_symmetric_dirichlet()
+                                 ? dirichlet_density(K, det_f, det_g)
+                                 : stretch_density(stretches(measure, S, d), measure.on_a(),
+                                                   measure.on_b(), K, det_f, det_g);
   add_coverage(kappa, det_f, det_g, w);
   return w;
 }
 
 /// Entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
-inline Lanes perp_of(const Lanes* J, int column, int r) {
+template <class Real>
+Real perp_of(const Real* J, int column, int r) {
   return r == 0 ? J[2 * column + 1] : -J[2 * column];
 }
 
 /// Adds scale · ∇²K. K is the sum of X_cd², X_cd = cross(F_c, G_d) of the columns of F and G, and
 /// ∂X_cd/∂F_c = perp(G_d), ∂X_cd/∂G_d = -perp(F_c).
-inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes& scale,
-                             LaneMatrix<8>& H) {
+template <class Real>
+void add_norm_hessian(const Real* J, const Real (&X)[2][2], const Real& scale,
+                      Symmetric<8, Real>& H) {
   const auto perp = [&](int column, int r) { return perp_of(J, column, r); };
   for (int r = 0; r < 2; ++r)  // between F and F, G and G
     for (int q = 0; q <= r; ++q)
       for (int m = 0; m < 2; ++m) {
         const int other = 2 - 2 * m;
-        const Lanes P =
+        const Real P =
             2 * scale * (perp(other, r) * perp(other, q) + perp(other + 1, r) * perp(other + 1, q));
         H(4 * m + r, 4 * m + q) += P;
         H(4 * m + 2 + r, 4 * m + 2 + q) += P;
@@ -4233,31 +3956,34 @@ inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes
     for (int d = 0; d < 2; ++d)
       for (int r = 0; r < 2; ++r)
         for (int q = 0; q < 2; ++q) {
-          Lanes sum = -perp(c, r) * perp(2 + d, q);
+          Real sum = -perp(c, r) * perp(2 + d, q);
           if (r != q) sum += r == 0 ? -X[c][d] : X[c][d];
           H(4 + 2 * d + r, 2 * c + q) += 2 * scale * sum;
         }
 }
 
 /// Adds scale · ∇² det for the four entries from `first` on.
-inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
+template <class Real>
+void add_det_hessian(const Real& scale, int first, Symmetric<8, Real>& H) {
   H(first + 3, first) += scale;
   H(first + 2, first + 1) -= scale;
 }
 
 /// w, less the density of coverage, at Jacobians with the entries J = f11 f21 f12 f22 g11 g21 g12
 /// g22, and what its derivatives in them are made of.
+template <class Real>
 struct DensityParts {
-  Lanes X[2][2];
-  InvariantDensity<Lanes> w;
-  Lanes dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
+  Real X[2][2];
+  InvariantDensity<Real> w;
+  Real dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
   /// Σ w_m ∇m over m = K, det F, det G.
-  Lanes gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
+  Real gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
 };
 
-inline DensityParts density_parts(const DistortionMeasure& measure, double kappa, const Lanes* J) {
-  DensityParts p;
-  Lanes K = 0.0;
+template <class Real>
+DensityParts<Real> density_parts(const DistortionMeasure& measure, double kappa, const Real* J) {
+  DensityParts<Real> p;
+  Real K = 0.0;
   for (int c = 0; c < 2; ++c)
     for (int d = 0; d < 2; ++d) {
       p.X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
@@ -4278,12 +4004,13 @@ inline DensityParts density_parts(const DistortionMeasure& measure, double kappa
 }
 
 /// Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ over m, n = K, det F, det G.
-inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>& H) {
-  const InvariantDensity<Lanes>& w = p.w;
+template <class Real>
+void density_hessian(const Real* J, const DensityParts<Real>& p, Symmetric<8, Real>& H) {
+  const InvariantDensity<Real>& w = p.w;
   for (int i = 0; i < 8; ++i) {
-    const Lanes on_dK = w.KK * p.dK[i] + (i < 4 ? w.KF : w.KG) * p.ddet[i];
-    const Lanes on_det_f = w.KF * p.dK[i] + (i < 4 ? w.FF : w.FG) * p.ddet[i];
-    const Lanes on_det_g = w.KG * p.dK[i] + w.GG * p.ddet[i];
+    const Real on_dK = w.KK * p.dK[i] + (i < 4 ? w.KF : w.KG) * p.ddet[i];
+    const Real on_det_f = w.KF * p.dK[i] + (i < 4 ? w.FF : w.FG) * p.ddet[i];
+    const Real on_det_g = w.KG * p.dK[i] + w.GG * p.ddet[i];
     for (int j = 0; j <= i; ++j)
       H(i, j) = on_dK * p.dK[j] + (j < 4 ? on_det_f : on_det_g) * p.ddet[j];
   }
@@ -4292,21 +4019,267 @@ inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>
   add_det_hessian(w.G, 4, H);
 }
 
-/// One polygon per lane: what differentiate() needs, and what it finds.
-struct PolygonBatch {
-  Lanes x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
-  Lanes rest_inverse[8];
-  Lanes s[6], t[6];  // of the pieces; both 0 on edges without one
+/// A polygon: what differentiate() needs, and what it finds.
+template <class Real>
+struct PolygonElement {
+  Real x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
+  Real rest_inverse[8];
+  Real s[6], t[6];  // of the pieces; both 0 on edges without one
   struct Corner {
-    Lanes is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
+    Real is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
   };
   Corner corner[3][3];  // where an edge of t_A meets one of t_B
-  Lanes area;
-  bool is_negligible[kLanes];  // then the rest of the lane means nothing
+  Real area;
+  Real is_negligible;  // 1 or 0; then the rest means nothing
 
-  Lanes value, gradient[12];
-  LaneMatrix<12> hessian;  // not set by differentiate_once()
+  Real value, gradient[12];
+  Symmetric<12, Real> hessian;  // not set by differentiate_once()
 };
+
+/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d) over the pieces on edges d = v - u, β = (t² - s²)/2,
+/// α = (t - s) - β: a boundary piece moves outward by the interpolated motion of its edge, its ends
+/// move along the boundary.
+template <class Real>
+void area_gradient(const PolygonElement<Real>& element, Real* gradient) {
+  for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
+  for (int e = 0; e < 6; ++e) {
+    const int u = 2 * edge_start(e), v = 2 * edge_end(e);
+    const Real beta = 0.5 * (square(element.t[e]) - square(element.s[e]));
+    const Real alpha = (element.t[e] - element.s[e]) - beta;
+    const Real nx = element.x[v + 1] - element.x[u + 1], ny = element.x[u] - element.x[v];
+    gradient[u] += alpha * nx, gradient[u + 1] += alpha * ny;
+    gradient[v] += beta * nx, gradient[v + 1] += beta * ny;
+  }
+}
+
+/// An edge of a triangle: where the coordinates of its ends are, and its normal.
+template <class Real>
+struct EdgeOfElement {
+  int end[2];
+  Real normal[2];  // perp of its direction
+  EdgeOfElement(const Real* x, int e) : end{2 * edge_start(e), 2 * edge_end(e)} {
+    normal[0] = x[end[1] + 1] - x[end[0] + 1];
+    normal[1] = x[end[0]] - x[end[1]];
+  }
+};
+
+/// Adds the part of weight · ∇²a that comes from the corner of edges i of t_A and j of t_B. With
+/// d, w the edges, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing point as
+/// a point of either edge, δ²a has the part
+///   -(1 / |d × w|) [(m_d·Z_d)(m_w·Z_d) - 2 (m_d·Z_d)(m_w·Z_w) + (m_w·Z_w)(m_d·Z_w)].
+/// |d × w| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
+template <class Real>
+void add_corner_hessian(const PolygonElement<Real>& element, int i, int j, const Real& weight,
+                        Symmetric<12, Real>& H) {
+  using std::abs, std::sqrt;
+  constexpr double kMostParallel = 1e-8;
+  const typename PolygonElement<Real>::Corner& corner = element.corner[i][j];
+  const EdgeOfElement<Real> a(element.x, i), b(element.x, 3 + j);
+  const Real *m_d = a.normal, *m_w = b.normal;
+  const Real D = abs(cross(m_d[0], m_d[1], m_w[0], m_w[1]));
+  const Real least =
+      kMostParallel * sqrt((square(m_d[0]) + square(m_d[1])) * (square(m_w[0]) + square(m_w[1])));
+  const Real scale = weight * corner.is_there * is_positive(D) / larger(D, least);
+  const Real part_a[2] = {1 - corner.on_a, corner.on_a}, part_b[2] = {1 - corner.on_b, corner.on_b};
+  const Real own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]), m_d[1] * m_w[1]};
+  const auto add_own = [&](const int(&end)[2], const Real(&part)[2]) {
+    for (int k = 0; k < 2; ++k)
+      for (int l = 0; l < 2; ++l) {
+        if (end[l] > end[k]) continue;
+        const Real factor = scale * part[k] * part[l];
+        for (int r = 0; r < 2; ++r)
+          for (int q = 0; q < (k == l ? r + 1 : 2); ++q)
+            H(end[k] + r, end[l] + q) -= factor * own[r + q];
+      }
+  };
+  add_own(a.end, part_a);
+  add_own(b.end, part_b);
+  for (int k = 0; k < 2; ++k)
+    for (int l = 0; l < 2; ++l) {
+      const Real factor = scale * part_b[k] * part_a[l];
+      for (int r = 0; r < 2; ++r) {
+        const Real row = factor * m_w[r];
+        for (int q = 0; q < 2; ++q) H(b.end[k] + r, a.end[l] + q) += row * m_d[q];
+      }
+    }
+}
+
+/// H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
+template <class Real>
+void set_area_hessian(const PolygonElement<Real>& element, const Real& weight,
+                      Symmetric<12, Real>& H) {
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j <= i; ++j) H(i, j) = 0.0;
+  for (int e = 0; e < 6; ++e) {
+    const int u = 2 * edge_start(e), v = 2 * edge_end(e), lo = (std::min)(u, v);
+    const Real half = 0.5 * weight * (element.t[e] - element.s[e]);
+    const Real signed_half = u < v ? half : -half;
+    H((std::max)(u, v) + 1, lo) += signed_half;
+    H((std::max)(u, v), lo + 1) -= signed_half;
+  }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) add_corner_hessian(element, i, j, weight, H);
+}
+
+/// What the first and the second derivatives of E_ρ have in common.
+template <class Real>
+struct PolygonParts {
+  CornerWeights<Real> B[2];
+  Real J[8], da[12], dw[12];
+  DensityParts<Real> density;
+};
+
+/// E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
+template <class Real>
+PolygonParts<Real> differentiate_once(const DistortionMeasure& measure, double kappa,
+                                      PolygonElement<Real>& element) {
+  PolygonParts<Real> p = {
+      {CornerWeights<Real>(element.rest_inverse), CornerWeights<Real>(element.rest_inverse + 4)},
+      {},
+      {},
+      {},
+      {}};
+  for (int m = 0; m < 2; ++m) jacobian(p.B[m], element.x + 6 * m, p.J + 4 * m);
+  p.density = density_parts(measure, kappa, p.J);
+  const Real& w = p.density.w.value;
+  area_gradient(element, p.da);
+  element.value = element.area * w;
+  for (int i = 0; i < 12; ++i) {
+    const int first = 4 * (i / 6) + i % 2;
+    const Real(&b)[2] = p.B[i / 6].weight[i % 6 / 2];
+    p.dw[i] = b[0] * p.density.gradient(first) + b[1] * p.density.gradient(first + 2);
+    element.gradient[i] = element.area * p.dw[i] + w * p.da[i];
+  }
+  return p;
+}
+
+/// The same, with the Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
+template <class Real>
+void differentiate(const DistortionMeasure& measure, double kappa, PolygonElement<Real>& element) {
+  const PolygonParts<Real> p = differentiate_once(measure, kappa, element);
+  Symmetric<8, Real> second;
+  density_hessian(p.J, p.density, second);
+  Real half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
+  for (int i = 0; i < 12; ++i) {
+    const int m = i / 6, first = 4 * m + i % 2;
+    const Real(&b)[2] = p.B[m].weight[i % 6 / 2];
+    const Real b0 = element.area * b[0], b1 = element.area * b[1];
+    for (int k = 0; k < 4 + 4 * m; ++k)
+      half[i][k] = b0 * second.symmetric(first, k) + b1 * second.symmetric(first + 2, k);
+  }
+  set_area_hessian(element, p.density.w.value, element.hessian);
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j <= i; ++j) {
+      const int n = j / 6, first = 4 * n + j % 2;
+      const Real(&b)[2] = p.B[n].weight[j % 6 / 2];
+      element.hessian(i, j) +=
+          b[0] * half[i][first] + b[1] * half[i][first + 2] + p.dw[i] * p.da[j] + p.da[i] * p.dw[j];
+    }
+}
+
+// ---- lanes: many polygons side by side ----
+
+/// Numbers of different polygons, on which every operation acts at once, by the widest vectors that
+/// the compiler may use. Lanes do not mix, so results depend neither on their number nor on what
+/// else is in them. There are two vectors: the second one fills the pauses of the first; more do
+/// not fit the registers.
+struct Lanes {
+  using Vector = Eigen::internal::packet_traits<double>::type;  // double where Eigen knows none
+  static constexpr int kHalf = Eigen::internal::packet_traits<double>::size, kSize = 2 * kHalf;
+
+  Vector a, b;
+  Lanes() = default;
+  Lanes(const Vector& first, const Vector& second) : a(first), b(second) {}
+  Lanes(double x) : a(Eigen::internal::pset1<Vector>(x)), b(a) {}
+  static Lanes load(const double* from) {
+    return {Eigen::internal::ploadu<Vector>(from), Eigen::internal::ploadu<Vector>(from + kHalf)};
+  }
+  void store(double* to) const {
+    Eigen::internal::pstoreu(to, a);
+    Eigen::internal::pstoreu(to + kHalf, b);
+  }
+
+  struct Lane {  // a number among the bytes of vectors, where no double is
+    void* at;
+    operator double() const { return number_at<double>(at); }
+    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
+  };
+  Lane operator[](int lane) {
+    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
+  }
+  double operator[](int lane) const { return const_cast<Lanes&>(*this)[lane]; }
+};
+inline constexpr int kLanes = Lanes::kSize;
+
+inline Lanes operator+(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::padd(x.a, y.a), Eigen::internal::padd(x.b, y.b)};
+}
+inline Lanes operator-(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::psub(x.a, y.a), Eigen::internal::psub(x.b, y.b)};
+}
+inline Lanes operator*(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmul(x.a, y.a), Eigen::internal::pmul(x.b, y.b)};
+}
+inline Lanes operator/(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pdiv(x.a, y.a), Eigen::internal::pdiv(x.b, y.b)};
+}
+inline Lanes operator-(const Lanes& x) {
+  return {Eigen::internal::pnegate(x.a), Eigen::internal::pnegate(x.b)};
+}
+
+/// x + y z; fused in builds that ask for it.
+inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
+#ifdef __FMA__
+  return {Eigen::internal::pmadd(y.a, z.a, x.a), Eigen::internal::pmadd(y.b, z.b, x.b)};
+#else
+  return x + y * z;
+#endif
+}
+inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
+inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
+inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
+inline Lanes sqrt(const Lanes& x) {
+  return {Eigen::internal::psqrt(x.a), Eigen::internal::psqrt(x.b)};
+}
+inline Lanes abs(const Lanes& x) {
+  return {Eigen::internal::pabs(x.a), Eigen::internal::pabs(x.b)};
+}
+inline Lanes larger(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmax(x.a, y.a), Eigen::internal::pmax(x.b, y.b)};
+}
+inline Lanes smaller(const Lanes& x, const Lanes& y) {
+  return {Eigen::internal::pmin(x.a, y.a), Eigen::internal::pmin(x.b, y.b)};
+}
+inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
+
+/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
+/// double.
+inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
+inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
+  return which * one + (1 - which) * zero;
+}
+inline bool any_positive(const Lanes& x) {
+  bool any = false;
+  for (int lane = 0; lane < kLanes; ++lane) any |= x[lane] > 0;
+  return any;
+}
+
+template <int N>
+using LaneMatrix = Symmetric<N, Lanes>;
+using TriangleBatch = TriangleElement<Lanes>;
+using PolygonBatch = PolygonElement<Lanes>;
+
+/// A measure of the user's is asked lane by lane.
+inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
+  Stretch<Lanes> D;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const StretchDensity one = measure.density(S[lane], d[lane]);
+    D.value[lane] = one.value;
+    D.S[lane] = one.S, D.d[lane] = one.d;
+    D.SS[lane] = one.SS, D.Sd[lane] = one.Sd, D.dd[lane] = one.dd;
+  }
+  return D;
+}
 
 inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_inverse_a,
                  const Mat2& rest_inverse_b, int lane, PolygonBatch& batch) {
@@ -4339,138 +4312,180 @@ inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_i
   }
 }
 
-/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d) over the pieces on edges d = v - u, β = (t² - s²)/2,
-/// α = (t - s) - β: a boundary piece moves outward by the interpolated motion of its edge, its ends
-/// move along the boundary.
-inline void area_gradient(const PolygonBatch& batch, Lanes* gradient) {
-  for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
-  for (int e = 0; e < 6; ++e) {
-    const int u = 2 * edge_start(e), v = 2 * edge_end(e);
-    const Lanes beta = 0.5 * (square(batch.t[e]) - square(batch.s[e]));
-    const Lanes alpha = (batch.t[e] - batch.s[e]) - beta;
-    const Lanes nx = batch.x[v + 1] - batch.x[u + 1], ny = batch.x[u] - batch.x[v];
-    gradient[u] += alpha * nx, gradient[u + 1] += alpha * ny;
-    gradient[v] += beta * nx, gradient[v + 1] += beta * ny;
-  }
-}
+// ---- projection to s.p.d. matrices (§5.1) ----
 
-/// An edge of every triangle in the lanes: where the coordinates of its ends are, and its normal.
-struct LaneEdge {
-  int end[2];
-  Lanes normal[2];  // perp of its direction
-  LaneEdge(const Lanes* x, int e) : end{2 * edge_start(e), 2 * edge_end(e)} {
-    normal[0] = x[end[1] + 1] - x[end[0] + 1];
-    normal[1] = x[end[0]] - x[end[1]];
-  }
-};
+/// Eigenvalues and eigenvectors of small symmetric matrices by Householder tridiagonalisation and
+/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Lanes that are done wait for
+/// the others.
+template <int N>
+struct LaneEigen {
+  Lanes value[static_cast<std::size_t>(N)];
+  Lanes vector[static_cast<std::size_t>(N)]
+              [static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
-/// Adds the part of weight · ∇²a that comes from the corner of edges i of t_A and j of t_B. With
-/// d, w the edges, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing point as
-/// a point of either edge, δ²a has the part
-///   -(1 / |d × w|) [(m_d·Z_d)(m_w·Z_d) - 2 (m_d·Z_d)(m_w·Z_w) + (m_w·Z_w)(m_d·Z_w)].
-/// |d × w| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
-inline void add_corner_hessian(const PolygonBatch& batch, int i, int j, const Lanes& weight,
-                               LaneMatrix<12>& H) {
-  constexpr double kMostParallel = 1e-8;
-  const PolygonBatch::Corner& corner = batch.corner[i][j];
-  const LaneEdge a(batch.x, i), b(batch.x, 3 + j);
-  const Lanes *m_d = a.normal, *m_w = b.normal;
-  const Lanes D = abs(cross(m_d[0], m_d[1], m_w[0], m_w[1]));
-  const Lanes least =
-      kMostParallel * sqrt((square(m_d[0]) + square(m_d[1])) * (square(m_w[0]) + square(m_w[1])));
-  const Lanes scale = weight * corner.is_there * is_positive(D) / larger(D, least);
-  const Lanes part_a[2] = {1 - corner.on_a, corner.on_a},
-              part_b[2] = {1 - corner.on_b, corner.on_b};
-  const Lanes own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]),
-                        m_d[1] * m_w[1]};
-  const auto add_own = [&](const int(&end)[2], const Lanes(&part)[2]) {
-    for (int k = 0; k < 2; ++k)
-      for (int l = 0; l < 2; ++l) {
-        if (end[l] > end[k]) continue;
-        const Lanes factor = scale * part[k] * part[l];
-        for (int r = 0; r < 2; ++r)
-          for (int q = 0; q < (k == l ? r + 1 : 2); ++q)
-            H(end[k] + r, end[l] + q) -= factor * own[r + q];
+  void decompose(LaneMatrix<N>& a) {  // which is lost
+    tridiagonalize(a);
+    for (int l = 0; l + 1 < N; ++l) isolate(l);
+  }
+
+ private:
+  Lanes below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
+
+  /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
+  void tridiagonalize(LaneMatrix<N>& a) {
+    Lanes beta[static_cast<std::size_t>(N)];
+    for (int k = 0; k + 1 < N; ++k) {
+      value[k] = a(k, k);
+      Lanes tail = 0.0;
+      for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
+      const Lanes head = a(k + 1, k), norm = sqrt(square(head) + tail);
+      const Lanes some = is_positive(tail - 1e-290);  // squares of less have lost their digits
+      const Lanes signed_norm = select(is_positive(head), norm, -norm);
+      below[k] = select(some, -signed_norm, head);
+      a(k + 1, k) = some * (head + signed_norm);
+      beta[k] = some / (signed_norm * (head + signed_norm) + (1 - some));  // 2 / vᵀv
+      reflect(a, k, beta[k]);
+    }
+    value[N - 1] = a(N - 1, N - 1);
+    below[N - 1] = 0.0;
+    accumulate(a, beta);
+  }
+
+  /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
+  static void reflect(LaneMatrix<N>& a, int k, const Lanes& beta) {
+    Lanes w[static_cast<std::size_t>(N)];
+    for (int i = k + 1; i < N; ++i) w[i] = 0.0;
+    for (int j = k + 1; j < N; ++j) {
+      Lanes sum = a(j, j) * a(j, k);
+      for (int i = j + 1; i < N; ++i) {
+        sum += a(i, j) * a(i, k);
+        w[i] += a(i, j) * a(j, k);
       }
+      w[j] += sum;
+    }
+    Lanes vw = 0.0;
+    for (int i = k + 1; i < N; ++i) {
+      w[i] *= beta;
+      vw += a(i, k) * w[i];
+    }
+    for (int i = k + 1; i < N; ++i) w[i] -= 0.5 * beta * vw * a(i, k);
+    for (int j = k + 1; j < N; ++j)
+      for (int i = j; i < N; ++i) a(i, j) -= a(i, k) * w[j] + w[i] * a(j, k);
+  }
+
+  /// vector = Qᵀ, the product of the reflections.
+  void accumulate(const LaneMatrix<N>& v, const Lanes* beta) {
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) vector[i][j] = i == j ? 1.0 : 0.0;
+    for (int k = N - 2; k >= 0; --k)
+      for (int i = k + 1; i < N; ++i) {
+        Lanes sum = 0.0;
+        for (int j = k + 1; j < N; ++j) sum += vector[i][j] * v(j, k);
+        sum *= beta[k];
+        for (int j = k + 1; j < N; ++j) vector[i][j] -= sum * v(j, k);
+      }
+  }
+
+  /// 1 in the lanes whose sweep, which starts at m, has passed place i.
+  static Lanes is_above(const Lanes& m, int i) { return clamp01(m - static_cast<double>(i)); }
+
+  /// The first negligible subdiagonal entry from l on.
+  Lanes split(int l) const {
+    constexpr double kNegligible = std::numeric_limits<double>::epsilon();
+    Lanes m = static_cast<double>(N - 1);
+    for (int i = N - 2; i >= l; --i) {
+      const Lanes excess = abs(below[i]) - kNegligible * (abs(value[i]) + abs(value[i + 1]));
+      m = select(is_positive(excess), m, static_cast<double>(i));
+    }
+    return m;
+  }
+
+  /// QL sweeps with Wilkinson's shift until value[l] stands alone.
+  void isolate(int l) {
+    constexpr int kMostSweeps = 50;
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+      const Lanes m = split(l);
+      int last = l;  // NaN does not count
+      for (int k = 0; k < kLanes; ++k)
+        if (m[k] > last) last = static_cast<int>(m[k]);
+      if (last == l) return;
+      const Lanes on = is_above(m, l), off = 1 - on;
+      const Lanes half = 0.5 * (value[l + 1] - value[l]) / (below[l] + off);
+      const Lanes root = abs(half) + sqrt(square(half) + 1);
+      Lanes end = value[l + 1];  // value[m]
+      for (int i = l + 2; i <= last; ++i) end = select(is_above(m, i - 1), value[i], end);
+      Sweep state;
+      state.g = end - value[l] + (2 * is_positive(half) - 1) * below[l] / root;
+      for (int i = last - 1; i >= l; --i) rotate(i, m, state);
+      value[l] -= on * state.p;
+      below[l] = select(on, state.g, below[l]);
+      for (int i = l + 1; i <= last; ++i) below[i] *= 1 - is_above(m, i - 1) + is_above(m, i);
+    }
+  }
+
+  struct Sweep {
+    Lanes g, s = 1.0, c = 1.0, p = 0.0;
   };
-  add_own(a.end, part_a);
-  add_own(b.end, part_b);
-  for (int k = 0; k < 2; ++k)
-    for (int l = 0; l < 2; ++l) {
-      const Lanes factor = scale * part_b[k] * part_a[l];
-      for (int r = 0; r < 2; ++r) {
-        const Lanes row = factor * m_w[r];
-        for (int q = 0; q < 2; ++q) H(b.end[k] + r, a.end[l] + q) += row * m_d[q];
-      }
+
+  /// One rotation of a sweep, in the lanes that have started.
+  void rotate(int i, const Lanes& m, Sweep& state) {
+    constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
+    const Lanes on = is_above(m, i), off = 1 - on;
+    const Lanes f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
+    const Lanes r2 = square(f) + square(g), r = sqrt(r2);
+    const Lanes inverse = r * (1 / r2);  // beside the root, not after it
+    const Lanes s = f * inverse, c = g * inverse;
+    const Lanes h = value[i + 1] - state.p;
+    const Lanes t = (value[i] - h) * s + 2 * c * b, p = s * t;
+    below[i + 1] = on * r + off * below[i + 1];
+    value[i + 1] = on * (h + p) + off * value[i + 1];
+    state.g = on * (c * t - b) + off * state.g;
+    state.p = on * p;
+    const Lanes sine = on * s, cosine = on * c + off;
+    state.s = sine + off;
+    state.c = cosine;
+    for (int k = 0; k < N; ++k) {
+      const Lanes x = vector[i][k], y = vector[i + 1][k];
+      vector[i + 1][k] = sine * x + cosine * y;
+      vector[i][k] = cosine * x - sine * y;
     }
-}
-
-/// H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
-inline void set_area_hessian(const PolygonBatch& batch, const Lanes& weight, LaneMatrix<12>& H) {
-  for (int i = 0; i < 12; ++i)
-    for (int j = 0; j <= i; ++j) H(i, j) = 0.0;
-  for (int e = 0; e < 6; ++e) {
-    const int u = 2 * edge_start(e), v = 2 * edge_end(e), lo = (std::min)(u, v);
-    const Lanes half = 0.5 * weight * (batch.t[e] - batch.s[e]);
-    const Lanes signed_half = u < v ? half : -half;
-    H((std::max)(u, v) + 1, lo) += signed_half;
-    H((std::max)(u, v), lo + 1) -= signed_half;
   }
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) add_corner_hessian(batch, i, j, weight, H);
-}
-
-/// What the first and the second derivatives of E_ρ have in common.
-struct PolygonParts {
-  CornerWeights<Lanes> B[2];
-  Lanes J[8], da[12], dw[12];
-  DensityParts density;
 };
 
-/// E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
-inline PolygonParts differentiate_once(const DistortionMeasure& measure, double kappa,
-                                       PolygonBatch& batch) {
-  PolygonParts p = {
-      {CornerWeights<Lanes>(batch.rest_inverse), CornerWeights<Lanes>(batch.rest_inverse + 4)},
-      {},
-      {},
-      {},
-      {}};
-  for (int m = 0; m < 2; ++m) jacobian(p.B[m], batch.x + 6 * m, p.J + 4 * m);
-  p.density = density_parts(measure, kappa, p.J);
-  const Lanes& w = p.density.w.value;
-  area_gradient(batch, p.da);
-  batch.value = batch.area * w;
-  for (int i = 0; i < 12; ++i) {
-    const int first = 4 * (i / 6) + i % 2;
-    const Lanes(&b)[2] = p.B[i / 6].weight[i % 6 / 2];
-    p.dw[i] = b[0] * p.density.gradient(first) + b[1] * p.density.gradient(first + 2);
-    batch.gradient[i] = batch.area * p.dw[i] + w * p.da[i];
-  }
-  return p;
-}
-
-/// The same, with the Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
-inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& batch) {
-  const PolygonParts p = differentiate_once(measure, kappa, batch);
-  LaneMatrix<8> second;
-  density_hessian(p.J, p.density, second);
-  Lanes half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
-  for (int i = 0; i < 12; ++i) {
-    const int m = i / 6, first = 4 * m + i % 2;
-    const Lanes(&b)[2] = p.B[m].weight[i % 6 / 2];
-    const Lanes b0 = batch.area * b[0], b1 = batch.area * b[1];
-    for (int k = 0; k < 4 + 4 * m; ++k)
-      half[i][k] = b0 * second.symmetric(first, k) + b1 * second.symmetric(first + 2, k);
-  }
-  set_area_hessian(batch, p.density.w.value, batch.hessian);
-  for (int i = 0; i < 12; ++i)
+/// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
+/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
+/// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
+/// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
+template <int P>
+void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
+  constexpr int N = 2 * (P - 1);
+  const double root = std::sqrt(static_cast<double>(P)), gamma = 1 / (1 + root);
+  LaneMatrix<N> reduced;
+  for (int i = 0; i < N; ++i)
     for (int j = 0; j <= i; ++j) {
-      const int n = j / 6, first = 4 * n + j % 2;
-      const Lanes(&b)[2] = p.B[n].weight[j % 6 / 2];
-      batch.hessian(i, j) +=
-          b[0] * half[i][first] + b[1] * half[i][first + 2] + p.dw[i] * p.da[j] + p.da[i] * p.dw[j];
+      const int r = i % 2, q = j % 2;
+      reduced(i, j) =
+          H(i + 2, j + 2) - gamma * (H(i + 2, q) + H(j + 2, r)) + gamma * gamma * H.symmetric(r, q);
     }
+  LaneEigen<N> eigen;
+  eigen.decompose(reduced);
+  Lanes v[static_cast<std::size_t>(2 * P)];
+  for (int k = 0; k < N; ++k) {
+    const Lanes lift = larger(epsilon - eigen.value[k], 0.0);
+    if (!any_positive(lift)) continue;
+    for (int r = 0; r < 2; ++r) {
+      Lanes sum = 0.0;
+      for (int i = r; i < N; i += 2) sum += eigen.vector[k][i];
+      v[r] = -sum / root;
+      for (int i = r; i < N; i += 2) v[i + 2] = eigen.vector[k][i] - gamma / root * sum;
+    }
+    for (int i = 0; i < 2 * P; ++i) {
+      const Lanes lifted = lift * v[i];
+      for (int j = 0; j <= i; ++j) H(i, j) += lifted * v[j];
+    }
+  }
+  for (int i = 0; i < 2 * P; ++i)
+    for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
 }
 
 // ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
@@ -4491,35 +4506,13 @@ struct BlockMatrix {
   int blocks() const { return column.size(); }
 };
 
-/// The lower triangle of a matrix, in strips of columns of which each has the rows from its first
-/// diagonal entry on.
-struct LowerTriangle {
-  static constexpr Eigen::Index kWidth = 64;
-  double* data;
-  Eigen::Index n;
-
-  static Eigen::Index before(Eigen::Index n, Eigen::Index strip) {
-    return kWidth * (strip * n - kWidth * strip * (strip - 1) / 2);
-  }
-  static Eigen::Index numbers(Eigen::Index n) {
-    const Eigen::Index last = n / kWidth, rest = n - last * kWidth;
-    return before(n, last) + rest * rest;
-  }
-  /// Entry (i, j), i ≥ j, is col(j)[i].
-  double* col(Eigen::Index j) const {
-    const Eigen::Index strip = j / kWidth, first = strip * kWidth;
-    return data + before(n, strip) + (j - first) * (n - first) - first;
-  }
-};
-
 /// A front of the elimination tree: the vertices eliminated together, and the later vertices their
 /// elimination touches. Vertices are meant by their place in the elimination order.
 struct Front {
-  int begin = 0, end = 0;    // own vertices
-  Array<int> rows;           // later vertices, ascending
-  Array<int> parent_row;     // for every row, its place in the parent's front, own vertices first
-  std::int64_t panel = 0;    // where its part of LdltFactor::panels starts,
-  std::int64_t update = -1;  // and of updates, if it is the last one of its group
+  int begin = 0, end = 0;  // own vertices
+  Array<int> rows;         // later vertices, ascending
+  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
+  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
   int parent = -1;
   int depth = 0;
   Array<int> children;
@@ -4533,20 +4526,15 @@ struct Front {
   int size() const { return own() + rows.size(); }
 };
 
-/// Fronts of one subtree, children before parents, or a front alone.
-struct FrontGroup {
-  Array<int> fronts;
-};
-
 /// The elimination order and the fronts; depends on the pattern and the positions only.
 struct LdltSymbolic {
   Array<int> order;     // order[i] is the vertex eliminated as the i-th
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
-  std::int64_t panels_size = 0, updates_size[2] = {0, 0};
-  /// The groups of a stage can be eliminated side by side: first whole subtrees below a fixed
-  /// depth, then the fronts above it, level by level.
-  Array<Array<FrontGroup>> stages;
+  std::int64_t panels_size = 0;
+  /// Per stage groups of fronts that can be eliminated side by side: first whole subtrees below a
+  /// fixed depth, children before parents, then the fronts above it, level by level.
+  Array<Array<Array<int>>> stages;
 };
 
 /// A line or circle with a fraction of some points below it, or inside.
@@ -4585,7 +4573,7 @@ class CutFinder {
         const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
         cut.vector = {x_(center, 0), y_(center, 0)};
       } else {
-        cut.vector = {std::cos(kPi * i / lines), std::sin(kPi * i / lines)};
+        cut.vector = on_circle(kPi * i / lines);
       }
       measure(cut);
       for (double fraction : {0.4, 0.5, 0.6}) {
@@ -4609,10 +4597,14 @@ class CutFinder {
     lo_.setConstant(n_, std::numeric_limits<float>::infinity());
     hi_.setConstant(n_, -std::numeric_limits<float>::infinity());
     for (int k = kCouplings; k >= 0; --k) {  // the points themselves come last
-      if (cut.is_circle)
-        key_ = (x_.col(k) - vx).square() + (y_.col(k) - vy).square();
-      else
-        key_ = vx * x_.col(k) + vy * y_.col(k);
+      if (cut.is_circle) {
+        key_ = (x_.col(k) - vx).square();
+        other_ = (y_.col(k) - vy).square();
+      } else {
+        key_ = vx * x_.col(k);
+        other_ = vy * y_.col(k);
+      }
+      key_ += other_;
       lo_ = lo_.min(key_);
       hi_ = hi_.max(key_);
     }
@@ -4634,7 +4626,7 @@ class CutFinder {
 
   int n_;
   Points x_, y_;
-  Eigen::ArrayXf key_, lo_, hi_;
+  Eigen::ArrayXf key_, other_, lo_, hi_;
   Array<float> sample_;  // of the keys, ascending
 };
 
@@ -4657,10 +4649,9 @@ class NestedDissection {
     for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
     add_front(0);
     schedule();
-    for (const Array<FrontGroup>& stage : result_.stages)
-      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group].fronts); });
+    for (const Array<Array<int>>& stage : result_.stages)
+      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
     place_panels();
-    place_updates();
     return std::move(result_);
   }
 
@@ -4923,25 +4914,18 @@ class NestedDissection {
     return id;
   }
 
+  /// The fronts of a subtree are one behind the other, the topmost last.
   void schedule() {
     constexpr int kSubtreeDepth = 5;
-    const Array<Front>& fronts = result_.fronts;
     result_.stages.resize(kSubtreeDepth + 1);
-    Array<int> place(fronts.size(), -1);               // of the group in its stage
-    for (int id = fronts.size() - 1; id >= 0; --id) {  // parents before children
-      const Front& front = fronts[id];
-      Array<FrontGroup>& stage =
-          result_.stages[kSubtreeDepth - (std::min)(front.depth, kSubtreeDepth)];
-      if (front.depth > kSubtreeDepth) {
-        place[id] = place[front.parent];
-      } else {
-        place[id] = stage.size();
-        stage.push_back({});
-      }
-      stage[place[id]].fronts.push_back(id);
+    Array<int> group;
+    for (int id = 0; id < result_.fronts.size(); ++id) {
+      const int depth = result_.fronts[id].depth;
+      group.push_back(id);
+      if (depth > kSubtreeDepth) continue;
+      result_.stages[kSubtreeDepth - depth].push_back(group);
+      group.clear();
     }
-    for (Array<FrontGroup>& stage : result_.stages)
-      for (FrontGroup& group : stage) std::reverse(group.fronts.begin(), group.fronts.end());
   }
 
   /// Finds the rows and the entries of a group of fronts.
@@ -4996,21 +4980,6 @@ class NestedDissection {
     }
   }
 
-  /// The update matrices that a stage leaves are one behind the other, where those were that the
-  /// stage before has used up.
-  void place_updates() {
-    for (const Array<FrontGroup>& stage : result_.stages) {
-      std::int64_t size = 0;
-      for (const FrontGroup& group : stage) {
-        Front& last = result_.fronts[group.fronts.back()];
-        last.update = size;
-        size += LowerTriangle::numbers(2 * last.rows.size());
-        std::int64_t& most = result_.updates_size[last.depth % 2];
-        most = (std::max)(most, size);
-      }
-    }
-  }
-
   const BlockMatrix& pattern_;
   const Points2& positions_;
   const Executor& executor_;
@@ -5037,176 +5006,95 @@ struct DenseBlock {
   }
 };
 
-using DenseVector = Eigen::Map<Eigen::VectorXd>;
-
-/// Room for n numbers, which are lost. Eigen frees what there is before it allocates, and once more
-/// if that fails: so it is made empty first.
-inline void reserve(Eigen::VectorXd& memory, Eigen::Index n) {
-  if (memory.size() >= n) return;
-  memory.resize(0);
-  memory.resize(n);
+/// y -= a x.
+inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
+  Eigen::Index i = 0;
+  for (; i + kLanes <= n; i += kLanes) (Lanes::load(y + i) - a * Lanes::load(x + i)).store(y + i);
+  for (; i < n; ++i) y[i] -= a * x[i];
 }
 
-/// C -= A B goes by tiles of C that the registers hold, three packets high. What a tile takes of A
-/// and of B lies packed in the order in which it is read [Goto and van de Geijn 2008].
-inline constexpr int kTileColumns = 4;
+/// As eight sums, whatever the compiler makes of them.
+inline double inner_product(const double* x, const double* y, Eigen::Index n) {
+  double sum[8] = {};
+  Eigen::Index i = 0;
+  for (; i + 8 <= n; i += 8) {
+    ISM_UNROLL
+    for (int k = 0; k < 8; ++k) sum[k] += x[i + k] * y[i + k];
+  }
+  for (int k = 0; i < n; ++i, ++k) sum[k] += x[i] * y[i];
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
+// A product is subtracted from C by tiles that the registers hold, as high as Lanes. What a tile
+// takes of either factor lies packed in the order in which it is read [Goto and van de Geijn 2008].
+// Every entry of C is subtracted the same sums, however large the tiles.
+
+inline constexpr int kTileColumns = 6;
+
+/// The rows of L by tiles of a height, the last one filled with zeros; or those of L D, with the
+/// diagonal of D.
+inline void pack(const DenseBlock& L, const DenseBlock* D, int height, double* packed) {
+  for (Eigen::Index first = 0; first < L.rows; first += height) {
+    const Eigen::Index n = (std::min)(Eigen::Index{height}, L.rows - first);
+    for (Eigen::Index k = 0; k < L.cols; ++k, packed += height) {
+      const double* from = L.col(k) + first;
+      const double factor = D ? (*D)(k, k) : 1;
+      for (Eigen::Index i = 0; i < height; ++i) packed[i] = i < n ? factor * from[i] : 0;
+    }
+  }
+}
 
 inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, double* c,
                           Eigen::Index stride) {
-  using namespace Eigen::internal;
-  using Native = packet_traits<double>::type;
-  constexpr int kWidth = packet_traits<double>::size;
-  Native sum[3][kTileColumns];
-  for (auto& row : sum)
-    for (Native& entry : row) entry = pset1<Native>(0);
-  for (Eigen::Index k = 0; k < depth; ++k, a += 3 * kWidth, b += kTileColumns) {
-    const Native rows[3] = {ploadu<Native>(a), ploadu<Native>(a + kWidth),
-                            ploadu<Native>(a + 2 * kWidth)};
+  Lanes sum[kTileColumns];
+  ISM_UNROLL
+  for (int j = 0; j < kTileColumns; ++j) sum[j] = 0.0;
+  for (Eigen::Index k = 0; k < depth; ++k, a += kLanes, b += kTileColumns) {
+    const Lanes rows = Lanes::load(a);
     ISM_UNROLL
-    for (int j = 0; j < kTileColumns; ++j) {
-      const Native column = pset1<Native>(b[j]);
-      ISM_UNROLL
-      for (int i = 0; i < 3; ++i) sum[i][j] = pmadd(rows[i], column, sum[i][j]);
-    }
+    for (int j = 0; j < kTileColumns; ++j) sum[j] = sum_with_product(sum[j], rows, b[j]);
   }
   ISM_UNROLL
-  for (int j = 0; j < kTileColumns; ++j) {
-    ISM_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      double* at = c + j * stride + i * kWidth;
-      pstoreu(at, psub(ploadu<Native>(at), sum[i][j]));
-    }
-  }
+  for (int j = 0; j < kTileColumns; ++j)
+    (Lanes::load(c + j * stride) - sum[j]).store(c + j * stride);
 }
 
-#ifdef ISM_AVX2
-/// The same for processors with AVX2, in a program that is compiled for those without.
-ISM_AVX2 inline void subtract_tile_avx2(const double* a, const double* b, Eigen::Index depth,
-                                        double* c, Eigen::Index stride) {
-  __m256d sum[3][kTileColumns];
-  for (auto& row : sum)
-    for (__m256d& entry : row) entry = _mm256_setzero_pd();
-  for (Eigen::Index k = 0; k < depth; ++k, a += 12, b += kTileColumns) {
-    const __m256d rows[3] = {_mm256_loadu_pd(a), _mm256_loadu_pd(a + 4), _mm256_loadu_pd(a + 8)};
-    ISM_UNROLL
-    for (int j = 0; j < kTileColumns; ++j) {
-      const __m256d column = _mm256_broadcast_sd(b + j);
-      ISM_UNROLL
-      for (int i = 0; i < 3; ++i) sum[i][j] = _mm256_fmadd_pd(rows[i], column, sum[i][j]);
-    }
-  }
-  ISM_UNROLL
-  for (int j = 0; j < kTileColumns; ++j) {
-    ISM_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      double* at = c + j * stride + 4 * i;
-      _mm256_storeu_pd(at, _mm256_sub_pd(_mm256_loadu_pd(at), sum[i][j]));
-    }
-  }
-}
-#endif
-
-struct TileKernel {
-  int rows = 3 * Eigen::internal::packet_traits<double>::size;
-  void (*subtract)(const double*, const double*, Eigen::Index, double*,
-                   Eigen::Index) = subtract_tile;
-};
-
-/// The widest one that this processor has.
-inline TileKernel tile_kernel() {
-  TileKernel kernel;
-#ifdef ISM_AVX2
-  if (has_avx2()) kernel = {12, subtract_tile_avx2};
-#endif
-  return kernel;
-}
-
-/// Packs rows of A by tiles, the last one filled with zeros.
-inline void pack_rows(const DenseBlock& A, int rows, double* packed) {
-  for (Eigen::Index first = 0; first < A.rows; first += rows) {
-    const Eigen::Index n = (std::min)(Eigen::Index{rows}, A.rows - first);
-    for (Eigen::Index k = 0; k < A.cols; ++k, packed += rows) {
-      std::copy_n(A.col(k) + first, n, packed);
-      std::fill_n(packed + n, rows - n, 0.0);
-    }
-  }
-}
-
-/// Packs columns of B by tiles, the last one filled with zeros.
-inline void pack_columns(const DenseBlock& B, double* packed) {
-  for (Eigen::Index first = 0; first < B.cols; first += kTileColumns) {
-    const Eigen::Index n = (std::min)(Eigen::Index{kTileColumns}, B.cols - first);
-    for (Eigen::Index k = 0; k < B.rows; ++k, packed += kTileColumns)
-      for (int j = 0; j < kTileColumns; ++j) packed[j] = j < n ? B(k, first + j) : 0;
-  }
-}
-
-/// C -= A B, all of which are packed.
-inline void subtract_packed(const TileKernel& kernel, const double* a, const double* b,
-                            Eigen::Index depth, const DenseBlock& C) {
-  constexpr int kMostRows = 64;
+/// Subtracts packed factors from rows of a matrix, the first of which is its row `first`, and from
+/// no tile that is above its diagonal.
+inline void subtract_packed(const double* a, const double* b, Eigen::Index depth,
+                            Eigen::Index first, const DenseBlock& C) {
   for (Eigen::Index j = 0; j < C.cols; j += kTileColumns)
-    for (Eigen::Index i = 0; i < C.rows; i += kernel.rows) {
-      const double *rows = a + i * depth, *columns = b + j * depth;
-      const Eigen::Index height = (std::min)(Eigen::Index{kernel.rows}, C.rows - i);
+    for (Eigen::Index i = (std::max)(j - first, Eigen::Index{0}) / kLanes * kLanes; i < C.rows;
+         i += kLanes) {
+      const Eigen::Index height = (std::min)(Eigen::Index{kLanes}, C.rows - i);
       const Eigen::Index width = (std::min)(Eigen::Index{kTileColumns}, C.cols - j);
-      if (height == kernel.rows && width == kTileColumns) {
-        kernel.subtract(rows, columns, depth, &C(i, j), C.stride);
+      if (height == kLanes && width == kTileColumns) {
+        subtract_tile(a + i * depth, b + j * depth, depth, &C(i, j), C.stride);
         continue;
       }
-      double rest[kMostRows * kTileColumns] = {};
-      kernel.subtract(rows, columns, depth, rest, kernel.rows);
+      double rest[kLanes * kTileColumns] = {};
+      subtract_tile(a + i * depth, b + j * depth, depth, rest, kLanes);
       for (Eigen::Index q = 0; q < width; ++q)
-        for (Eigen::Index r = 0; r < height; ++r) C(i + r, j + q) += rest[q * kernel.rows + r];
+        for (Eigen::Index r = 0; r < height; ++r) C(i + r, j + q) += rest[q * kLanes + r];
     }
 }
 
-/// C -= A B.
-inline void subtract_product(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C,
-                             const TileKernel& kernel = tile_kernel()) {
-  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of A that the second cache holds
-  const Eigen::Index depth = (std::min)(kDepth, A.cols), height = (std::min)(kRows, A.rows);
-  Eigen::VectorXd a((height + kernel.rows) * depth), b((B.cols + kTileColumns) * depth);
-  for (Eigen::Index k = 0; k < A.cols; k += depth) {
-    const Eigen::Index n = (std::min)(depth, A.cols - k);
-    pack_columns(B.block(k, 0, n, B.cols), b.data());
-    for (Eigen::Index i = 0; i < A.rows; i += kRows) {
-      const Eigen::Index m = (std::min)(kRows, A.rows - i);
-      pack_rows(A.block(i, k, m, n), kernel.rows, a.data());
-      subtract_packed(kernel, a.data(), b.data(), n, C.block(i, 0, m, C.cols));
+/// C -= L D Mᵀ, M the first rows of L, on and below the diagonal of C. What is above does not
+/// count.
+inline void subtract_product(const DenseBlock& L, const DenseBlock& D, const DenseBlock& C) {
+  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of L that the second cache holds
+  const Eigen::Index depth = (std::min)(kDepth, L.cols), height = (std::min)(kRows, L.rows);
+  Eigen::VectorXd a((height + kLanes) * depth), b((C.cols + kTileColumns) * depth);
+  for (Eigen::Index k = 0; k < L.cols; k += depth) {
+    const Eigen::Index n = (std::min)(depth, L.cols - k);
+    const DenseBlock D_k = D.block(k, k, n, n);
+    pack(L.block(0, k, C.cols, n), &D_k, kTileColumns, b.data());
+    for (Eigen::Index i = 0; i < L.rows; i += kRows) {
+      const Eigen::Index m = (std::min)(kRows, L.rows - i);
+      pack(L.block(i, k, m, n), nullptr, kLanes, a.data());
+      subtract_packed(a.data(), b.data(), n, i, C.block(i, 0, m, C.cols));
     }
   }
-}
-
-/// The same for the lower triangle of C, in halves. What is above its diagonal does not count.
-inline void subtract_product_lower(const DenseBlock& A, const DenseBlock& B, const DenseBlock& C) {
-  constexpr Eigen::Index kNarrow = 32;
-  const Eigen::Index n = C.cols, half = n / 2, k = A.cols;
-  if (n <= kNarrow) return subtract_product(A, B, C);
-  const DenseBlock low = A.block(half, 0, n - half, k), left = B.block(0, 0, k, half);
-  subtract_product_lower(A.block(0, 0, half, k), left, C.block(0, 0, half, half));
-  subtract_product(low, left, C.block(half, 0, n - half, half));
-  subtract_product_lower(low, B.block(0, half, k, n - half),
-                         C.block(half, half, n - half, n - half));
-}
-
-/// y -= a x.
-inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
-  DenseVector(y, n) -= a * Eigen::Map<const Eigen::VectorXd>(x, n);
-}
-
-inline double inner_product(const double* x, const double* y, Eigen::Index n) {
-  return Eigen::Map<const Eigen::VectorXd>(x, n).dot(Eigen::Map<const Eigen::VectorXd>(y, n));
-}
-
-/// D Lᵀ, where L has D.rows columns and D is a diagonal matrix.
-inline DenseBlock scaled_transpose(const DenseBlock& D, const DenseBlock& L,
-                                   Eigen::VectorXd& memory) {
-  reserve(memory, L.rows * L.cols);
-  const DenseBlock W = {memory.data(), L.cols, L.rows, L.cols};
-  for (Eigen::Index i = 0; i < L.rows; ++i)
-    for (Eigen::Index j = 0; j < L.cols; ++j) W(j, i) = D(j, j) * L(i, j);
-  return W;
 }
 
 /// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
@@ -5218,7 +5106,7 @@ inline bool factor_narrow(const DenseBlock& A, int& negative) {
     if (pivot < 0) ++negative;
     for (Eigen::Index c = j + 1; c < k; ++c)
       subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, n - c);
-    DenseVector(A.col(j) + j + 1, n - j - 1) /= pivot;
+    for (Eigen::Index i = j + 1; i < n; ++i) A(i, j) /= pivot;
   }
   return true;
 }
@@ -5226,91 +5114,24 @@ inline bool factor_narrow(const DenseBlock& A, int& negative) {
 /// The same of any width: the left half, what it takes from the right half, the right half.
 inline bool factor_panel(const DenseBlock& A, int& negative) {
   constexpr Eigen::Index kNarrow = 16;
-  const Eigen::Index k = A.cols, n = A.rows, left = k / 2, right = k - left;
-  if (k <= kNarrow) return factor_narrow(A, negative);
+  const Eigen::Index n = A.rows, left = A.cols / 2, right = A.cols - left;
+  if (A.cols <= kNarrow) return factor_narrow(A, negative);
   if (!factor_panel(A.block(0, 0, n, left), negative)) return false;
-  const DenseBlock L = A.block(left, 0, right, left);
-  Eigen::VectorXd memory;
-  const DenseBlock W = scaled_transpose(A, L, memory);
-  subtract_product_lower(L, W, A.block(left, left, right, right));
-  if (n > k) subtract_product(A.block(k, 0, n - k, left), W, A.block(k, left, n - k, right));
+  subtract_product(A.block(left, 0, n - left, left), A, A.block(left, left, n - left, right));
   return factor_panel(A.block(left, left, n - left, right), negative);
-}
-
-/// update = -L₂ D L₂ᵀ. Chunks of columns of L₂ keep what Eigen packs of them small.
-inline void set_schur(const DenseBlock& panel, const LowerTriangle& update) {
-  constexpr Eigen::Index kChunk = 96, kWidth = LowerTriangle::kWidth;
-  const Eigen::Index n = update.n;
-  std::fill(update.data, update.data + LowerTriangle::numbers(n), 0.0);
-  Eigen::VectorXd memory;
-  for (Eigen::Index j = 0; n > 0 && j < panel.cols; j += kChunk) {
-    const Eigen::Index width = (std::min)(kChunk, panel.cols - j);
-    const DenseBlock L2 = panel.block(panel.cols, j, n, width);
-    const DenseBlock W = scaled_transpose(panel.block(j, j, width, width), L2, memory);
-    for (Eigen::Index first = 0; first < n; first += kWidth) {
-      const Eigen::Index rows = n - first, columns = (std::min)(kWidth, rows);
-      const DenseBlock strip = {update.col(first) + first, rows, columns, rows};
-      subtract_product(L2.block(first, 0, rows, width), W.block(0, first, width, columns), strip);
-    }
-  }
 }
 
 // ---- factorisation ----
 
-/// Memory that comes and goes. Which piece a task gets depends on the others, what it computes does
-/// not.
-class MemoryPool {
- public:
-  /// So that n of them can be given without allocating.
-  void reserve_places(int n) { pieces_.reserve(n); }
-
-  /// For n numbers or more: the smallest piece that is enough, or in place of the largest one.
-  Eigen::VectorXd take(Eigen::Index n) {
-    Eigen::VectorXd memory;
-    {
-      const SpinLock lock(is_locked_);
-      int best = 0;
-      for (int i = 1; i < pieces_.size(); ++i)
-        if (is_better(pieces_[i].size(), pieces_[best].size(), n)) best = i;
-      if (!pieces_.empty()) {
-        pieces_[best].swap(pieces_.back());
-        memory.swap(pieces_.back());
-        pieces_.pop_back();
-      }
-    }
-    reserve(memory, n);
-    return memory;
-  }
-
-  void give(Eigen::VectorXd& memory) {
-    if (memory.size() == 0) return;
-    const SpinLock lock(is_locked_);
-    pieces_.push_back(std::move(memory));
-  }
-
- private:
-  static bool is_better(Eigen::Index size, Eigen::Index than, Eigen::Index n) {
-    if (size >= n && than >= n) return size < than;
-    return size > than;
-  }
-
-  std::atomic_flag is_locked_ = ATOMIC_FLAG_INIT;
-  Array<Eigen::VectorXd> pieces_;
-};
-
-/// The numeric factor. A panel holds, of one front, L with D on the diagonal of its top block. Its
-/// memory serves again for the next factorisation.
+/// The factor. A panel holds, of one front, L with D on the diagonal of its top block. Its memory
+/// serves again for the next factorisation.
 struct LdltFactor {
-  Eigen::VectorXd panels;  // one behind the other
-  /// Update matrices, until the parents have taken them: those of fronts that are the last of their
-  /// groups, of even and of odd depth, and per front that of the others.
-  Eigen::VectorXd updates[2];
-  Array<Eigen::VectorXd> inner_update;
-  MemoryPool spare;            // for these
-  Array<int> negative_pivots;  // per front
-  Array<char> broken;          // per front
-  bool ok = false;             // no zero or non-finite pivot
-  int negative = 0;            // number of negative pivots
+  LdltSymbolic symbolic;
+  Eigen::VectorXd panels;         // one behind the other
+  Array<Eigen::VectorXd> update;  // per front its update matrix, until its parent has taken it
+  Array<int> negative_pivots;     // per front; -1 where one is zero or not finite
+  bool ok = false;                // no zero or non-finite pivot
+  int negative = 0;               // number of negative pivots
 };
 
 /// The panel of a front, 2 size × 2 own.
@@ -5319,27 +5140,27 @@ inline DenseBlock panel_of(const Front& front, const LdltFactor& factor) {
   return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
 }
 
-/// The update matrix of a front, 2 rows × 2 rows.
-inline LowerTriangle update_of(const Front& front, int id, LdltFactor& factor) {
-  double* data = front.update < 0 ? factor.inner_update[id].data()
-                                  : factor.updates[front.depth % 2].data() + front.update;
-  return {data, 2 * Eigen::Index{front.rows.size()}};
+/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
+inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
+  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
+  return {memory.data(), n, n, n};
 }
 
-/// Adds those columns of a child's update matrix that are, or are not, the parent's own.
-template <class Target>
-void extend_add(const Front& child, const LowerTriangle& from, int own, bool into_own,
-                const Target& target) {
-  const int n = child.rows.size(), shift = into_own ? 0 : own;
-  for (int c = 0; c < n; ++c) {
-    if ((child.parent_row[c] < own) != into_own) continue;
+/// Adds a child's update matrix to the parent's panel, and to its update matrix where columns are
+/// not the parent's own.
+inline void extend_add(const Front& child, const DenseBlock& from, int own, const DenseBlock& panel,
+                       const DenseBlock& update) {
+  const Array<int>& place = child.parent_row;
+  for (int c = 0; c < place.size(); ++c) {
+    const bool into_own = place[c] < own;
+    const DenseBlock& target = into_own ? panel : update;
+    const int shift = into_own ? 0 : own;
     for (int half = 0; half < 2; ++half) {
       const double* source = from.col(2 * c + half);
-      double* sum = target.col(2 * (child.parent_row[c] - shift) + half);
-      for (int i = half; i < 2; ++i)
-        sum[2 * (child.parent_row[c] - shift) + i] += source[2 * c + i];
-      for (int r = c + 1; r < n; ++r) {
-        double* at = sum + 2 * (child.parent_row[r] - shift);
+      double* sum = target.col(2 * (place[c] - shift) + half);
+      for (int i = half; i < 2; ++i) sum[2 * (place[c] - shift) + i] += source[2 * c + i];
+      for (int r = c + 1; r < place.size(); ++r) {
+        double* at = sum + 2 * (place[r] - shift);
         at[0] += source[2 * r];
         at[1] += source[2 * r + 1];
       }
@@ -5359,9 +5180,8 @@ struct ShiftedMatrix {
 };
 
 /// Assembles and eliminates one front whose children are done.
-inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedMatrix& matrix,
-                            LdltFactor& factor) {
-  const Front& front = symbolic.fronts[id];
+inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltFactor& factor) {
+  const Front& front = factor.symbolic.fronts[id];
   const DenseBlock panel = panel_of(front, factor);
   std::fill(panel.data, panel.data + panel.rows * panel.cols, 0.0);
   for (const Front::OwnBlock& e : front.blocks) {
@@ -5369,44 +5189,48 @@ inline void eliminate_front(const LdltSymbolic& symbolic, int id, const ShiftedM
     for (int c = 0; c < 2; ++c)
       for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
   }
-  const auto add_children = [&](bool into_own, const auto& target) {
-    for (int id_child : front.children) {
-      const Front& child = symbolic.fronts[id_child];
-      extend_add(child, update_of(child, id_child, factor), front.own(), into_own, target);
-    }
-  };
-  add_children(true, panel);
-  factor.broken[id] = !factor_panel(panel, factor.negative_pivots[id]);
   const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  if (n > 0 && front.update < 0)
-    factor.inner_update[id] = factor.spare.take(LowerTriangle::numbers(n));
-  const LowerTriangle update = update_of(front, id, factor);
-  set_schur(panel, update);
-  add_children(false, update);
-  for (int child : front.children) factor.spare.give(factor.inner_update[child]);
+  factor.update[id].setZero(n * n);
+  const DenseBlock update = update_of(front, factor.update[id]);
+  for (int child : front.children) {
+    const Front& c = factor.symbolic.fronts[child];
+    extend_add(c, update_of(c, factor.update[child]), front.own(), panel, update);
+    factor.update[child].resize(0);
+  }
+  if (!factor_panel(panel, factor.negative_pivots[id])) factor.negative_pivots[id] = -1;
+  subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
 }
 
-inline void ldlt_factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix,
-                           const Executor& executor, LdltFactor& factor) {
+/// Factorises a matrix of the pattern that was analysed.
+inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& executor,
+                             LdltFactor& factor) {
+  const LdltSymbolic& symbolic = factor.symbolic;
   const int n = symbolic.fronts.size();
-  reserve(factor.panels, symbolic.panels_size);
-  for (int k : {0, 1}) reserve(factor.updates[k], symbolic.updates_size[k]);
-  factor.inner_update.clear();
-  factor.inner_update.resize(n);
-  factor.spare.reserve_places(n);  // one per front at most
+  if (factor.panels.size() < symbolic.panels_size) {
+    factor.panels.resize(0);  // Eigen frees what there is before it allocates, and once more if
+    factor.panels.resize(symbolic.panels_size);  // that fails
+  }
+  factor.update.clear();
+  factor.update.resize(n);
   factor.negative_pivots.assign(n, 0);
-  factor.broken.assign(n, 0);
-  for (const Array<FrontGroup>& stage : symbolic.stages)
+  for (const Array<Array<int>>& stage : symbolic.stages)
     executor.run(stage.size(), [&](int group) {
-      for (int id : stage[group].fronts)
-        if (!executor.is_stopped()) eliminate_front(symbolic, id, matrix, factor);
+      for (int id : stage[group])
+        if (!executor.is_stopped()) eliminate_front(id, matrix, factor);
     });
   factor.ok = !executor.is_stopped();
   factor.negative = 0;
-  for (int i = 0; i < n; ++i) {
-    factor.ok = factor.ok && !factor.broken[i];
-    factor.negative += factor.negative_pivots[i];
+  for (int negative : factor.negative_pivots) {
+    factor.ok = factor.ok && negative >= 0;
+    factor.negative += negative;
   }
+}
+
+/// Factorises a matrix whose rows belong to vertices at some positions.
+inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
+                           const Executor& executor, LdltFactor& factor) {
+  factor.symbolic = NestedDissection(*matrix.H, positions, executor).build();
+  ldlt_refactorize(matrix, executor, factor);
 }
 
 // ---- solution ----
@@ -5425,8 +5249,8 @@ inline Array<Vec2> negated(const Array<Vec2>& a) {
 
 /// Solves with a factor: L y = b, front by front, then D Lᵀ x = y in the reverse order. The numbers
 /// that a front touches are gathered, so that columns of its panel meet one piece of memory.
-inline Array<Vec2> ldlt_solve(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                              const Array<Vec2>& b) {
+inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
+  const LdltSymbolic& symbolic = factor.symbolic;
   const int n = symbolic.order.size(), n_fronts = symbolic.fronts.size();
   Array<Vec2> y(n), x(n), local;
   for (int i = 0; i < n; ++i) y[i] = b[symbolic.order[i]];
@@ -5474,15 +5298,15 @@ inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2
 /// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
 /// has fallen to a tolerance of its first value, z the preconditioned r, after 50 steps, or where
 /// the caller stops.
-inline Array<Vec2> solve_with_neighbour(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                                        const ShiftedMatrix& A, const Array<Vec2>& b,
-                                        double tolerance, const Executor& executor) {
+inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
+                                        const Array<Vec2>& b, double tolerance,
+                                        const Executor& executor) {
   constexpr int kMostSteps = 50;
   const int n = b.size();
   Array<Vec2> x(n), r = b, p(n), Ap;
   double before = 0, first = 0;
   for (int k = 0; k < kMostSteps && !executor.is_stopped(); ++k) {
-    const Array<Vec2> z = ldlt_solve(symbolic, factor, r);
+    const Array<Vec2> z = ldlt_solve(factor, r);
     const double now = dot(r, z);
     if (k == 0) first = now;
     if (!(now > tolerance * tolerance * first)) break;
@@ -6097,7 +5921,7 @@ inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double
   Array<Vec2> gradient(history[0].gradient.size());
   double sum = 0;
   for (int k = 0; k < history.size(); ++k) {
-    const double weight = std::pow(decay, k);
+    const double weight = power(decay, k);
     sum += weight;
     for (int r = 0; r < gradient.size(); ++r) gradient[r] += weight * history[k].gradient[r];
   }
@@ -6116,7 +5940,7 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
   double sum = 0;
   for (const QuadraticModel& model : history) {
     if (!model.has_hessian()) continue;
-    terms.push_back({&model.H, std::pow(decay, terms.size())});
+    terms.push_back({&model.H, power(decay, terms.size())});
     sum += terms.back().weight;
   }
   for (Term& term : terms) term.weight /= sum;
@@ -6167,7 +5991,8 @@ inline bool tidy(Place& p) {
     p.weights[n++] = p.weights[k];
   }
   for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
-  p.weights /= p.weights.sum();
+  const double sum = p.weights[0] + p.weights[1] + p.weights[2];
+  for (double& weight : p.weights) weight /= sum;
   return n > 0;
 }
 
@@ -6436,13 +6261,16 @@ struct RigidMotion {
   Vec2 translation;
 };
 
-inline Mat2 rotation_by(double angle) {
-  return {{std::cos(angle), std::sin(angle), -std::sin(angle), std::cos(angle)}};
+/// The rotation of the x axis into a direction; none for the null vector.
+inline Mat2 rotation_to(Vec2 direction) {
+  const double length = norm(direction);
+  const Vec2 d = length > 0 ? 1 / length * direction : Vec2{1, 0};
+  return {{d.x, d.y, -d.y, d.x}};
 }
 
-/// The rotation by an angle that takes one point to another.
-inline RigidMotion rigid_motion(double angle, Vec2 from, Vec2 to) {
-  const Mat2 R = rotation_by(angle);
+/// The rotation into a direction that takes one point to another.
+inline RigidMotion rigid_motion(Vec2 direction, Vec2 from, Vec2 to) {
+  const Mat2 R = rotation_to(direction);
   return {R, to - R * from};
 }
 
@@ -6474,8 +6302,7 @@ inline Vec2 correlation(const Points2& from, const Points2& to) {
 
 /// The motion that brings the rows of `from` closest to those of `to`.
 inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
-  const Vec2 c0 = centroid(from), c1 = centroid(to), turn = correlation(from, to);
-  return rigid_motion(std::atan2(turn.y, turn.x), c0, c1);
+  return rigid_motion(correlation(from, to), centroid(from), centroid(to));
 }
 
 /// The part of the second moment that the best similarity between two sets of points does not
@@ -6515,7 +6342,7 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
 /// the embedding of thin triangles lose its injectivity.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
-  Points2 y = transformed(x, rigid_motion(-std::atan2(axis.y, axis.x), origin, Vec2()));
+  Points2 y = transformed(x, rigid_motion({axis.x, -axis.y}, origin, Vec2()));
   set_row(y, anchors.center, Vec2());
   y(anchors.rim, 1) = 0;
   if (is_injective(m, y)) x.swap(y);
@@ -7000,7 +6827,7 @@ class LineSearch {
       for (int k = 0; k < problem.directions.size(); ++k) {
         const double longest = problem.directions[k].first_step;
         for (int l = first + stride / 2; l < first + block; l += stride)
-          steps.push_back({k, longest * std::pow(kShrink, l)});
+          steps.push_back({k, longest * power(kShrink, l)});
         if (first == 0 && longest > 1) steps.push_back({k, 1});
       }
       add(problem, executor, steps);
@@ -7103,15 +6930,15 @@ struct Secant {
 
 /// -B g, where B is the inverse Hessian of a factor, updated by secants, newest first, of positive
 /// curvature: two loops over them [Nocedal 1980].
-inline Array<Vec2> quasi_newton_direction(const LdltSymbolic& symbolic, const LdltFactor& factor,
-                                          const Array<Secant>& secants, Array<Vec2> gradient) {
+inline Array<Vec2> quasi_newton_direction(const LdltFactor& factor, const Array<Secant>& secants,
+                                          Array<Vec2> gradient) {
   Array<double> along(secants.size());
   for (int k = 0; k < secants.size(); ++k) {
     const Secant& s = secants[k];
     along[k] = dot(s.step, gradient) / dot(s.step, s.change);
     for (int i = 0; i < gradient.size(); ++i) gradient[i] -= along[k] * s.change[i];
   }
-  Array<Vec2> d = ldlt_solve(symbolic, factor, negated(gradient));
+  Array<Vec2> d = ldlt_solve(factor, negated(gradient));
   for (int k = secants.size() - 1; k >= 0; --k) {
     const Secant& s = secants[k];
     const double excess = along[k] + dot(s.change, d) / dot(s.step, s.change);
@@ -7325,8 +7152,7 @@ class Optimizer {
   }
 
   void factorize(const LinearSystem& system) {
-    symbolic_ = NestedDissection(system.H, x_.x, executor_).build();
-    ldlt_factorize(symbolic_, system.shifted(omega_), executor_, factor_);
+    ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
   }
 
   /// (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). One matrix is factorised; conjugate
@@ -7341,10 +7167,9 @@ class Optimizer {
     executor_.run(omegas.size(), [&](int k) {
       directions[k].omega = omegas[k];
       if (!factor_.ok) return;
-      Array<Vec2> d = k == 0
-                          ? ldlt_solve(symbolic_, factor_, right)
-                          : solve_with_neighbour(symbolic_, factor_, system.shifted(omegas[k]),
-                                                 right, options_.tuning.solve_tolerance, executor_);
+      Array<Vec2> d = k == 0 ? ldlt_solve(factor_, right)
+                             : solve_with_neighbour(factor_, system.shifted(omegas[k]), right,
+                                                    options_.tuning.solve_tolerance, executor_);
       set_direction(std::move(d), directions[k]);
     });
     log_.seconds_solve += timer.lap();
@@ -7491,7 +7316,7 @@ class Optimizer {
   bool leave_kink() {
     constexpr int kMost = 24;
     if (!make_factor_positive()) return false;
-    Array<Vec2> g = gradient_at(0), d = ldlt_solve(symbolic_, factor_, negated(g));
+    Array<Vec2> g = gradient_at(0), d = ldlt_solve(factor_, negated(g));
     for (int k = 0; k < kMost && !executor_.is_stopped(); ++k) {
       is_stationary_ = is_little(-dot(g, d), options_.tolerance);
       const Array<Direction> directions(1, full_direction(d));
@@ -7500,7 +7325,7 @@ class Optimizer {
       if (search_back(directions)) return true;
       const Array<Vec2> ahead = gradient_along(directions[0]);
       if (ahead.empty()) return false;
-      const Array<Vec2> e = ldlt_solve(symbolic_, factor_, negated(ahead));
+      const Array<Vec2> e = ldlt_solve(factor_, negated(ahead));
       const double gg = -dot(g, d), gh = -dot(g, e), hh = -dot(ahead, e);  // products gᵀ B h
       if (!(gg - 2 * gh + hh > 0)) return false;
       const double share = clamp01((gg - gh) / (gg - 2 * gh + hh));
@@ -7578,7 +7403,7 @@ class Optimizer {
     if (quick_.left <= 0 || (!is_remembered_ && !differentiate(false))) return false;
     Timer timer;
     Array<Vec2> d = quasi_newton_direction(
-        symbolic_, factor_, secants(),
+        factor_, secants(),
         of_unknowns(blended_gradient(history_, options_.tuning.history_decay), x_.x));
     const Array<Direction> directions(1, full_direction(std::move(d)));
     log_.seconds_solve += timer.lap();
@@ -7726,7 +7551,6 @@ class Optimizer {
   IterationLog log_;               // of the iteration that is on
   bool is_remembered_ = false;     // derivatives at x are in the memory
   Array<QuadraticModel> history_;  // newest first
-  LdltSymbolic symbolic_;
   LdltFactor factor_;
   QuickSteps quick_;
   LineSearch trials_;
@@ -8436,10 +8260,9 @@ class FlatNewton {
 
   /// d = -H⁻¹ g; false if there is none that is finite.
   bool solve(const LinearSystem& system, Array<Vec2>& d) {
-    const LdltSymbolic symbolic = NestedDissection(system.H, x_, executor_).build();
-    ldlt_factorize(symbolic, system.shifted(0), executor_, factor_);
+    ldlt_factorize(system.shifted(0), x_, executor_, factor_);
     if (!factor_.ok) return false;
-    d = ldlt_solve(symbolic, factor_, negated(system.gradient));
+    d = ldlt_solve(factor_, negated(system.gradient));
     for (Vec2 move : d)
       if (!std::isfinite(move.x) || !std::isfinite(move.y)) return false;
     return true;
@@ -8510,7 +8333,7 @@ struct Level {
 /// c ≤ a + b implies c^t ≤ (a + b)^t ≤ a^t + b^t.
 inline Surface softened(const Surface& s, double t, double total_area) {
   Surface soft = s;
-  const auto length = [&](int h) { return std::pow(s.edge_length(h), t); };
+  const auto length = [&](int h) { return root_power(s.edge_length(h), t); };
   set_rest_frames(
       [&](int f) { return rest_frame(length(3 * f), length(3 * f + 1), length(3 * f + 2)); }, soft);
   const double scale = total_area / soft.total_area;
@@ -8536,7 +8359,7 @@ inline Array<Vec2> clip(const Array<Vec2>& polygon, Vec2 p, Vec2 q) {
 /// A symmetric matrix with its eigenvalues raised to at least ε.
 inline Mat2 raised(const Mat2& H, double epsilon) {
   const double mean = 0.5 * (H(0, 0) + H(1, 1));
-  const double radius = std::hypot(0.5 * (H(0, 0) - H(1, 1)), H(0, 1));
+  const double radius = norm(Vec2{0.5 * (H(0, 0) - H(1, 1)), H(0, 1)});
   if (mean - radius >= epsilon) return H;
   const double largest = (std::max)(mean + radius, epsilon);
   Mat2 axis;  // 1 and -1 along the eigenvectors
@@ -8599,7 +8422,7 @@ class Hierarchy {
       const int u = m.tail[m.boundary[i]];
       const double angle = approach_ == Approach::kConnectivity ? angle_[level.vertex[u]]
                                                                 : 2 * kPi * i / m.boundary.size();
-      right[u] = {radius * std::cos(angle), radius * std::sin(angle)};
+      right[u] = radius * on_circle(angle);
       set_row(x, u, right[u]);
       blocks.push_back({u, u, diagonal(1)});
     }
@@ -8613,11 +8436,10 @@ class Hierarchy {
         blocks.push_back({u, v, diagonal(-1)});
     }
     const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor_);
-    const LdltSymbolic symbolic = NestedDissection(H, x, executor_).build();
     LdltFactor factor;
-    ldlt_factorize(symbolic, {&H, nullptr, 0}, executor_, factor);
+    ldlt_factorize({&H, nullptr, 0}, x, executor_, factor);
     if (!factor.ok) return false;
-    const Array<Vec2> solution = ldlt_solve(symbolic, factor, right);
+    const Array<Vec2> solution = ldlt_solve(factor, right);
     for (int v = 0; v < m.n_vertices; ++v) set_row(x, v, solution[v]);
     if (!is_injective(m, x)) return false;
     set(level, x);
@@ -8800,11 +8622,11 @@ class Hierarchy {
     const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
     const double to_u = angle_between(before, c.u), from_u = angle_between(c.u, after);
     const Vec2 p = row2(x_, before), q = row2(x_, after);
-    double arc = std::atan2(cross(p, q), dot(p, q));
+    double arc = angle_of({dot(p, q), cross(p, q)});
     if (arc < 0) arc += 2 * kPi;
     const double ideal = arc * to_u / (to_u + from_u);
     return place_halving(c.u, [&](double t) {
-      return rotation_by(c.v == before ? t * ideal : arc - t * (arc - ideal)) * p;
+      return rotation_to(on_circle(c.v == before ? t * ideal : arc - t * (arc - ideal))) * p;
     });
   }
 
@@ -9548,7 +9370,7 @@ class PairEmbedder {
     for (int i = 0; i < m.boundary.size(); ++i) {
       const int v = m.tail[m.boundary[i]];
       const Vec2 p = outline != nullptr ? outline->point(even[v]) : Vec2();
-      angle[v] = outline != nullptr ? std::atan2(p.y, p.x) : 2 * kPi * i / m.boundary.size();
+      angle[v] = outline != nullptr ? angle_of(p) : 2 * kPi * i / m.boundary.size();
     }
     return angle;
   }
@@ -9579,7 +9401,7 @@ class PairEmbedder {
     tell({"boundary of ", h.name(), " along a square: ", percent, "%"});
     const double next = (std::min)(1.0, u.t + u.step);
     const Array<double> places = outline.places(s.mesh, stage / double{kStages});
-    const Way way = stage == 0 ? superelliptic : straight;
+    const Way way = stage == 0 ? rounded_square : straight;
     Points2 target = u.from;
     for (int e : s.mesh.boundary) {
       const int v = s.mesh.tail[e];
@@ -9604,16 +9426,14 @@ class PairEmbedder {
     return t < 1 ? p + t * (q - p) : q;
   }
 
-  /// From a circle to the square, on the superellipse |x|^n + |y|^n = r^n with n from 2 to ∞, which
-  /// is convex.
-  static Vec2 superelliptic(Vec2 p, Vec2 q, double t, const Outline& outline) {
+  /// From a circle to the square, on x² + y² - k² x² y² = 1 with k from 0 to 1, which is convex
+  /// [Fernández Guasti 1992].
+  static Vec2 rounded_square(Vec2 p, Vec2 q, double t, const Outline& outline) {
     if (t == 1) return q;
-    const double turn = std::atan2(cross(p, q), dot(p, q)), n = 2 / (1 - t);
-    const Vec2 direction = rotation_by(t * turn) * (1 / norm(p) * p);
-    const double larger = (std::max)(std::abs(direction.x), std::abs(direction.y));
-    const double ratio = (std::min)(std::abs(direction.x), std::abs(direction.y)) / larger;
-    const double length = larger * std::pow(1 + std::pow(ratio, n), 1 / n);
-    return ((1 - t) * norm(p) + t * outline.half_side) / length * direction;
+    const double k2 = t * (2 - t), turn = angle_of({dot(p, q), cross(p, q)});
+    const Vec2 d = rotation_to(on_circle(t * turn)) * (1 / norm(p) * p);
+    const double xy = d.x * d.y, root = std::sqrt((std::max)(1 - 4 * k2 * xy * xy, 0.0));
+    return ((1 - t) * norm(p) + t * outline.half_side) * std::sqrt(2 / (1 + root)) * d;
   }
 
   /// Brings vertices back.
@@ -9772,7 +9592,7 @@ class PairEmbedder {
   void add_rotations(Vec2 from, Vec2 to) {
     constexpr int kRotations = 24;
     for (int i = 0; i < kRotations; ++i)
-      trials_.motions.push_back(rigid_motion(2 * kPi * i / kRotations, from, to));
+      trials_.motions.push_back(rigid_motion(on_circle(2 * kPi * i / kRotations), from, to));
   }
 
   Points2 trial_start(int motion) const {
@@ -10142,8 +9962,8 @@ class Embedder {
   void make_overlap() {
     Points2& f = result_.f;
     if (badness(join(pair_), stacked(f, result_.g)) < kInfinity) return;
-    f = transformed(
-        f, rigid_motion(0, deepest_point(pair_.a.mesh, f), deepest_point(pair_.b.mesh, result_.g)));
+    f = transformed(f, rigid_motion({1, 0}, deepest_point(pair_.a.mesh, f),
+                                    deepest_point(pair_.b.mesh, result_.g)));
   }
 
   SurfacePair& pair_;
@@ -10585,7 +10405,7 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
 struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
-  bool operator<(const SegmentPart& o) const { return s < o.s; }
+  bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
 /// Maps paths along edges of one mesh to the other: straight in the plane, each edge is clipped by
@@ -10885,8 +10705,8 @@ inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<i
 
 /// The largest singular value of J [Blinn 1996].
 inline double largest_stretch(const Mat2& J) {
-  return 0.5 * (std::hypot(J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)) +
-                std::hypot(J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)));
+  return 0.5 * (norm(Vec2{J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)}) +
+                norm(Vec2{J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)}));
 }
 
 /// The Jacobian of an embedding in one triangle, and its determinant, which is positive of a sliver
@@ -11122,8 +10942,9 @@ class CoarseToFine {
   static int depth_of(const JointSurface& s, int coarsest) {
     if (coarsest == 0) return 0;
     const double most = (std::max)(s.n_a, s.mesh.n_vertices - s.n_a);
-    const double depth = std::log(most / coarsest) / std::log(kRatio);
-    return (std::max)(0, static_cast<int>(std::lround(depth)));
+    int depth = 0;
+    for (double ratio = most / coarsest; ratio >= std::sqrt(kRatio); ratio /= kRatio) ++depth;
+    return depth;
   }
 
   /// How many of n vertices a coarse level should have; level 0 is the finest.
@@ -13025,8 +12846,8 @@ class LandmarkPlacer {
       why =
           sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ", id,
                     ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
-    else if (is_point(p) &&
-             (!(std::abs(weights.sum() - 1) <= kRounding) || weights.minCoeff() < -kRounding))
+    else if (is_point(p) && (!(std::abs(weights[0] + weights[1] + weights[2] - 1) <= kRounding) ||
+                             weights.minCoeff() < -kRounding))
       why = sentence(
           {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
     return why.empty();
@@ -13066,8 +12887,10 @@ class LandmarkPlacer {
     };
     Vec3 at = is_point(p) ? Vec3() : unit * row3(given.vertices, p.vertex);
     for (int k = 0; k < 3 && is_point(p); ++k) at += p.point.barycentric[k] * corner(k);
-    const double diagonal =
-        unit * (mesh.vertices.colwise().maxCoeff() - mesh.vertices.colwise().minCoeff()).norm();
+    Vec3 extent;
+    for (int c = 0; c < 3; ++c)
+      extent[c] = mesh.vertices.col(c).maxCoeff() - mesh.vertices.col(c).minCoeff();
+    const double diagonal = unit * norm(extent);
     double least = kNear * diagonal;
     for (int f = 0; f < mesh.triangles.rows(); ++f) {
       const std::array<Vec3, 3> corners = corners_of(mesh, f, unit);
@@ -13395,8 +13218,10 @@ inline double plane_scale(const JointSurface& s, const Points2& x) {
   for (int h : s.mesh.boundary)
     area[h < 3 * s.faces_a] += 0.5 * cross(row2(x, s.mesh.tail[h]), row2(x, s.mesh.tip(h)));
   const double ratio = s.total_area / (std::abs(area[0]) + std::abs(area[1]));
-  const double exponent = std::round(0.5 * std::log2(ratio));
-  return std::isfinite(exponent) ? std::exp2(exponent) : 1;
+  if (!std::isfinite(ratio) || ratio <= 0) return 1;
+  int exponent;
+  std::frexp(ratio, &exponent);
+  return std::ldexp(1.0, (exponent - (exponent % 2 != 0)) / 2);
 }
 
 inline Points2 scaled(double factor, Points2 x) {
@@ -14303,6 +14128,13 @@ SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, c
 
 }  // namespace ISM_ABI
 }  // namespace ism
+
+#ifdef ISM_FUSING_IS_OFF
+#undef ISM_FUSING_IS_OFF
+#pragma GCC pop_options
+#elif defined(__clang__)
+#pragma STDC FP_CONTRACT DEFAULT
+#endif
 
 #endif  // ISM_IMPLEMENTATION
 

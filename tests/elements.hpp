@@ -53,7 +53,7 @@ MatrixXd get(const ism::detail::LaneMatrix<N>& lanes, int lane) {
 /// What differentiate() finds in one lane.
 inline PolygonDerivatives result_in(const ism::detail::PolygonBatch& batch, int lane) {
   PolygonDerivatives d;
-  d.is_negligible = batch.is_negligible[lane];
+  d.is_negligible = batch.is_negligible[lane] > 0;
   if (d.is_negligible) return d;
   d.value = batch.value[lane];
   for (int i = 0; i < 12; ++i) d.gradient[i] = batch.gradient[i][lane];
@@ -109,7 +109,7 @@ inline std::vector<PolygonDerivatives> area_derivatives(
   return in_lanes(p, positions, any, any, [](ism::detail::PolygonBatch& batch) {
     batch.value = batch.area;
     ism::detail::area_gradient(batch, batch.gradient);
-    ism::detail::set_area_hessian(batch, 1.0, batch.hessian);
+    ism::detail::set_area_hessian(batch, ism::detail::Lanes(1.0), batch.hessian);
   });
 }
 

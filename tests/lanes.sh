@@ -31,20 +31,14 @@ lane() {
   report "$name" $? "$start" "$(grep -E 'tests passed|tests failed' "$root/$name.log" | tail -n 1)"
 }
 
-# Runs of one problem by two compilers, without fused multiplications, which each places where it
-# likes, and without instructions that are chosen at run time.
+# The same bits by all compilers, for all systems.
 same_bits() {
-  local start=$SECONDS status=0 compiler
+  local start=$SECONDS status
   wanted bits || return 0
-  for compiler in g++ clang++; do
-    cmake -S . -B "$root/bits_$compiler" -DCMAKE_CXX_COMPILER="$compiler" -DISM_NATIVE=OFF \
-      -DISM_BUILD_EXAMPLES=OFF -DCMAKE_CXX_FLAGS="-ffp-contract=off -DISM_NO_AVX2" \
-      > "$root/bits.log" 2>&1 &&
-      cmake --build "$root/bits_$compiler" --target test_bits >> "$root/bits.log" 2>&1 &&
-      "$root/bits_$compiler/test_bits" > "$root/bits_$compiler.txt" || status=1
-  done
-  diff "$root/bits_g++.txt" "$root/bits_clang++.txt" >> "$root/bits.log" || status=1
-  report bits $status "$start" "g++ and clang++"
+  EIGEN="${EIGEN:-/usr/include/eigen3}" tests/bits/compare.sh "$root/bits" 2> "$root/bits.log" |
+    tee -a "$root/bits.log"
+  status=$?
+  report bits $status "$start" ""
 }
 
 # Windows programs, cross-compiled, under Wine. The headers of doctest and Boost are linked into a
@@ -95,7 +89,7 @@ export UBSAN_OPTIONS=print_stacktrace=1
 
 lane native g++ "" ""
 lane portable g++ "" "$scripts" -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF
-lane cxx20_no_avx2 g++ "-DISM_NO_AVX2" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_NATIVE=OFF \
+lane cxx20 g++ "" "$scripts" -DCMAKE_CXX_STANDARD=20 -DISM_NATIVE=OFF \
   "${lean[@]}"
 lane clang clang++ "" "$scripts"
 lane clang_cxx23_portable clang++ "" "$scripts" -DCMAKE_CXX_STANDARD=23 -DISM_NATIVE=OFF "${lean[@]}"

@@ -1,5 +1,5 @@
 // The same bits, run to run and for any number of threads, of whole runs that are large enough for
-// several tasks in every part. tests/lanes.sh compares what this prints between compilers.
+// several tasks in every part. tests/bits/ compares compilers and systems.
 
 #include "ism.hpp"
 #include "runs.hpp"
