@@ -5779,7 +5779,7 @@ class ModelBuilder {
     FaceTerm &a = face_[p.ta], &b = polygon_in_b_[id];
     std::fill_n(b.gradient, 3, Vec2());
     if (with_hessians_) b = FaceTerm();
-    if (batch.is_negligible[lane]) return;
+    if (batch.is_negligible[lane] != 0) return;
     for (int j = 0; j < 3; ++j) {
       a.gradient[j] += force(batch, j, lane);
       b.gradient[j] = force(batch, 3 + j, lane);

@@ -26,9 +26,7 @@
 #include <sys/mman.h>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
 #ifdef __GLIBC__
-#include <malloc.h>
 #endif
 #endif
 
@@ -171,23 +169,6 @@ TEST_CASE("where memory ends, bad_alloc reaches the caller and nothing is leaked
 // Sanitizers take memory and stack of their own.
 #if defined(__GLIBC__) && !defined(ISM_TEST_SANITIZED)
 namespace {
-
-/// A number of bytes that the system knows of this process.
-double process_bytes(const std::string& name) {
-  std::ifstream status("/proc/self/status");
-  for (std::string line; std::getline(status, line);)
-    if (line.rfind(name, 0) == 0) return 1024 * std::stod(line.substr(name.size()));
-  return 0;
-}
-
-/// By how much a run makes the process grow; 0 if the system does not tell.
-double peak_memory(const std::function<void()>& run) {
-  malloc_trim(0);
-  if (!(std::ofstream("/proc/self/clear_refs") << "5" << std::flush)) return 0;
-  const double before = process_bytes("VmRSS:");
-  run();
-  return process_bytes("VmHWM:") - before;
-}
 
 /// A thread's stack that shows how much of it was used.
 class PaintedStack {

@@ -25,7 +25,7 @@ done
 # The comments above and behind declarations, and below those behind.
 has namespaceism.html "then Algorithm 1"
 has namespaceism.html "stopping rule of"
-has namespaceism.html "or the overlay has more than 16 million polygons"
+has namespaceism.html "the overlay has more than 16 million polygons"
 has structism_1_1Options.html "reward for covered area"
 has structism_1_1Options.html "replaces std::thread"
 has classism_1_1Solver.html "<pre class=\"fragment\"> *ism::Solver solver(a, b"

@@ -357,7 +357,7 @@ LinearSystem bench_assembly(State& s, int threads, int repeats, Report& report) 
   const double assembly = median_seconds(repeats, [&] { history[0] = models.assemble(); });
   LinearSystem system;
   const double blending = median_seconds(repeats, [&] {
-    system = blend(history, 0, ism::detail::Tuning().history_decay, {}, laplacian, run);
+    system = blend(history, ism::detail::Tuning().history_decay, {}, laplacian, run);
   });
   report.add("assembly and blend", threads, assembly + blending, 1e3, "ms");
   return system;

@@ -162,7 +162,7 @@ int main(int n, char** arguments) {
     ism::Options options;
     options.max_iterations = std::atoi(arguments[1]);
     options.threads = 2;
-    if (is_small) options.tuning.coarsest = 50;
+    if (is_small) options.coarsest = 50;
     const ism::Result result = ism::compute_map(pair.a, pair.b, pair.landmarks, options);
     output.add_all(result.f);
     output.add_all(result.g);
