@@ -33,8 +33,8 @@
 //            boundary loops one is the outline (Options::outer_a), the others are openings, eyes
 //            and mouths; what lies over one is not covered. Meshes are read where they are: float
 //            or double, interleaved or not (MeshView).
-// STEPS      ism::Solver is compute_map() in steps; it can be stopped, saved and restored, and go
-//            on after landmarks and options were changed.
+// STEPS      ism::Solver is compute_map() in steps; it can be stopped, and go on, also with other
+//            landmarks and options.
 // PROMISE    If   both meshes are surfaces of genus 0 for validate(), as they are given or once
 //            prepare() has mended them, and options, landmarks and pins are within what is
 //            documented (else a status says which are not, and nothing is begun),
@@ -60,18 +60,23 @@
 //            the ids of offending elements. Exceptions of allocations and of callbacks, in any
 //            thread, reach the caller, and nothing is leaked; what was begun then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [20]
+// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [23]
 //            ISM_NO_THREADS       there: builds without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
-// CONTENTS   [1] version and configuration   [2] public API        [3] notation
-//            [4] small types and helpers     [5] exact predicates  [6] half-edge mesh
-//            [7] overlay                     [8] energies          [9] sparse LDLT
-//            [10] objective and its quadratic model                [11] constraints
-//            [12] scaffold, step bound and line search             [13] the loop (Algorithm 1)
-//            [14] initial embedding          [15] map evaluation and meta mesh
-//            [16] coarse to fine             [17] applications     [18] closed surfaces
-//            [19] verification             [20] entry points
+// CONTENTS   I, the paper
+//            [1] version and configuration   [2] public API    [3] notation
+//            [4] small types and helpers     [5] exact predicates
+//            [6] half-edge mesh              [7] overlay       [8] energies
+//            [9] objective and its quadratic model             [10] constraints
+//            [11] step bound and line search                   [12] the loop (Algorithm 1)
+//            [13] sparse LDLT                                  [14] initial embedding
+//            [15] map evaluation and meta mesh
+//            II, what surfaces and programs need besides
+//            [16] scaffold                   [17] checked and prepared meshes
+//            [18] coarse to fine             [19] applications
+//            [20] closed surfaces            [21] verification
+//            [22] threads and progress       [23] entry points
 //
 // HISTORY, LICENSE (MIT)  at the end of the file.
 
@@ -922,19 +927,6 @@ inline double power(double x, int n) {
   return result;
 }
 
-/// x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... that the binary digits of t
-/// name.
-inline double root_power(double x, double t) {
-  if (t == 1) return x;
-  double result = 1;
-  for (double root = x; t > 0; t -= t >= 1) {
-    root = std::sqrt(root);
-    t *= 2;
-    if (t >= 1) result *= root;
-  }
-  return result;
-}
-
 struct Vec2 {
   double x = 0, y = 0;
 };
@@ -957,17 +949,6 @@ inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 
 /// d turned by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
 inline Vec2 perp(Vec2 d) { return {d.y, -d.x}; }
-
-/// The point of the unit circle at an angle in [-2π, 2π]: from tan(angle / 128) by its series, the
-/// angle doubled six times.
-inline Vec2 on_circle(double angle) {
-  const double h = angle / 128, h2 = h * h;
-  const double t =
-      h * (1 + h2 * (1.0 / 3 + h2 * (2.0 / 15 + h2 * (17.0 / 315 + h2 * 62.0 / 2835))));
-  Vec2 p = 1 / (1 + t * t) * Vec2{1 - t * t, 2 * t};
-  for (int i = 0; i < 6; ++i) p = {p.x * p.x - p.y * p.y, 2 * p.x * p.y};
-  return p;
-}
 
 /// The angle of a vector, in [-π, π]; 0 of the null vector. It is halved six times, then the series
 /// of the arc tangent has it.
@@ -1161,14 +1142,6 @@ void sort_unique(Array<T>& items) {
   items.resize(static_cast<int>(std::unique(items.begin(), items.end()) - items.begin()));
 }
 
-/// The indices of keys, sorted by key, then by index.
-inline Array<int> sorted_by(const Array<double>& key) {
-  Array<int> order = numbers_below(key.size());
-  std::sort(order.begin(), order.end(),
-            [&](int i, int j) { return key[i] != key[j] ? key[i] < key[j] : i < j; });
-  return order;
-}
-
 /// A part of a sentence, to be written as {"triangle ", f, " has no area"}.
 struct Word {
   const char* text = nullptr;  // or else the number
@@ -1190,14 +1163,6 @@ inline std::string join(const std::vector<int>& ids) {
   std::string result;
   for (int id : ids) result += (result.empty() ? "" : ", ") + std::to_string(id);
   return result;
-}
-
-/// A number of magnitude 0.01 or more, with two decimals.
-inline std::string decimal(double x) {
-  const long long hundredths = std::llround(100 * std::clamp(x, -1e15, 1e15));
-  const std::string digits = std::to_string(100 + std::abs(hundredths % 100));
-  return (hundredths < 0 ? "-" : "") + std::to_string(std::abs(hundredths / 100)) + "." +
-         digits.substr(1);
 }
 
 inline ElementId vertex_id(Side side, int v) { return {side, Element::kVertex, v}; }
@@ -1245,124 +1210,6 @@ class Callback {
   void (*call_)(const void*, Arguments...);
 };
 
-/// Masks floating-point traps of the caller's while it lives: unused lanes of vectors may divide by
-/// zero, and some formulas over- or underflow by intent.
-class NoTraps {
- public:
-  NoTraps() { std::feholdexcept(&environment_); }
-  NoTraps(const NoTraps&) = delete;
-  NoTraps& operator=(const NoTraps&) = delete;
-  ~NoTraps() { std::fesetenv(&environment_); }
-
- private:
-  std::fenv_t environment_;
-};
-
-/// Keeps the first exception of some tasks until all of them have ended.
-class FirstError {
- public:
-#ifdef __cpp_exceptions
-  /// Runs a task, unless one has failed.
-  void guard(const Callback<int>& task, int i) {
-    if (failed_.load(std::memory_order_relaxed)) return;
-    try {
-      task(i);
-    } catch (...) {
-      if (!failed_.exchange(true)) error_ = std::current_exception();
-    }
-  }
-  void rethrow() const {
-    if (error_) std::rethrow_exception(error_);
-  }
-
- private:
-  std::atomic<bool> failed_{false};
-  std::exception_ptr error_;
-#else
-  void guard(const Callback<int>& task, int i) { task(i); }
-  void rethrow() const {}
-#endif
-};
-
-#ifndef ISM_NO_THREADS
-/// Threads that sleep until there are tasks. A helper that wakes too late finds none and sleeps on;
-/// run() does not wait for it.
-class Crew {
- public:
-  /// Starts as many helpers as the system gives.
-  explicit Crew(int helpers) {
-#ifdef __cpp_exceptions
-    try {
-#endif
-      helpers_.reserve(static_cast<std::size_t>(helpers));
-      for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
-#ifdef __cpp_exceptions
-    } catch (...) {
-    }
-#endif
-  }
-  Crew(const Crew&) = delete;
-  Crew& operator=(const Crew&) = delete;
-  ~Crew() {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      is_over_ = true;
-    }
-    wake_.notify_all();
-    for (std::thread& helper : helpers_) helper.join();
-  }
-
-  /// Runs task(0) ... task(n - 1) on the calling thread and those helpers that come. False, and
-  /// nothing was run, if the crew is at work already.
-  bool run(int n, const Callback<int>& task) {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (task_ != nullptr || working_ > 0) return false;
-      task_ = &task;
-      n_ = n;
-      next_ = 0;
-    }
-    for (int t = 1; t < (std::min)(n, size()); ++t) wake_.notify_one();
-    work(task, n);
-    std::unique_lock<std::mutex> lock(mutex_);
-    task_ = nullptr;  // helpers that wake from now on stay away
-    left_.wait(lock, [&] { return working_ == 0; });
-    return true;
-  }
-
-  int size() const { return static_cast<int>(helpers_.size()) + 1; }
-
- private:
-  void work(const Callback<int>& task, int n) {
-    for (int i = next_++; i < n; i = next_++) task(i);
-  }
-
-  void help() {
-    std::unique_lock<std::mutex> lock(mutex_);
-    while (true) {
-      wake_.wait(lock, [&] { return is_over_ || (task_ != nullptr && next_ < n_); });
-      if (is_over_) return;
-      const Callback<int>& task = *task_;
-      const int n = n_;
-      ++working_;
-      lock.unlock();
-      work(task, n);
-      lock.lock();
-      if (--working_ == 0) left_.notify_one();
-    }
-  }
-
-  std::mutex mutex_;
-  std::condition_variable wake_, left_;
-  std::vector<std::thread> helpers_;
-  const Callback<int>* task_ = nullptr;  // of the run that is on
-  int n_ = 0;
-  std::atomic<int> next_{0};
-  int working_ = 0;  // helpers
-  bool is_over_ = false;
-};
-#endif
-
 /// A lock for a few instructions, during which nothing is allocated. std::mutex will not do: a job
 /// system may have threads where there is no <mutex>.
 class SpinLock {
@@ -1378,36 +1225,7 @@ class SpinLock {
   std::atomic_flag& flag_;
 };
 
-#ifndef ISM_NO_THREADS
-/// The number of processors that this thread may use; in a container, what its quota pays for.
-inline int processor_count() {
-  int n = static_cast<int>(std::thread::hardware_concurrency());
-#ifdef __linux__
-  cpu_set_t allowed;
-  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) n = CPU_COUNT(&allowed);
-  if (std::FILE* const file = std::fopen("/sys/fs/cgroup/cpu.max", "r")) {
-    double quota = 0, period = 0;  // µs; the former may be "max"
-    if (std::fscanf(file, "%lf %lf", &quota, &period) == 2 && quota > 0 && period > 0)
-      n = static_cast<int>((std::min)(std::ceil(quota / period), 1.0 * n));
-    std::fclose(file);
-  }
-#endif
-  return (std::max)(1, n);
-}
-#endif
-
-/// The number of threads of a call, the caller's included, without a job system.
-inline int thread_count(const Options& options) {
-#ifdef ISM_NO_THREADS
-  static_cast<void>(options);
-  return 1;
-#else
-  constexpr int kMostPerProcessor = 4;
-  const int processors = processor_count();
-  return options.threads <= 0 ? processors
-                              : (std::min)(options.threads, kMostPerProcessor * processors);
-#endif
-}
+class Crew;
 
 /// Services of one call: threads, progress reports and cancellation.
 ///
@@ -1419,31 +1237,11 @@ class Executor {
  public:
   using Task = Callback<int>;
 
-  explicit Executor(const Options& options)
-      : hook_(options.parallel_for),
-        tell_(options.progress),
-        stop_(options.stop),
-        max_seconds_(options.max_seconds) {
-#ifndef ISM_NO_THREADS
-    const int threads = thread_count(options);
-    if (threads > 1 && !hook_) crew_ = std::make_unique<Crew>(threads - 1);
-#endif
-  }
+  explicit Executor(const Options& options);
+  ~Executor();
 
-  void run(int n, const Task& task) const {
-    FirstError error;
-    const auto task_and_tick = [&](int i) {
-      {
-        const NoTraps no_traps;
-        task(i);
-      }
-      tick();
-    };
-    const auto guarded = [&](int i) { error.guard(task_and_tick, i); };
-    if (n > 0 && !run_side_by_side(n, guarded))
-      for (int i = 0; i < n; ++i) guarded(i);
-    error.rethrow();
-  }
+  /// task(0) ... task(n - 1), in any order and side by side.
+  void run(int n, const Task& task) const;
 
   /// task(begin, end) over [0, n) in blocks of a fixed size.
   void run_blocks(int n, int block, const Callback<int, int>& task) const {
@@ -1480,59 +1278,23 @@ class Executor {
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports how far the call is; for the calling thread.
-  void tell(bool is_embedding, double fraction, Words what, const IterationLog* iteration) const {
-    const double before = is_embedding ? 0 : embedding_share_;
-    const double share = is_embedding ? embedding_share_ : 1 - embedding_share_;
-    progress_.fraction = (std::max)(
-        {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
-    if (!tell_) return;
-    progress_.is_embedding = is_embedding;
-    progress_.what = sentence(what);
-    progress_.iteration = iteration;
-    tell_again();
-    progress_.iteration = nullptr;
-  }
+  void tell(bool is_embedding, double fraction, Words what, const IterationLog* iteration) const;
 
  private:
-  bool run_side_by_side(int n, const Task& task) const {
-    if (hook_) return run_by_hook(n, task);
-#ifndef ISM_NO_THREADS
-    if (crew_ && n > 1) return crew_->run(n, task);
-#endif
-    return false;
-  }
-
-  /// False where this is a task of a run by the hook already.
-  bool run_by_hook(int n, const Task& task) const {
-    if (is_hooked_.exchange(true)) return false;
-    const struct Release {
-      std::atomic<bool>& flag;
-      ~Release() { flag = false; }
-    } release = {is_hooked_};
-    return hook_(n, task), true;
-  }
-
+  bool run_side_by_side(int n, const Task& task) const;
+  bool run_by_hook(int n, const Task& task) const;
   double seconds() const { return seconds_before_ + clock_.seconds(); }
 
-  void tell_again() const {
-    since_told_.lap();
-    if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
-  }
-
-  /// Reports again after a task of the calling thread, if the last report is 0.1 s old.
-  void tick() const {
-    constexpr double kOften = 0.1;
-    if (!tell_ || !is_caller() || since_told_.seconds() < kOften || progress_.what.empty()) return;
-    tell_again();
-  }
+  void tell_again() const;
+  void tick() const;
 
 #ifndef ISM_NO_THREADS
   bool is_caller() const { return std::this_thread::get_id() == caller_; }
   std::thread::id caller_ = std::this_thread::get_id();
-  std::unique_ptr<Crew> crew_;
 #else
   bool is_caller() const { return !hook_; }
 #endif
+  std::unique_ptr<Crew> crew_;  // null where the caller's thread is the only one
   ParallelFor hook_;
   mutable std::atomic<bool> is_hooked_{false};  // a run by it is on
   std::function<bool(const Progress&)> tell_;
@@ -1685,22 +1447,15 @@ inline bool arithmetic_is_sound() {
          !std::isfinite(nan) && nan != same_nan;  // nothing here traps
 }
 
-/// Nothing is promised where the predicates are not exact.
-inline bool check_arithmetic(Outcome& outcome) {
-  return arithmetic_is_sound() ||
-         fail(outcome, Status::kNumericalFailure,
-              {"the arithmetic of this program is not IEEE's: compile the implementation without "
-               "-ffast-math and its parts, and call it with rounding to nearest"});
-}
-
 // ==== [6] HALF-EDGE MESH =========================================================================
 //
-// Purpose:    connectivity of a triangulated surface, its validation, and the isometric rest frame
-//             of every triangle (the orthonormal coordinate systems of §3.2).
+// Purpose:    connectivity of a triangulated surface, and the isometric rest frame of every
+// triangle
+//             (the orthonormal coordinate systems of §3.2).
 // Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
 //             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
 //             counter-clockwise from it visits every face of v.
-// Fails:      find_problems() says why a mesh cannot be mapped; build_surface() wants one that can.
+// Fails:      never, for meshes in which part [17] finds no problem.
 
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -1798,11 +1553,6 @@ inline Array<int> components_of(const HalfEdgeMesh& m) {
   return component;
 }
 
-inline int count_components(const HalfEdgeMesh& m) {
-  const Array<int> component = components_of(m);
-  return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
-}
-
 /// Lists the boundary loops, component by component.
 inline void trace_boundary(HalfEdgeMesh& m) {
   const Array<int> component = components_of(m);
@@ -1880,86 +1630,6 @@ struct ShortestPaths {
     }
   }
 };
-
-/// Triangles from a list of their corners.
-inline Triangles triangles_from(const Array<int>& corners) {
-  Triangles triangles(corners.size() / 3, 3);
-  std::copy(corners.begin(), corners.end(), triangles.data());
-  return triangles;
-}
-
-/// The half-edge from u to v, or, if only that is there, from v to u; -1 if there is no such edge.
-inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
-  int found = -1;
-  if (u < 0 || u >= m.n_vertices) return found;
-  m.for_each_outgoing(u, [&](int h) {
-    if (m.tip(h) == v) found = h;
-    if (m.tail[prev(h)] == v && m.twin[prev(h)] < 0) found = prev(h);
-  });
-  return found;
-}
-
-/// Cuts the triangle of h in two along the line from a vertex on its edge u → v to the corner
-/// opposite; h then ends at that vertex. Returns the half-edge from there to v.
-inline int split_face(HalfEdgeMesh& m, int h, int middle) {
-  const int a = next(h), rest = 3 * m.n_faces++;
-  const int v = m.tail[a], w = m.tip(a), outer = m.twin[a];
-  for (int tail : {middle, v, w}) m.tail.push_back(tail);
-  for (int twin : {-1, outer, a}) m.twin.push_back(twin);
-  if (outer >= 0) m.twin[outer] = rest + 1;
-  if (m.out[v] == a) m.out[v] = rest + 1;
-  m.tail[a] = middle;
-  m.twin[a] = rest + 2;
-  return rest;
-}
-
-/// Cuts the edge of h in two; the new vertex is the last one.
-inline void split_edge(HalfEdgeMesh& m, int h) {
-  const int t = m.twin[h], middle = m.n_vertices++;
-  const int to_tip = split_face(m, h, middle);
-  m.out.push_back(to_tip);
-  if (t < 0) return;
-  const int to_tail = split_face(m, t, middle);
-  m.twin[h] = to_tail, m.twin[to_tail] = h;
-  m.twin[t] = to_tip, m.twin[to_tip] = t;
-}
-
-/// Joins a new vertex, the last one, to the corners of the triangle of h.
-inline void split_triangle(HalfEdgeMesh& m, int h) {
-  const int u = m.tail[h], v = m.tip(h), outer = m.twin[h], middle = m.n_vertices++;
-  const int rest = split_face(m, h, middle), third = 3 * m.n_faces++;
-  for (int tail : {u, v, middle}) m.tail.push_back(tail);
-  for (int twin : {outer, rest, h}) m.twin.push_back(twin);
-  m.twin[rest] = third + 1, m.twin[h] = third + 2;
-  if (outer >= 0) m.twin[outer] = third;
-  if (outer < 0) m.out[u] = third;
-  m.out.push_back(rest);
-}
-
-inline bool is_copy(const AddedVertex& p) { return p.corners[1] < 0; }
-inline bool is_on_edge(const AddedVertex& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
-
-inline AddedVertex copy_of(int v) {
-  AddedVertex copy;
-  copy.corners[0] = v;
-  copy.weights[0] = 1;
-  return copy;
-}
-
-/// A half-edge of the edge or triangle in which a vertex is to be added; -1 if there is none.
-inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
-  const Eigen::Vector3d& t = p.weights;
-  const bool is_mean = t[0] > 0 && t[1] > 0 && (is_on_edge(p) ? t[2] == 0 : t[2] > 0) &&
-                       std::abs(t[0] + t[1] + t[2] - 1) < 1e-9;
-  const int h = is_mean ? find_edge(m, p.corners[0], p.corners[1]) : -1;
-  if (h < 0 || is_on_edge(p) || m.tail[prev(h)] == p.corners[2]) return h;
-  return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
-}
-
-/// Adds a vertex where find_place() found it. The list of the boundary is then stale.
-inline void add_vertex(HalfEdgeMesh& m, int h, const AddedVertex& p) {
-  is_on_edge(p) ? split_edge(m, h) : split_triangle(m, h);
-}
 
 /// A half-edge mesh with the intrinsic geometry the energies need.
 struct Surface {
@@ -2070,64 +1740,6 @@ inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
                        mesh.vertices, keep_scale);
 }
 
-/// Vertices with those added behind them.
-template <class Points>
-Points with_added(const Points& vertices, const std::vector<AddedVertex>& added) {
-  int v = static_cast<int>(vertices.rows());
-  Points all(v + static_cast<int>(added.size()), vertices.cols());
-  std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
-  for (const AddedVertex& p : added) {
-    for (int c = 0; c < all.cols(); ++c) {
-      all(v, c) = p.weights[0] * all(p.corners[0], c);
-      for (int k = 1; k < 3 && p.corners[k] >= 0; ++k)
-        all(v, c) += p.weights[k] * all(p.corners[k], c);
-    }
-    ++v;
-  }
-  return all;
-}
-
-/// Adds vertices one by one; the shape stays. False, and the surface is then unusable, if an edge
-/// or a triangle does not exist.
-inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
-  for (const AddedVertex& p : added) {
-    const int h = find_place(s.mesh, p);
-    if (h < 0) return false;
-    add_vertex(s.mesh, h, p);
-  }
-  trace_boundary(s.mesh);
-  s.vertices = with_added(s.vertices, added);
-  s.added.insert(s.added.end(), added.begin(), added.end());
-  compute_rest_frames(s);
-  return true;
-}
-
-/// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
-/// the vertex; the other fans get copies, counter-clockwise.
-inline void cut_along(const Array<int>& edges, Surface& s) {
-  HalfEdgeMesh& m = s.mesh;
-  Array<char> is_cut(m.tail.size(), 0), is_split(m.n_vertices, 0);
-  for (int h : edges) is_cut[h] = is_cut[m.twin[h]] = 1;
-  std::vector<AddedVertex> copies;
-  for (int h : edges) {
-    const int v = m.tail[h];
-    if (v >= is_split.size() || is_split[v]++) continue;  // another edge at the same vertex
-    for (int e = m.turn(h), id = v; e != h; e = m.turn(e)) {
-      if (is_cut[e]) {
-        copies.push_back(copy_of(v));
-        id = m.n_vertices++;
-      }
-      m.tail[e] = id;
-    }
-  }
-  for (int h = 0; h < m.twin.size(); ++h)
-    if (is_cut[h]) m.twin[h] = -1;
-  find_outgoing(m);
-  trace_boundary(m);
-  s.vertices = with_added(s.vertices, copies);
-  s.added.insert(s.added.end(), copies.begin(), copies.end());
-}
-
 // ---- two surfaces, and both as one ----
 
 struct SurfacePair {
@@ -2189,848 +1801,6 @@ inline JointSurface join(const SurfacePair& pair) {
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
   return s;
 }
-
-// ---- validation ----
-
-/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
-/// mesh was prepared from it.
-class ProblemList {
- public:
-  static constexpr int kMostOfAKind = 20;
-  explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
-  int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
-  int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
-  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
-           const std::vector<int>& ids = {}) {
-    if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
-      problems.push_back({kind, sentence(message), element, ids});
-  }
-  /// "vertex 3 is ...", "triangle 5 has ..."
-  void add_vertex(Problem::Kind kind, int v, Words what) {
-    add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
-  }
-  void add_triangle(Problem::Kind kind, int f, Words what) {
-    add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
-  }
-  std::vector<Problem> problems;
-
- private:
-  const Prepared* prepared_;
-  int count_[16] = {};
-};
-
-inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
-  for (int v = 0; v < mesh.vertices.rows(); ++v)
-    if (!is_finite(row3(mesh.vertices, v)))
-      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
-                      {" has a coordinate that is not finite"});
-}
-
-inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
-  const int n = static_cast<int>(mesh.vertices.rows());
-  for (int h = 0; h < mesh.triangles.size(); ++h)
-    if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
-      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
-                        {" refers to vertex ", v, ", but there are ", n, " vertices"});
-}
-
-/// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
-/// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
-/// fourth powers of the ratio have to exist.
-inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
-  constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
-  const int n = static_cast<int>(F.rows());
-  const auto edge = [&](int h) {
-    return row3(vertices, F.data()[next(h)]) - row3(vertices, F.data()[h]);
-  };
-  Array<double> extent(n, 0);
-  double largest = 0;
-  for (int h = 0; h < 3 * n; ++h)
-    for (int c = 0; c < 3; ++c) {
-      extent[h / 3] = (std::max)(extent[h / 3], std::abs(edge(h)[c]));
-      largest = (std::max)(largest, extent[h / 3]);
-    }
-  Array<const char*> defects(n, nullptr);
-  for (int f = 0; f < n; ++f) {
-    const double unit = unit_scale(extent[f]);  // so that squares exist
-    const Vec3 u = unit * edge(3 * f), v = unit * edge(3 * f + 1), w = unit * edge(3 * f + 2);
-    const double longest2 = (std::max)({squared_norm(u), squared_norm(v), squared_norm(w)});
-    const char*& defect = defects[f];
-    if (extent[f] < kSmallest * largest) defect = " is smaller than 1e-30 of the largest triangle";
-    if (!(norm(cross(u, v)) > kThinnest * longest2)) defect = " has no area";
-    if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
-      defect = " uses a vertex twice";
-  }
-  return defects;
-}
-
-inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
-  const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
-  for (int f = 0; f < defects.size(); ++f)
-    if (defects[f] != nullptr)
-      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
-}
-
-using Three = std::array<int, 3>;
-
-inline Three ascending(int a, int b, int c) {
-  Three three = {a, b, c};
-  std::sort(three.begin(), three.end());
-  return three;
-}
-
-inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
-  const Triangles& F = mesh.triangles;
-  Array<std::pair<Three, int>> corners;
-  for (int f = 0; f < F.rows(); ++f) corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
-  std::sort(corners.begin(), corners.end());
-  for (int i = 1; i < corners.size(); ++i) {
-    if (corners[i].first != corners[i - 1].first) continue;
-    const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
-    list.add(Problem::Kind::kRepeatedTriangle,
-             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
-  }
-}
-
-inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
-  for_each_edge(uses, [&](int begin, int end) {
-    const int n = end - begin, h = uses[begin].half_edge;
-    const bool is_loop = uses[begin].lo == uses[begin].hi;  // of a triangle with a vertex twice
-    const bool runs_along =
-        mesh.triangles.data()[h] == mesh.triangles.data()[uses[end - 1].half_edge];
-    if (is_loop || n == 1 || (n == 2 && !runs_along)) return;
-    std::vector<int> faces;
-    for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
-    const std::string edge =
-        sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
-    if (n > 2)
-      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
-               Element::kFace, faces);
-    else
-      list.add(Problem::Kind::kInconsistentOrientation,
-               {"triangles ", join(faces), " run through ", edge, " in the same direction"},
-               Element::kFace, faces);
-  });
-}
-
-/// Finds vertices that no triangle uses and, if triangles and edges are sound, vertices whose
-/// triangles form more than one fan.
-inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
-  const bool edges_are_sound = list.problems.empty();
-  Array<int> incident(m.n_vertices, 0);
-  for (int v : m.tail) ++incident[v];
-  for (int v = 0; v < m.n_vertices; ++v) {
-    int fan = 0;
-    if (incident[v] == 0)
-      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
-    else if (edges_are_sound)
-      m.for_each_outgoing(v, [&](int) { ++fan; });
-    if (edges_are_sound && fan != incident[v])
-      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
-                      {" joins ", incident[v], " triangles that form more than one fan"});
-  }
-}
-
-inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
-  const int components = count_components(m);
-  if (components > 1)
-    list.add(Problem::Kind::kSeveralComponents,
-             {"the mesh has ", components, " components, 1 is needed"});
-  const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
-  const int chi = m.n_vertices - n_edges + m.n_faces;
-  const int genus = (2 - m.loops() - chi) / 2;
-  if (components != 1 || genus == 0) return;
-  list.add(Problem::Kind::kHandles,
-           {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
-}
-
-/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
-/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
-/// triangle of both meshes.
-template <class T, bool are_ids>
-Rows<T, 3> copied(const ArrayView<are_ids>& view) {
-  constexpr std::ptrdiff_t kMost = 1 << 24;
-  const bool is_there =
-      view.data != nullptr && view.read != nullptr && view.rows > 0 && view.rows <= kMost;
-  Rows<T, 3> copy(is_there ? view.rows : 0, 3);
-  for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
-    for (int c = 0; c < 3; ++c)
-      copy.data()[3 * i + c] = rounded<T>(view.read(static_cast<const char*>(view.data) +
-                                                    i * view.row_stride + c * view.column_stride));
-  return copy;
-}
-
-inline TriangleMesh copied(const MeshView& mesh) {
-  return {copied<double>(mesh.positions), copied<int>(mesh.triangles)};
-}
-
-inline SharedMesh shared(const MeshView& mesh) {
-  return std::make_shared<const TriangleMesh>(copied(mesh));
-}
-
-/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
-/// `prepared`: ids of problems are those of the mesh given.
-inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
-                                          const Prepared* prepared = nullptr) {
-  const NoTraps no_traps;
-  ProblemList list(prepared);
-  if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Problem::Kind::kEmpty,
-             {"the mesh has no vertices or no triangles, or more than 2^24 of "
-              "them, or not three numbers for each"});
-    return list.problems;
-  }
-  check_vertices(mesh, list);
-  check_indices(mesh, list);
-  if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
-  check_triangles(mesh, list);
-  check_repeated(mesh, list);
-  const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
-  check_edges(mesh, uses, list);
-  m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles, uses);
-  check_fans(m, list);
-  if (!list.problems.empty()) return list.problems;  // the next check walks the mesh
-  check_topology(m, list);
-  return list.problems;
-}
-
-// ---- preparation ----
-//
-// Purpose:    makes a clean surface of a mesh with problems.
-// Method:     Vertices become one place where parts of the mesh are sewn together: along boundary
-//             edges of different parts at equal coordinates. Triangles are glued along edges: first
-//             where two of them lie at one place; of more, two of a component, or else those that
-//             bend least. Corners that are glued around a place are one vertex; so what is not
-//             glued is cut.
-// Invariants: triangles keep their order; a component has one orientation, unless it has one side;
-//             a boundary that meets itself alone, as closed lips do, stays apart.
-// Fails:      with the problems that are left.
-
-/// "1 vertex", "2 vertices".
-inline std::string counted(int n, const char* one, const char* many = nullptr) {
-  return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
-                         : sentence({n, " ", n == 1 ? one : many});
-}
-
-/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
-/// between a point and its triangles. A volume close to zero does not count.
-inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
-  constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
-  if (!m.boundary.empty()) return false;
-  const double unit = unit_scale(mesh.vertices);
-  const Vec3 origin = row3(mesh.vertices, m.tail[0]);
-  const auto point = [&](int h) { return unit * (row3(mesh.vertices, m.tail[h]) - origin); };
-  double volume = 0, area = 0;
-  for (int h = 0; h < m.tail.size(); h += 3) {
-    const Vec3 normal = cross(point(h + 1) - point(h), point(h + 2) - point(h));
-    volume += dot(point(h), normal) / 6;
-    area += norm(normal) / 2;
-  }
-  return volume < -kLeast * area * std::sqrt(area);
-}
-
-class Preparer {
- public:
-  /// welds: vertices at one place may become one.
-  Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
-           Prepared& result)
-      : given_(given),
-        F_(given.triangles),
-        n_vertices_(static_cast<int>(given.vertices.rows())),
-        n_given_(static_cast<int>(F_.rows())),
-        welds_(welds),
-        result_(result),
-        is_used_(n_vertices_, 0),
-        has_landmark_(n_vertices_ + n_given_, 0),
-        kept_copy_(numbers_below(n_vertices_)),
-        places_(n_vertices_) {
-    double largest = 0;
-    for (int i = 0; i < F_.size(); ++i) {
-      const Vec3 p = row3(given.vertices, F_.data()[i]);
-      is_used_[F_.data()[i]] = 1;
-      largest = (std::max)({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-    }
-    unit_ = unit_scale(largest);
-    for (const LandmarkPoint& l : landmarks) {
-      const int first = l.vertex >= 0 ? 0 : n_vertices_, n = l.vertex >= 0 ? n_vertices_ : n_given_;
-      const int at = l.vertex >= 0 ? l.vertex : l.point.face;
-      if (at >= 0 && at < n) has_landmark_[first + at] = 1;
-    }
-  }
-
-  void run() {
-    find_spots();
-    find_parts();
-    take_triangles();
-    glue_all();
-    choose_component();
-    if (kept_ < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
-    if (sides_.find(kept_) == sides_.find(kept_ + n_triangles()))
-      return add_problem(Problem::Kind::kNotOrientable,
-                         "the surface has one side only, as a Möbius strip has");
-    build();
-    HalfEdgeMesh m;
-    result_.problems = find_problems(*result_.mesh, m, &result_);
-    const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
-    if (is_turned) turns_ = !turns_, build();
-    note_all(is_turned);
-    place_copies();
-  }
-
- private:
-  /// Gives the reason why the mesh stays as it is.
-  void add_problem(Problem::Kind kind, const char* message) {
-    result_.problems.assign(1, {kind, message, Element::kFace, {}});
-  }
-
-  int vertex(int h) const { return F_.data()[corner_[h]]; }
-  int place(int h) const { return place_[vertex(h)]; }
-  int spot(int h) const { return spot_[vertex(h)]; }
-  int part(int h) const { return part_[vertex(h)]; }
-  Vec3 point(int h) const { return unit_ * row3(given_.vertices, place(h)); }
-  double length(int h) const { return norm(point(next(h)) - point(h)); }
-  int n_triangles() const { return source_.size(); }
-
-  /// Normal of a triangle; its length is twice the area.
-  Vec3 normal(int f) const {
-    const int h = 3 * f;
-    return cross(point(h + 1) - point(h), point(h + 2) - point(h));
-  }
-  double double_area(int f) const { return norm(normal(f)); }
-
-  /// The spot of a vertex is the first vertex with its coordinates.
-  void find_spots() {
-    Array<std::pair<std::array<double, 3>, int>> order;
-    for (int v = 0; v < n_vertices_; ++v) {
-      const Vec3 p = row3(given_.vertices, v);
-      if (welds_ && is_used_[v]) order.push_back({{p.x, p.y, p.z}, v});
-    }
-    std::sort(order.begin(), order.end());
-    spot_ = numbers_below(n_vertices_);
-    for (int i = 1; i < order.size(); ++i)
-      if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
-  }
-
-  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
-  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
-  void find_parts() {
-    DisjointSets sets(n_vertices_);
-    for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
-    Array<Three> order;  // by fewer landmarks, fewer triangles, vertex
-    for (int v = 0; v < n_vertices_; ++v) order.push_back({0, 0, v});
-    for (int f = 0; f < n_given_; ++f) --order[sets.find(F_(f, 0))][1];
-    for (int i = 0; i < has_landmark_.size(); ++i)
-      order[sets.find(i < n_vertices_ ? i : F_(i - n_vertices_, 0))][0] -= has_landmark_[i];
-    std::sort(order.begin(), order.end());
-    Array<int> rank(n_vertices_);
-    for (int i = 0; i < n_vertices_; ++i) rank[order[i][2]] = i;
-    part_.resize(n_vertices_);
-    for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
-  }
-
-  /// Takes all triangles but repeated and degenerate ones.
-  void take_triangles() {
-    source_ = numbers_below(n_given_);
-    corner_ = numbers_below(3 * n_given_);
-    place_ = numbers_below(n_vertices_);
-    drop_repeated(spot_);
-    sew();
-    drop_collapsed();
-    mend_flat();
-    drop_repeated(place_);
-    sort_unique(repeated_);
-  }
-
-  /// Drops the triangles of which is_dropped(f) is true.
-  template <class IsDropped>
-  void drop(const IsDropped& is_dropped) {
-    int n = 0;
-    for (int f = 0; f < n_triangles(); ++f) {
-      if (is_dropped(f)) continue;
-      for (int k = 0; k < 3; ++k) corner_[3 * n + k] = corner_[3 * f + k];
-      source_[n++] = source_[f];
-    }
-    source_.resize(n);
-    corner_.resize(3 * n);
-  }
-
-  /// Drops triangles with two corners at one place.
-  void drop_collapsed() {
-    drop([&](int f) {
-      const int p = place(3 * f), q = place(3 * f + 1), r = place(3 * f + 2);
-      return p == q || q == r || r == p;
-    });
-  }
-
-  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
-  /// that lie on each other without a common vertex, as closed lips may, all stay.
-  void drop_repeated(const Array<int>& at) {
-    const auto corners = [&](const Array<int>& a, int f) {
-      return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
-    };
-    Array<std::tuple<Three, int, Three, int>> order;  // `at`, part, places, triangle
-    for (int f = 0; f < n_triangles(); ++f)
-      order.push_back({corners(at, f), part(3 * f), corners(place_, f), f});
-    std::sort(order.begin(), order.end());
-    Array<char> is_dropped(n_triangles(), 0);
-    for (int i = 1, first = 0; i < order.size(); ++i) {
-      const auto& [spots, from, places, f] = order[i];
-      if (spots != std::get<0>(order[first])) first = i;
-      if (i == first) continue;
-      if (from == std::get<1>(order[first]) && places != std::get<2>(order[i - 1])) continue;
-      is_dropped[f] = 1;
-      repeated_.push_back(source_[f]);
-      const int kept = std::get<3>(order[first]);
-      for (int h = 3 * f; h < 3 * f + 3; ++h)
-        for (int t = 3 * kept; t < 3 * kept + 3; ++t)
-          if (at[vertex(h)] == at[vertex(t)]) kept_copy_[vertex(h)] = vertex(t);
-    }
-    drop([&](int f) { return is_dropped[f] != 0; });
-  }
-
-  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
-  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
-  /// part as well. A loop that meets no other part stays apart.
-  void sew() {
-    DisjointSets loops(n_vertices_);
-    Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
-    Array<EdgeUse> edges;
-    const Array<EdgeUse> uses = edge_uses(place_);
-    for_each_edge(uses, [&](int begin, int end) {
-      const int h = uses[begin].half_edge, t = next(h);
-      if (spot(h) == spot(t) || spot(t) == spot(prev(h)) || spot(prev(h)) == spot(h)) return;
-      is_border[h] = end - begin == 1;
-      if (is_border[h]) loops.unite(vertex(h), vertex(t));
-      edges.push_back(edge_use(h, spot_));
-    });
-    std::sort(edges.begin(), edges.end());
-    const auto is_shared = [&](int begin, int end) {
-      for (int i = begin; i < end; ++i)
-        if (part(edges[i].half_edge) != part(edges[begin].half_edge)) return true;
-      return false;
-    };
-    for_each_edge(edges, [&](int begin, int end) {
-      if (!is_shared(begin, end)) return;
-      for (int i = begin; i < end; ++i)
-        if (const int h = edges[i].half_edge; is_border[h]) is_seam[loops.find(vertex(h))] = 1;
-    });
-    for_each_edge(edges, [&](int begin, int end) {
-      const bool is_common = is_shared(begin, end);
-      int first = -1;
-      for (int i = begin; i < end; ++i) {
-        const int h = edges[i].half_edge;
-        if (is_border[h] ? !is_seam[loops.find(vertex(h))] : !is_common) continue;
-        if (first < 0) first = h;
-        const bool runs_along = spot(h) == spot(first);
-        places_.unite(vertex(h), vertex(runs_along ? first : next(first)));
-        places_.unite(vertex(next(h)), vertex(runs_along ? next(first) : first));
-      }
-    });
-    update_places();
-  }
-
-  void update_places() {
-    for (int v = 0; v < n_vertices_; ++v) place_[v] = places_.find(v);
-  }
-
-  // ---- degenerate triangles ----
-
-  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
-  /// degenerate, too.
-  void mend_flat() {
-    constexpr int kRounds = 50;
-    for (int round = 0; round < kRounds; ++round) {
-      const Array<int> flat = flat_triangles();
-      bool has_changed = false;
-      for (int f : flat)
-        if (unite_short_edge(f)) has_changed = true;
-      if (has_changed) {
-        update_places();
-        drop_collapsed();
-        continue;
-      }
-      if (flat.empty()) return;
-      const Array<EdgeUse> uses = edge_uses(place_);
-      for (int f : flat)
-        if (give_to_neighbour(f, uses)) has_changed = true;
-      if (!has_changed) break;
-    }
-    const Array<int> flat = flat_triangles();
-    drop([&](int f) { return std::binary_search(flat.begin(), flat.end(), f); });
-  }
-
-  Array<int> flat_triangles() const {
-    Triangles at_places(n_triangles(), 3);
-    for (int h = 0; h < corner_.size(); ++h) at_places.data()[h] = place(h);
-    const Array<const char*> defects = triangle_defects(given_.vertices, at_places);
-    Array<int> flat;
-    for (int f = 0; f < defects.size(); ++f)
-      if (defects[f] != nullptr) flat.push_back(f);
-    return flat;
-  }
-
-  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
-  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
-  bool unite_short_edge(int f) {
-    constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
-    int shortest = 3 * f;
-    double longest = 0;
-    for (int h = 3 * f; h < 3 * f + 3; ++h) {
-      if (length(h) < length(shortest)) shortest = h;
-      longest = (std::max)(longest, length(h));
-    }
-    const bool has_height = double_area(f) > kShort * longest * longest;
-    if (length(shortest) > kShort * longest && !has_height) return false;
-    places_.unite(vertex(shortest), vertex(next(shortest)));
-    return true;
-  }
-
-  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
-  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
-  bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
-    int longest = 3 * cap;
-    for (int h = 3 * cap; h < 3 * cap + 3; ++h)
-      if (length(h) > length(longest)) longest = h;
-    const EdgeUse edge = edge_use(longest, place_);
-    const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
-    int behind = -1, count = 0;
-    for (; use != uses.end() && use->same_edge(edge); ++use) {
-      const int h = use->half_edge;
-      if (h / 3 == cap || !edge_use(h, place_).same_edge(edge)) continue;  // it has been cut since
-      behind = h;
-      ++count;
-    }
-    if (count != 1) return false;
-    const int to = next(behind), left = prev(behind), middle = corner_[prev(longest)];
-    corner_[3 * cap] = middle;
-    corner_[3 * cap + 1] = corner_[to];
-    corner_[3 * cap + 2] = corner_[left];
-    corner_[to] = middle;
-    source_[cap] = source_[behind / 3];
-    return true;
-  }
-
-  EdgeUse edge_use(int h, const Array<int>& at) const {
-    const int p = at[vertex(h)], q = at[vertex(next(h))];
-    return {(std::min)(p, q), (std::max)(p, q), h};
-  }
-
-  Array<EdgeUse> edge_uses(const Array<int>& at) const {
-    Array<EdgeUse> uses;
-    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h, at));
-    std::sort(uses.begin(), uses.end());
-    return uses;
-  }
-
-  // ---- gluing ----
-
-  /// The half-edges at one place.
-  using Uses = Array<int>;
-
-  void glue_all() {
-    twin_.assign(corner_.size(), -1);
-    corners_ = DisjointSets(corner_.size());
-    sides_ = DisjointSets(2 * n_triangles());
-    const Array<EdgeUse> uses = edge_uses(place_);
-    for_each_edge(uses, [&](int begin, int end) {
-      Uses here;
-      for (int i = begin; i < end; ++i) here.push_back(uses[i].half_edge);
-      if (here.size() == 2) glue(here[0], here[1]);
-      if (here.size() > 2) crowded_.push_back(here);
-    });
-    for (const Uses& here : crowded_) glue_crowded(here);
-  }
-
-  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
-  /// those sides from which they run through the edge in opposite directions.
-  void glue(int h, int t) {
-    const int n = n_triangles(), f = h / 3, g = t / 3;
-    const bool runs_along = place(h) == place(t);
-    twin_[h] = t, twin_[t] = h;
-    corners_.unite(h, runs_along ? t : next(t));
-    corners_.unite(next(h), runs_along ? next(t) : t);
-    sides_.unite(f, runs_along ? g + n : g);
-    sides_.unite(f + n, runs_along ? g : g + n);
-  }
-
-  /// The first triangle of a component stands for it, and for its orientation.
-  int component(int f) { return (std::min)(sides_.find(f), sides_.find(f + n_triangles())); }
-  bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
-
-  bool is_same_edge(int h, int t) const {
-    const int u = vertex(h), v = vertex(next(h)), w = vertex(t), z = vertex(next(t));
-    return (u == w && v == z) || (u == z && v == w);
-  }
-
-  /// Glues pairs of several triangles at an edge: those within a component first, then those with
-  /// the same vertices of the mesh given, then those that bend least.
-  void glue_crowded(const Uses& here) {
-    if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
-    for (int left = here.size(); left >= 2; left -= 2) {
-      int best_h = -1, best_t = -1;
-      double least = kInfinity;
-      for (int i = 0; i < here.size(); ++i)
-        for (int k = i + 1; k < here.size(); ++k)
-          if (const double cost = cost_to_glue(here[i], here[k]); cost < least)
-            least = cost, best_h = here[i], best_t = here[k];
-      if (best_h < 0) return;
-      glue(best_h, best_t);
-    }
-  }
-
-  /// Infinite if one is glued already, or if gluing would leave a component with one side.
-  double cost_to_glue(int h, int t) {
-    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
-    if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
-    const int f = h / 3, g = t / 3;
-    const bool is_other = component(f) != component(g), runs_along = place(h) == place(t);
-    const int side_of_g = runs_along ? g + n_triangles() : g;
-    if (!is_other && sides_.find(f) != sides_.find(side_of_g)) return kInfinity;
-    const double bend = dot(normalized(normal(f)), normalized(normal(g)));
-    return (is_other ? kOtherComponent : 0) + (is_same_edge(h, t) ? 0 : kOtherVertices) +
-           (runs_along ? bend : -bend);
-  }
-
-  // ---- what is kept ----
-
-  /// Keeps the component with most landmarks, of several the largest, and the orientation of most
-  /// of its area.
-  void choose_component() {
-    Array<std::array<int, 2>> found;  // landmarks in components
-    for (int h = 0; h < corner_.size(); ++h)
-      for (int at : {vertex(h), n_vertices_ + source_[h / 3]})
-        if (has_landmark_[at]) found.push_back({component(h / 3), at});
-    sort_unique(found);
-    Array<std::array<double, 2>> score(n_triangles());  // landmarks and area
-    for (const std::array<int, 2>& landmark : found) ++score[landmark[0]][0];
-    for (int f = 0; f < n_triangles(); ++f) score[component(f)][1] += double_area(f);
-    if (score.empty()) return;
-    kept_ = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
-    double turned = 0;
-    for (int f = 0; f < n_triangles(); ++f) {
-      if (component(f) != kept_) continue;
-      members_.push_back(f);
-      turned += is_turned(f) ? double_area(f) : -double_area(f);
-    }
-    turns_ = turned > 0;
-  }
-
-  void build() {
-    Array<int> source(corner_.size(), n_vertices_);  // of corners that are one vertex
-    Array<std::array<int, 2>> order;                 // vertices by the first one that became it
-    for (int f : members_)
-      for (int h = 3 * f; h < 3 * f + 3; ++h) {
-        int& first = source[corners_.find(h)];
-        first = (std::min)(first, vertex(h));
-      }
-    for (int h = 0; h < corner_.size(); ++h)
-      if (source[h] < n_vertices_) order.push_back({source[h], h});
-    std::sort(order.begin(), order.end());
-    TriangleMesh mesh = {Points3(order.size(), 3), Triangles(members_.size(), 3)};
-    Array<int> id(corner_.size());
-    result_.given_vertex.clear();
-    for (int i = 0; i < order.size(); ++i) {
-      id[order[i][1]] = i;
-      result_.given_vertex.push_back(order[i][0]);
-      set_row(mesh.vertices, i, row3(given_.vertices, order[i][0]));
-    }
-    result_.given_corner.clear();
-    result_.given_triangle.clear();
-    result_.new_vertex.assign(result_.new_vertex.size(), -1);
-    result_.new_triangle.assign(result_.new_triangle.size(), -1);
-    over_.clear();
-    cut_.clear();
-    for (int i = 0; i < members_.size(); ++i) {
-      const int f = members_[i];
-      const bool turns = is_turned(f) != turns_;
-      if (turns) over_.push_back(source_[f]);
-      result_.given_triangle.push_back(source_[f]);
-      int& new_triangle = result_.new_triangle.data()[source_[f]];
-      if (new_triangle < 0) new_triangle = i;
-      for (int k : {0, 1, 2}) {
-        const int h = 3 * f + (turns ? (3 - k) % 3 : k), v = id[corners_.find(h)];
-        mesh.triangles(i, k) = v;
-        result_.given_corner.push_back(corner_[h]);
-        int& new_vertex = result_.new_vertex.data()[vertex(h)];
-        if (new_vertex >= 0 && new_vertex != v) cut_.push_back(vertex(h));
-        if (new_vertex < 0 || v < new_vertex) new_vertex = v;
-      }
-    }
-    result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
-    sort_unique(over_);
-    sort_unique(cut_);
-  }
-
-  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
-  void place_copies() {
-    for (int v = 0; v < n_vertices_; ++v)
-      if (result_.new_vertex.data()[v] < 0)
-        result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
-  }
-
-  // ---- what was done ----
-
-  /// `is_turned`: the surface was inside out.
-  void note_all(bool is_turned) {
-    note_dropped();
-    note_welded();
-    note_cut_edges();
-    note(Problem::Kind::kNonManifoldVertex,
-         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
-         Element::kVertex, cut_);
-    note(Problem::Kind::kInconsistentOrientation,
-         {"turned ", counted(over_.size(), "triangle"), " over",
-          is_turned ? ": most of the surface was inside out" : ""},
-         Element::kFace, over_);
-    note_components();
-    Array<int> unused;
-    for (int v = 0; v < n_vertices_; ++v)
-      if (!is_used_[v]) unused.push_back(v);
-    note(Problem::Kind::kUnreferencedVertex,
-         {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
-         Element::kVertex, unused);
-  }
-
-  void note(Problem::Kind kind, Words message, Element element, const Array<int>& ids) {
-    if (!ids.empty())
-      result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
-  }
-
-  void note_dropped() {
-    Array<char> is_known(n_given_, 0);
-    for (int f : source_) is_known[f] = 1;
-    for (int f : repeated_) is_known[f] = 1;
-    Array<int> degenerate;
-    for (int f = 0; f < n_given_; ++f)
-      if (!is_known[f]) degenerate.push_back(f);
-    note(Problem::Kind::kDegenerateTriangle,
-         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
-         degenerate);
-    note(Problem::Kind::kRepeatedTriangle,
-         {"dropped ", counted(repeated_.size(), "repeated triangle")}, Element::kFace, repeated_);
-  }
-
-  void note_welded() {
-    Array<int> welded;
-    int n = 0;
-    for (int v = 0; v < n_vertices_; ++v) {
-      const int w = result_.new_vertex.data()[v];
-      n += w >= 0;
-      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
-    }
-    note(Problem::Kind::kUnwelded, {"welded ", n, " vertices to ", n - welded.size()},
-         Element::kVertex, welded);
-  }
-
-  void note_cut_edges() {
-    int n = 0;
-    Array<int> triangles;
-    for (const Uses& here : crowded_) {
-      if (!is_cut(here)) continue;
-      ++n;
-      for (int h : here) triangles.push_back(source_[h / 3]);
-    }
-    sort_unique(triangles);
-    note(Problem::Kind::kNonManifoldEdge,
-         {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
-  }
-
-  /// True if one of some triangles at an edge is kept and another one was cut off it.
-  bool is_cut(const Uses& here) {
-    for (int h : here) {
-      if (component(h / 3) != kept_) continue;
-      if (twin_[h] < 0) return true;
-      for (int t : here)
-        if (t != h && t != twin_[h] && is_same_edge(h, t)) return true;
-    }
-    return false;
-  }
-
-  void note_components() {
-    Array<int> dropped, elsewhere;
-    for (int f = 0; f < n_triangles(); ++f) {
-      if (component(f) == kept_) continue;
-      dropped.push_back(component(f));
-      elsewhere.push_back(source_[f]);
-    }
-    sort_unique(dropped);
-    sort_unique(elsewhere);
-    note(Problem::Kind::kSeveralComponents,
-         {"dropped ", counted(dropped.size(), "component"), ", ",
-          counted(elsewhere.size(), "triangle")},
-         Element::kFace, elsewhere);
-  }
-
-  const TriangleMesh& given_;
-  const Triangles& F_;
-  const int n_vertices_, n_given_;  // vertices and triangles given
-  const bool welds_;
-  Prepared& result_;
-  double unit_ = 1;           // of lengths
-  Array<char> is_used_;       // per vertex given, by a triangle
-  Array<char> has_landmark_;  // vertices given, then triangles
-  Array<int> spot_;           // per vertex given, the first one at its coordinates
-  Array<int> part_;           // per vertex given, its part of the mesh; the first is kept first
-  Array<int> kept_copy_;      // per vertex given, that of the triangle that was kept instead
-  DisjointSets places_;       // of vertices given that are at one place,
-  Array<int> place_;          // and per vertex the first one of its
-  Array<int> source_;         // per triangle that is left, the one given that it is a part of
-  Array<int> corner_;         // per corner of those, the one given
-  Array<int> twin_;           // per half-edge of those, the one it is glued to, or -1
-  DisjointSets corners_;      // those of one vertex
-  DisjointSets sides_;        // those of one side of a component: triangles, then their backs
-  int kept_ = -1;             // the component that is,
-  Array<int> members_;        // its triangles,
-  bool turns_ = false;        // and the orientation it gets, true for that of the backs
-  Array<Uses> crowded_;       // places of more than two half-edges
-  Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
-};
-
-/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
-inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
-  const auto identity = [](Eigen::Index n) {
-    const Array<int> ids = numbers_below(static_cast<int>(n));
-    return std::vector<int>(ids.begin(), ids.end());
-  };
-  Prepared result;
-  result.given = result.mesh = mesh;
-  result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
-  result.given_corner = identity(mesh->triangles.size());
-  result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
-  result.problems = find_problems(*mesh, m);
-  return result;
-}
-
-/// True if all ids are in range and all vertices in use are finite.
-inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
-  for (const Problem& p : problems)
-    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
-  for (int i = 0; i < mesh.triangles.size(); ++i)
-    if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
-  return true;
-}
-
-/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
-/// there are none, nothing is welded.
-inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
-                         bool welds) {
-  const NoTraps no_traps;
-  HalfEdgeMesh m;
-  const Prepared before = as_given(given, m);
-  const std::vector<Problem>& problems = before.problems;
-  const bool is_clean =
-      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
-  if (is_clean || !is_readable(*given, problems)) return before;
-  Prepared welded = before;
-  if (welds) Preparer(*given, landmarks, true, welded).run();
-  if (welds && welded.problems.empty()) return welded;
-  Prepared not_welded = before;
-  Preparer(*given, landmarks, false, not_welded).run();
-  const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
-  return !welds || (not_welded.problems.empty() && is_whole) ? not_welded : welded;
-}
-
-using SharedPrepared = std::shared_ptr<const Prepared>;
 
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
 //
@@ -3849,18 +2619,6 @@ inline Vec2 point_gradient(const TriangleDensity<double>& w, const CornerWeights
   return {B.weight[i][0] * w.gradient[0] + B.weight[i][1] * w.gradient[2],
           B.weight[i][0] * w.gradient[1] + B.weight[i][1] * w.gradient[3]};
 }
-inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
-                          int j) {
-  Mat2 H;
-  for (int r = 0; r < 2; ++r)
-    for (int q = 0; q < 2; ++q)
-      for (int k = r; k < 4; k += 2)
-        for (int l = q; l < 4; l += 2)
-          H(r, q) += B.weight[i][k / 2] * B.weight[j][l / 2] *
-                     (k >= l ? w.hessian[k][l] : w.hessian[l][k]);
-  return H;
-}
-
 /// A symmetric matrix, of which the lower triangle counts.
 template <int N, class Real>
 struct Symmetric {
@@ -4488,845 +3246,7 @@ void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
     for (int j = i % 2; j <= i; j += 2) H(i, j) += (std::max)(epsilon, 0.0) / P;  // translations
 }
 
-// ==== [9] SPARSE LDLT (George 1973; Duff and Reid 1983) ==========================================
-//
-// Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
-//             nested dissection of the vertices' positions and the multifrontal method.
-// Invariants: block (r, c), r ≤ c, of the pattern couples vertices r and c; diagonal blocks are
-//             present and come first in their row. The same bits for any number of threads.
-// Fails:      a zero or non-finite pivot ends the factorisation; negative pivots are counted, and
-//             mean that the matrix is not positive definite.
-
-/// Upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
-struct BlockMatrix {
-  Array<int> start;   // #rows + 1
-  Array<int> column;  // per block
-  Array<Mat2> value;
-  int rows() const { return start.size() - 1; }
-  int blocks() const { return column.size(); }
-};
-
-/// A front of the elimination tree: the vertices eliminated together, and the later vertices their
-/// elimination touches. Vertices are meant by their place in the elimination order.
-struct Front {
-  int begin = 0, end = 0;  // own vertices
-  Array<int> rows;         // later vertices, ascending
-  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
-  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
-  int parent = -1;
-  int depth = 0;
-  Array<int> children;
-  struct OwnBlock {
-    int block;        // of the pattern
-    int row, column;  // local place of the block in the front's lower triangle
-    bool transposed;
-  };
-  Array<OwnBlock> blocks;
-  int own() const { return end - begin; }
-  int size() const { return own() + rows.size(); }
-};
-
-/// The elimination order and the fronts; depends on the pattern and the positions only.
-struct LdltSymbolic {
-  Array<int> order;     // order[i] is the vertex eliminated as the i-th
-  Array<int> place;     // its inverse
-  Array<Front> fronts;  // children before parents
-  std::int64_t panels_size = 0;
-  /// Per stage groups of fronts that can be eliminated side by side: first whole subtrees below a
-  /// fixed depth, children before parents, then the fronts above it, level by level.
-  Array<Array<Array<int>>> stages;
-};
-
-/// A line or circle with a fraction of some points below it, or inside.
-struct PlanarCut {
-  bool is_circle = false;
-  Vec2 vector;  // center of the circle, or normal of the line
-  double fraction = 0.5;
-  double key(Vec2 p) const { return is_circle ? squared_norm(p - vector) : dot(vector, p); }
-};
-
-/// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
-/// couplings between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which
-/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all,
-/// and single precision is enough to count them.
-class CutFinder {
- public:
-  static constexpr int kCouplings = 8;
-
-  explicit CutFinder(int n) : n_(n), x_(n, kCouplings + 1), y_(n, kCouplings + 1) {}
-
-  /// The k-th point that point i is coupled to; the 0-th is itself.
-  void set(int i, int k, Vec2 p) {
-    x_(i, k) = static_cast<float>(p.x);
-    y_(i, k) = static_cast<float>(p.y);
-  }
-
-  PlanarCut best() {
-    constexpr int kSmall = 1000;  // points; below, a better cut hardly saves arithmetic
-    const int lines = n_ < kSmall ? 2 : 8, circles = n_ < kSmall ? 2 : 16;
-    PlanarCut best;
-    double least = kInfinity;
-    for (int i = 0; i < lines + circles; ++i) {
-      PlanarCut cut;
-      cut.is_circle = i >= lines;
-      if (cut.is_circle) {
-        const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
-        cut.vector = {x_(center, 0), y_(center, 0)};
-      } else {
-        cut.vector = on_circle(kPi * i / lines);
-      }
-      measure(cut);
-      for (double fraction : {0.4, 0.5, 0.6}) {
-        const double c = cost(sample_[static_cast<int>(fraction * sample_.size())], fraction);
-        if (c >= least) continue;
-        least = c;
-        cut.fraction = fraction;
-        best = cut;
-      }
-    }
-    return best;
-  }
-
- private:
-  using Points = Eigen::Array<float, Eigen::Dynamic, kCouplings + 1>;
-
-  /// The keys of the points, and the least and largest key of each and what it is coupled to.
-  void measure(const PlanarCut& cut) {
-    constexpr int kSamples = 64;
-    const float vx = static_cast<float>(cut.vector.x), vy = static_cast<float>(cut.vector.y);
-    lo_.setConstant(n_, std::numeric_limits<float>::infinity());
-    hi_.setConstant(n_, -std::numeric_limits<float>::infinity());
-    for (int k = kCouplings; k >= 0; --k) {  // the points themselves come last
-      if (cut.is_circle) {
-        key_ = (x_.col(k) - vx).square();
-        other_ = (y_.col(k) - vy).square();
-      } else {
-        key_ = vx * x_.col(k);
-        other_ = vy * y_.col(k);
-      }
-      key_ += other_;
-      lo_ = lo_.min(key_);
-      hi_ = hi_.max(key_);
-    }
-    sample_.clear();
-    for (int i = 0; i < n_; i += 1 + n_ / kSamples) sample_.push_back(key_[i]);
-    std::sort(sample_.begin(), sample_.end());
-  }
-
-  /// Points of the side with fewer of them that are coupled to the other side; more if one side is
-  /// larger.
-  double cost(float level, double fraction) const {
-    int below = 0, above = 0;
-    for (int i = 0; i < n_; ++i) {  // without branches, so that compilers vectorise it
-      below += int{key_[i] < level} & int{hi_[i] >= level};
-      above += int{key_[i] >= level} & int{lo_[i] < level};
-    }
-    return (std::min)(below, above) * (1 + std::abs(fraction - 0.5));
-  }
-
-  int n_;
-  Points x_, y_;
-  Eigen::ArrayXf key_, other_, lo_, hi_;
-  Array<float> sample_;  // of the keys, ascending
-};
-
-/// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
-/// has fewer of them, the vertices coupled to the other side separate the rest; the separator is
-/// thinned, its vertices are eliminated last, and both sides are divided again. Sets of one level
-/// are not coupled, so they are divided side by side.
-class NestedDissection {
- public:
-  NestedDissection(const BlockMatrix& pattern, const Points2& positions, const Executor& executor)
-      : pattern_(pattern), positions_(positions), executor_(executor) {}
-
-  LdltSymbolic build() {
-    const int n = pattern_.rows();
-    build_adjacency();
-    result_.order.resize(n);
-    for (int i = 0; i < n; ++i) result_.order[i] = i;
-    dissect();
-    result_.place.resize(n);
-    for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
-    add_front(0);
-    schedule();
-    for (const Array<Array<int>>& stage : result_.stages)
-      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
-    place_panels();
-    return std::move(result_);
-  }
-
- private:
-  static constexpr int kLargestLeaf = 12;       // smaller leaves cost more in bookkeeping
-  static constexpr double kLargestPart = 0.65;  // of a set that one side may have
-
-  enum Part : std::uint8_t { kLeft, kRight, kSeparator, kOutside };
-
-  struct Neighbour {
-    int vertex;
-    int block;
-    bool transposed;  // the block is stored as (neighbour, vertex)
-  };
-
-  /// The vertices order[begin, end). Once divided, those of the left side come first, then those of
-  /// the right side, then the separator.
-  struct Set {
-    int begin, end, depth;
-    int left_end = 0, right_end = 0;
-    int child = -1;  // its left side in sets_; the right side is the next
-    int size() const { return end - begin; }
-  };
-
-  void build_adjacency() {
-    const int n = pattern_.rows();
-    start_.assign(n + 1, 0);
-    for (int r = 0; r < n; ++r)
-      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
-        ++start_[r + 1];
-        if (pattern_.column[b] != r) ++start_[pattern_.column[b] + 1];
-      }
-    for (int i = 0; i < n; ++i) start_[i + 1] += start_[i];
-    Array<int> fill = start_;
-    neighbour_.resize(start_[n]);
-    for (int r = 0; r < n; ++r)
-      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
-        const int c = pattern_.column[b];
-        neighbour_[fill[r]++] = {c, b, false};
-        if (c != r) neighbour_[fill[c]++] = {r, b, true};
-      }
-  }
-
-  template <class Visit>
-  void for_each_neighbour(int v, const Visit& visit) const {
-    for (int k = start_[v]; k < start_[v + 1]; ++k) visit(neighbour_[k].vertex);
-  }
-
-  void dissect() {
-    part_.assign(pattern_.rows(), kOutside);
-    for (Array<int>& count : coupled_) count.assign(pattern_.rows(), 0);
-    moved_.assign(pattern_.rows(), 0);
-    sets_.push_back({0, pattern_.rows(), 0});
-    const bool has_hubs = set_hubs_apart();
-    for (int first = has_hubs, last = sets_.size(); first < last;
-         first = last, last = sets_.size()) {
-      executor_.run(last - first, [&](int i) { split(sets_[first + i]); });
-      for (int i = first; i < last; ++i) {
-        const Set set = sets_[i];
-        if (set.size() <= kLargestLeaf) continue;
-        sets_[i].child = sets_.size();
-        sets_.push_back({set.begin, set.left_end, set.depth + 1});
-        sets_.push_back({set.left_end, set.right_end, set.depth + 1});
-      }
-    }
-  }
-
-  /// Vertices coupled to more others than separators have, in the plane, come into none of them:
-  /// they are eliminated last. False if there are none.
-  bool set_hubs_apart() {
-    constexpr int kLeast = 1000;
-    const int n = pattern_.rows();
-    const double most = (std::max)(double{kLeast}, 4 * std::sqrt(n));
-    const auto is_hub = [&](int v) { return start_[v + 1] - start_[v] > most; };
-    const int* const rest = std::stable_partition(result_.order.begin(), result_.order.end(),
-                                                  [&](int v) { return !is_hub(v); });
-    const int end = static_cast<int>(rest - result_.order.begin());
-    if (end == n) return false;
-    sets_[0].left_end = sets_[0].right_end = end;
-    sets_[0].child = 1;
-    sets_.push_back({0, end, 1});
-    sets_.push_back({end, end, 1});
-    return true;
-  }
-
-  int& vertex(int i) { return result_.order[i]; }
-
-  void split(Set& set) {
-    if (set.size() <= kLargestLeaf) return;
-    divide(set);
-    separate(set);
-    thin_separator(set);
-    Array<int> members[3];
-    for (int i = set.begin; i < set.end; ++i) members[part_[vertex(i)]].push_back(vertex(i));
-    int i = set.begin;
-    for (const Array<int>& part : members)
-      for (int v : part) {
-        part_[v] = kOutside;
-        vertex(i++) = v;
-      }
-    set.left_end = set.begin + members[kLeft].size();
-    set.right_end = set.left_end + members[kRight].size();
-  }
-
-  /// Puts every vertex of a set on one of two sides.
-  void divide(const Set& set) {
-    const int n = set.size();
-    const Vec2 origin = row2(positions_, vertex(set.begin));
-    double extent = 0;
-    for (int i = set.begin; i < set.end; ++i) {
-      part_[vertex(i)] = kLeft;  // for now: it is in the set
-      const Vec2 p = row2(positions_, vertex(i)) - origin;
-      extent = (std::max)({extent, std::abs(p.x), std::abs(p.y)});
-    }
-    const double unit = extent > 0 ? 1 / extent : 1;
-    const auto point = [&](int v) { return unit * (row2(positions_, v) - origin); };
-    CutFinder cuts(n);
-    for (int i = 0; i < n; ++i) {
-      const int v = vertex(set.begin + i);
-      for (int k = 0; k <= CutFinder::kCouplings; ++k) {
-        const int u = k == 0 ? v : spread_neighbour(v, k - 1);
-        cuts.set(i, k, point(part_[u] == kLeft ? u : v));
-      }
-    }
-    const PlanarCut cut = cuts.best();
-    Array<std::pair<double, int>> key(n);
-    for (int i = 0; i < n; ++i)
-      key[i] = {cut.key(point(vertex(set.begin + i))), vertex(set.begin + i)};
-    const int left = (std::max)(1, static_cast<int>(cut.fraction * n));
-    std::nth_element(key.begin(), key.begin() + left, key.end());
-    for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
-  }
-
-  /// One of kCouplings neighbours evenly spread over the list of v.
-  int spread_neighbour(int v, int k) const {
-    const int degree = start_[v + 1] - start_[v];
-    return neighbour_[start_[v] + (2 * k + 1) * degree / (2 * CutFinder::kCouplings)].vertex;
-  }
-
-  bool is_coupled_to(int v, Part part) const {
-    for (int k = start_[v]; k < start_[v + 1]; ++k)
-      if (part_[neighbour_[k].vertex] == part) return true;
-    return false;
-  }
-
-  /// Makes the vertices of one side that are coupled to the other one the separator.
-  void separate(const Set& set) {
-    Array<int> rim[2];
-    for (int i = set.begin; i < set.end; ++i) {
-      const Part own = part_[vertex(i)];
-      if (is_coupled_to(vertex(i), other_side(own))) rim[own].push_back(vertex(i));
-    }
-    for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
-  }
-
-  // -- thinning of a separator [Fiduccia and Mattheyses 1982] --
-
-  /// A vertex of the separator goes to one side; those of the other side it is coupled to come in.
-  struct Move {
-    int gain;  // by which the separator shrinks
-    int vertex;
-    Part to;
-    bool operator<(const Move& o) const {
-      return gain != o.gain ? gain < o.gain : vertex != o.vertex ? vertex < o.vertex : to < o.to;
-    }
-  };
-  using Moves = Array<Move>;  // a heap, the best one first
-
-  /// Makes the best moves one after the other, also such that do not pay at once, and takes back
-  /// those after the smallest separator. No vertex moves twice.
-  void thin_separator(const Set& set) {
-    constexpr int kPatience = 30;  // moves without success
-    const int largest = static_cast<int>(kLargestPart * set.size());
-    int size[3] = {0, 0, 0};
-    Moves moves;
-    for (int i = set.begin; i < set.end; ++i) {
-      moved_[vertex(i)] = 0;
-      ++size[part_[vertex(i)]];
-    }
-    for (int i = set.begin; i < set.end; ++i)
-      if (part_[vertex(i)] == kSeparator) enter_separator(vertex(i), moves);
-    Array<Move> made;
-    Array<int> pulled, pulled_end;
-    int best = 0, least = size[kSeparator];
-    while (!moves.empty() && made.size() - best < kPatience) {
-      std::pop_heap(moves.begin(), moves.end());
-      const Move move = moves.back();
-      moves.pop_back();
-      const Part from = other_side(move.to);
-      if (part_[move.vertex] != kSeparator || moved_[move.vertex]) continue;
-      if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
-      moved_[move.vertex] = 1;
-      made.push_back(move);
-      leave_separator(move.vertex, move.to, pulled, moves);
-      pulled_end.push_back(pulled.size());
-      size[kSeparator] -= move.gain;
-      size[move.to] += 1;
-      size[from] -= 1 - move.gain;
-      if (size[kSeparator] >= least) continue;
-      least = size[kSeparator];
-      best = made.size();
-    }
-    for (; made.size() > best; made.pop_back()) {
-      pulled_end.pop_back();
-      for (; pulled.size() > (pulled_end.empty() ? 0 : pulled_end.back()); pulled.pop_back())
-        part_[pulled.back()] = other_side(made.back().to);
-      part_[made.back().vertex] = kSeparator;
-    }
-  }
-
-  static Part other_side(Part side) { return side == kLeft ? kRight : kLeft; }
-
-  void propose_move(int v, Part to, Moves& moves) const {
-    constexpr int kLeastGain = -1;
-    const int gain = 1 - coupled_[other_side(to)][v];
-    if (moved_[v] || gain < kLeastGain) return;
-    moves.push_back({gain, v, to});
-    std::push_heap(moves.begin(), moves.end());
-  }
-
-  void enter_separator(int v, Moves& moves) {
-    coupled_[kLeft][v] = coupled_[kRight][v] = 0;
-    for_each_neighbour(v, [&](int u) {
-      if (part_[u] <= kRight) ++coupled_[part_[u]][v];
-    });
-    propose_move(v, kLeft, moves);
-    propose_move(v, kRight, moves);
-  }
-
-  void leave_separator(int v, Part to, Array<int>& pulled, Moves& moves) {
-    const Part from = other_side(to);
-    const int begin = pulled.size();
-    part_[v] = to;
-    for_each_neighbour(v, [&](int u) {
-      if (part_[u] == kSeparator) ++coupled_[to][u], propose_move(u, from, moves);
-      if (part_[u] == from) part_[u] = kSeparator, pulled.push_back(u);
-    });
-    for (int i = begin; i < pulled.size(); ++i)
-      for_each_neighbour(pulled[i], [&](int u) {
-        if (part_[u] == kSeparator) --coupled_[from][u], propose_move(u, to, moves);
-      });
-    for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i], moves);
-  }
-
-  // -- fronts --
-
-  /// Appends the fronts of a set, those of its sides first; returns the topmost.
-  int add_front(int id_set) {
-    const Set& set = sets_[id_set];
-    const bool is_leaf = set.child < 0;
-    Front front;
-    front.begin = is_leaf ? set.begin : set.right_end;
-    front.end = set.end;
-    front.depth = set.depth;
-    if (!is_leaf)
-      for (int side : {0, 1}) front.children.push_back(add_front(set.child + side));
-    const int id = result_.fronts.size();
-    for (int child : front.children) result_.fronts[child].parent = id;
-    result_.fronts.push_back(std::move(front));
-    return id;
-  }
-
-  /// The fronts of a subtree are one behind the other, the topmost last.
-  void schedule() {
-    constexpr int kSubtreeDepth = 5;
-    result_.stages.resize(kSubtreeDepth + 1);
-    Array<int> group;
-    for (int id = 0; id < result_.fronts.size(); ++id) {
-      const int depth = result_.fronts[id].depth;
-      group.push_back(id);
-      if (depth > kSubtreeDepth) continue;
-      result_.stages[kSubtreeDepth - depth].push_back(group);
-      group.clear();
-    }
-  }
-
-  /// Finds the rows and the entries of a group of fronts.
-  void fill_fronts(const Array<int>& ids) {
-    Array<int> local(pattern_.rows(), -1);  // of a vertex of the front, its place in it
-    for (int id : ids) {
-      Front& front = result_.fronts[id];
-      find_rows(front, local);
-      place_entries(front, local);
-      for (int i = front.begin; i < front.end; ++i) local[i] = -1;
-      for (int i : front.rows) local[i] = -1;
-    }
-  }
-
-  void find_rows(Front& front, Array<int>& local) const {
-    const auto add = [&](int i) {
-      if (i < front.end || local[i] >= 0) return;
-      local[i] = 0;
-      front.rows.push_back(i);
-    };
-    for (int i = front.begin; i < front.end; ++i)
-      for_each_neighbour(result_.order[i], [&](int u) { add(result_.place[u]); });
-    for (int child : front.children)
-      for (int i : result_.fronts[child].rows) add(i);
-    std::sort(front.rows.begin(), front.rows.end());
-    for (int i = front.begin; i < front.end; ++i) local[i] = i - front.begin;
-    for (int r = 0; r < front.rows.size(); ++r) local[front.rows[r]] = front.own() + r;
-  }
-
-  void place_entries(Front& front, const Array<int>& local) {
-    for (int i = front.begin; i < front.end; ++i) {
-      const int v = result_.order[i];
-      for (int e = start_[v]; e < start_[v + 1]; ++e) {
-        const int j = result_.place[neighbour_[e].vertex];
-        if (j < i) continue;
-        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
-        front.blocks.push_back(
-            {neighbour_[e].block, local[j], local[i], !neighbour_[e].transposed});
-      }
-    }
-    for (int child : front.children) {
-      Front& c = result_.fronts[child];
-      c.parent_row.resize(c.rows.size());
-      for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = local[c.rows[r]];
-    }
-  }
-
-  void place_panels() {
-    for (Front& front : result_.fronts) {
-      front.panel = result_.panels_size;
-      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
-    }
-  }
-
-  const BlockMatrix& pattern_;
-  const Points2& positions_;
-  const Executor& executor_;
-  LdltSymbolic result_;
-  Array<int> start_;
-  Array<Neighbour> neighbour_;
-  Array<Set> sets_;  // level by level
-  Array<Part> part_;
-  Array<int> coupled_[2];  // of a vertex of the separator, how many on either side
-  Array<char> moved_;
-};
-
-// ---- dense kernels ----
-
-/// A block of a matrix by columns.
-struct DenseBlock {
-  double* data;
-  Eigen::Index rows, cols, stride;
-
-  double* col(Eigen::Index j) const { return data + j * stride; }
-  double& operator()(Eigen::Index i, Eigen::Index j) const { return data[j * stride + i]; }
-  DenseBlock block(Eigen::Index i, Eigen::Index j, Eigen::Index n, Eigen::Index m) const {
-    return {data + j * stride + i, n, m, stride};
-  }
-};
-
-/// y -= a x.
-inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
-  Eigen::Index i = 0;
-  for (; i + kLanes <= n; i += kLanes) (Lanes::load(y + i) - a * Lanes::load(x + i)).store(y + i);
-  for (; i < n; ++i) y[i] -= a * x[i];
-}
-
-/// As eight sums, whatever the compiler makes of them.
-inline double inner_product(const double* x, const double* y, Eigen::Index n) {
-  double sum[8] = {};
-  Eigen::Index i = 0;
-  for (; i + 8 <= n; i += 8) {
-    ISM_UNROLL
-    for (int k = 0; k < 8; ++k) sum[k] += x[i + k] * y[i + k];
-  }
-  for (int k = 0; i < n; ++i, ++k) sum[k] += x[i] * y[i];
-  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
-}
-
-// A product is subtracted from C by tiles that the registers hold, as high as Lanes. What a tile
-// takes of either factor lies packed in the order in which it is read [Goto and van de Geijn 2008].
-// Every entry of C is subtracted the same sums, however large the tiles.
-
-inline constexpr int kTileColumns = 6;
-
-/// The rows of L by tiles of a height, the last one filled with zeros; or those of L D, with the
-/// diagonal of D.
-inline void pack(const DenseBlock& L, const DenseBlock* D, int height, double* packed) {
-  for (Eigen::Index first = 0; first < L.rows; first += height) {
-    const Eigen::Index n = (std::min)(Eigen::Index{height}, L.rows - first);
-    for (Eigen::Index k = 0; k < L.cols; ++k, packed += height) {
-      const double* from = L.col(k) + first;
-      const double factor = D ? (*D)(k, k) : 1;
-      for (Eigen::Index i = 0; i < height; ++i) packed[i] = i < n ? factor * from[i] : 0;
-    }
-  }
-}
-
-inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, double* c,
-                          Eigen::Index stride) {
-  Lanes sum[kTileColumns];
-  ISM_UNROLL
-  for (int j = 0; j < kTileColumns; ++j) sum[j] = 0.0;
-  for (Eigen::Index k = 0; k < depth; ++k, a += kLanes, b += kTileColumns) {
-    const Lanes rows = Lanes::load(a);
-    ISM_UNROLL
-    for (int j = 0; j < kTileColumns; ++j) sum[j] = sum_with_product(sum[j], rows, b[j]);
-  }
-  ISM_UNROLL
-  for (int j = 0; j < kTileColumns; ++j)
-    (Lanes::load(c + j * stride) - sum[j]).store(c + j * stride);
-}
-
-/// Subtracts packed factors from rows of a matrix, the first of which is its row `first`, and from
-/// no tile that is above its diagonal.
-inline void subtract_packed(const double* a, const double* b, Eigen::Index depth,
-                            Eigen::Index first, const DenseBlock& C) {
-  for (Eigen::Index j = 0; j < C.cols; j += kTileColumns)
-    for (Eigen::Index i = (std::max)(j - first, Eigen::Index{0}) / kLanes * kLanes; i < C.rows;
-         i += kLanes) {
-      const Eigen::Index height = (std::min)(Eigen::Index{kLanes}, C.rows - i);
-      const Eigen::Index width = (std::min)(Eigen::Index{kTileColumns}, C.cols - j);
-      if (height == kLanes && width == kTileColumns) {
-        subtract_tile(a + i * depth, b + j * depth, depth, &C(i, j), C.stride);
-        continue;
-      }
-      double rest[kLanes * kTileColumns] = {};
-      subtract_tile(a + i * depth, b + j * depth, depth, rest, kLanes);
-      for (Eigen::Index q = 0; q < width; ++q)
-        for (Eigen::Index r = 0; r < height; ++r) C(i + r, j + q) += rest[q * kLanes + r];
-    }
-}
-
-/// C -= L D Mᵀ, M the first rows of L, on and below the diagonal of C. What is above does not
-/// count.
-inline void subtract_product(const DenseBlock& L, const DenseBlock& D, const DenseBlock& C) {
-  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of L that the second cache holds
-  const Eigen::Index depth = (std::min)(kDepth, L.cols), height = (std::min)(kRows, L.rows);
-  Eigen::VectorXd a((height + kLanes) * depth), b((C.cols + kTileColumns) * depth);
-  for (Eigen::Index k = 0; k < L.cols; k += depth) {
-    const Eigen::Index n = (std::min)(depth, L.cols - k);
-    const DenseBlock D_k = D.block(k, k, n, n);
-    pack(L.block(0, k, C.cols, n), &D_k, kTileColumns, b.data());
-    for (Eigen::Index i = 0; i < L.rows; i += kRows) {
-      const Eigen::Index m = (std::min)(kRows, L.rows - i);
-      pack(L.block(i, k, m, n), nullptr, kLanes, a.data());
-      subtract_packed(a.data(), b.data(), n, i, C.block(i, 0, m, C.cols));
-    }
-  }
-}
-
-/// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
-inline bool factor_narrow(const DenseBlock& A, int& negative) {
-  const Eigen::Index k = A.cols, n = A.rows;
-  for (Eigen::Index j = 0; j < k; ++j) {
-    const double pivot = A(j, j);
-    if (pivot == 0 || !std::isfinite(pivot)) return false;
-    if (pivot < 0) ++negative;
-    for (Eigen::Index c = j + 1; c < k; ++c)
-      subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, n - c);
-    for (Eigen::Index i = j + 1; i < n; ++i) A(i, j) /= pivot;
-  }
-  return true;
-}
-
-/// The same of any width: the left half, what it takes from the right half, the right half.
-inline bool factor_panel(const DenseBlock& A, int& negative) {
-  constexpr Eigen::Index kNarrow = 16;
-  const Eigen::Index n = A.rows, left = A.cols / 2, right = A.cols - left;
-  if (A.cols <= kNarrow) return factor_narrow(A, negative);
-  if (!factor_panel(A.block(0, 0, n, left), negative)) return false;
-  subtract_product(A.block(left, 0, n - left, left), A, A.block(left, left, n - left, right));
-  return factor_panel(A.block(left, left, n - left, right), negative);
-}
-
-// ---- factorisation ----
-
-/// The factor. A panel holds, of one front, L with D on the diagonal of its top block. Its memory
-/// serves again for the next factorisation.
-struct LdltFactor {
-  LdltSymbolic symbolic;
-  Eigen::VectorXd panels;         // one behind the other
-  Array<Eigen::VectorXd> update;  // per front its update matrix, until its parent has taken it
-  Array<int> negative_pivots;     // per front; -1 where one is zero or not finite
-  bool ok = false;                // no zero or non-finite pivot
-  int negative = 0;               // number of negative pivots
-};
-
-/// The panel of a front, 2 size × 2 own.
-inline DenseBlock panel_of(const Front& front, const LdltFactor& factor) {
-  const Eigen::Index rows = 2 * Eigen::Index{front.size()};
-  return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
-}
-
-/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
-inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
-  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  return {memory.data(), n, n, n};
-}
-
-/// Adds a child's update matrix to the parent's panel, and to its update matrix where columns are
-/// not the parent's own.
-inline void extend_add(const Front& child, const DenseBlock& from, int own, const DenseBlock& panel,
-                       const DenseBlock& update) {
-  const Array<int>& place = child.parent_row;
-  for (int c = 0; c < place.size(); ++c) {
-    const bool into_own = place[c] < own;
-    const DenseBlock& target = into_own ? panel : update;
-    const int shift = into_own ? 0 : own;
-    for (int half = 0; half < 2; ++half) {
-      const double* source = from.col(2 * c + half);
-      double* sum = target.col(2 * (place[c] - shift) + half);
-      for (int i = half; i < 2; ++i) sum[2 * (place[c] - shift) + i] += source[2 * c + i];
-      for (int r = c + 1; r < place.size(); ++r) {
-        double* at = sum + 2 * (place[r] - shift);
-        at[0] += source[2 * r];
-        at[1] += source[2 * r + 1];
-      }
-    }
-  }
-}
-
-/// One matrix of a family H + ω Q, both of one pattern.
-struct ShiftedMatrix {
-  const BlockMatrix* H;
-  const BlockMatrix* Q;  // may be null
-  double omega;
-  Mat2 block(int b) const {
-    if (!Q) return H->value[b];
-    return H->value[b] + omega * Q->value[b];
-  }
-};
-
-/// Assembles and eliminates one front whose children are done.
-inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltFactor& factor) {
-  const Front& front = factor.symbolic.fronts[id];
-  const DenseBlock panel = panel_of(front, factor);
-  std::fill(panel.data, panel.data + panel.rows * panel.cols, 0.0);
-  for (const Front::OwnBlock& e : front.blocks) {
-    const Mat2 block = e.transposed ? transposed(matrix.block(e.block)) : matrix.block(e.block);
-    for (int c = 0; c < 2; ++c)
-      for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
-  }
-  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  factor.update[id].setZero(n * n);
-  const DenseBlock update = update_of(front, factor.update[id]);
-  for (int child : front.children) {
-    const Front& c = factor.symbolic.fronts[child];
-    extend_add(c, update_of(c, factor.update[child]), front.own(), panel, update);
-    factor.update[child].resize(0);
-  }
-  if (!factor_panel(panel, factor.negative_pivots[id])) factor.negative_pivots[id] = -1;
-  subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
-}
-
-/// Factorises a matrix of the pattern that was analysed.
-inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& executor,
-                             LdltFactor& factor) {
-  const LdltSymbolic& symbolic = factor.symbolic;
-  const int n = symbolic.fronts.size();
-  if (factor.panels.size() < symbolic.panels_size) {
-    factor.panels.resize(0);  // Eigen frees what there is before it allocates, and once more if
-    factor.panels.resize(symbolic.panels_size);  // that fails
-  }
-  factor.update.clear();
-  factor.update.resize(n);
-  factor.negative_pivots.assign(n, 0);
-  for (const Array<Array<int>>& stage : symbolic.stages)
-    executor.run(stage.size(), [&](int group) {
-      for (int id : stage[group])
-        if (!executor.is_stopped()) eliminate_front(id, matrix, factor);
-    });
-  factor.ok = !executor.is_stopped();
-  factor.negative = 0;
-  for (int negative : factor.negative_pivots) {
-    factor.ok = factor.ok && negative >= 0;
-    factor.negative += negative;
-  }
-}
-
-/// Factorises a matrix whose rows belong to vertices at some positions.
-inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
-                           const Executor& executor, LdltFactor& factor) {
-  factor.symbolic = NestedDissection(*matrix.H, positions, executor).build();
-  ldlt_refactorize(matrix, executor, factor);
-}
-
-// ---- solution ----
-
-inline double dot(const Array<Vec2>& a, const Array<Vec2>& b) {
-  double sum = 0;
-  for (int i = 0; i < a.size(); ++i) sum += dot(a[i], b[i]);
-  return sum;
-}
-
-inline Array<Vec2> negated(const Array<Vec2>& a) {
-  Array<Vec2> result(a.size());
-  for (int i = 0; i < a.size(); ++i) result[i] = -a[i];
-  return result;
-}
-
-/// Solves with a factor: L y = b, front by front, then D Lᵀ x = y in the reverse order. The numbers
-/// that a front touches are gathered, so that columns of its panel meet one piece of memory.
-inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
-  const LdltSymbolic& symbolic = factor.symbolic;
-  const int n = symbolic.order.size(), n_fronts = symbolic.fronts.size();
-  Array<Vec2> y(n), x(n), local;
-  for (int i = 0; i < n; ++i) y[i] = b[symbolic.order[i]];
-  for (int id = 0; id < n_fronts; ++id) {
-    const Front& front = symbolic.fronts[id];
-    if (front.own() == 0) continue;
-    const DenseBlock P = panel_of(front, factor);
-    local.assign(front.size(), {});
-    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
-    double* z = &local.data()->x;
-    for (Eigen::Index j = 0; j < P.cols; ++j)
-      subtract_scaled(z[j], P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
-    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
-    for (int r = 0; r < front.rows.size(); ++r) y[front.rows[r]] += local[front.own() + r];
-  }
-  for (int id = n_fronts - 1; id >= 0; --id) {
-    const Front& front = symbolic.fronts[id];
-    if (front.own() == 0) continue;
-    const DenseBlock P = panel_of(front, factor);
-    local.resize(front.size());
-    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
-    for (int r = 0; r < front.rows.size(); ++r) local[front.own() + r] = y[front.rows[r]];
-    double* z = &local.data()->x;
-    for (Eigen::Index j = P.cols - 1; j >= 0; --j)
-      z[j] = z[j] / P(j, j) - inner_product(P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
-    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
-  }
-  for (int i = 0; i < n; ++i) x[symbolic.order[i]] = y[i];
-  return x;
-}
-
-/// y += A x.
-inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
-  for (int r = 0; r < A.H->rows(); ++r)
-    for (int b = A.H->start[r]; b < A.H->start[r + 1]; ++b) {
-      const int c = A.H->column[b];
-      const Mat2 block = A.block(b);
-      y[r] += block * x[c];
-      if (r != c) y[c] += transposed(block) * x[r];
-    }
-}
-
-/// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
-/// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
-/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
-/// has fallen to a tolerance of its first value, z the preconditioned r, after 50 steps, or where
-/// the caller stops.
-inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
-                                        const Array<Vec2>& b, double tolerance,
-                                        const Executor& executor) {
-  constexpr int kMostSteps = 50;
-  const int n = b.size();
-  Array<Vec2> x(n), r = b, p(n), Ap;
-  double before = 0, first = 0;
-  for (int k = 0; k < kMostSteps && !executor.is_stopped(); ++k) {
-    const Array<Vec2> z = ldlt_solve(factor, r);
-    const double now = dot(r, z);
-    if (k == 0) first = now;
-    if (!(now > tolerance * tolerance * first)) break;
-    const double along = k == 0 ? 0 : now / before;
-    for (int i = 0; i < n; ++i) p[i] = z[i] + along * p[i];
-    Ap.assign(n, {});
-    add_product(A, p, Ap);
-    const double curvature = dot(p, Ap);
-    if (!(curvature > 0)) break;
-    const double step = now / curvature;
-    for (int i = 0; i < n; ++i) {
-      x[i] += step * p[i];
-      r[i] -= step * Ap[i];
-    }
-    before = now;
-  }
-  return x;
-}
-
-// ==== [10] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) ==================
+// ==== [9] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) ===================
 //
 // Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian; their blend
 //             with earlier ones; the squared Laplacian.
@@ -5406,6 +3326,61 @@ inline Weights weights_of(const RunOptions& options) {
   return {coverage_reward(options), options.tuning.barrier_weight, options.tuning.spd_epsilon,
           &options.measure};
 }
+
+// ---- linear systems; part [13] solves them ----
+
+/// Upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
+struct BlockMatrix {
+  Array<int> start;   // #rows + 1
+  Array<int> column;  // per block
+  Array<Mat2> value;
+  int rows() const { return start.size() - 1; }
+  int blocks() const { return column.size(); }
+};
+
+/// One matrix of a family H + ω Q, both of one pattern.
+struct ShiftedMatrix {
+  const BlockMatrix* H;
+  const BlockMatrix* Q;  // may be null
+  double omega;
+  Mat2 block(int b) const {
+    if (!Q) return H->value[b];
+    return H->value[b] + omega * Q->value[b];
+  }
+};
+
+inline double dot(const Array<Vec2>& a, const Array<Vec2>& b) {
+  double sum = 0;
+  for (int i = 0; i < a.size(); ++i) sum += dot(a[i], b[i]);
+  return sum;
+}
+
+inline Array<Vec2> negated(const Array<Vec2>& a) {
+  Array<Vec2> result(a.size());
+  for (int i = 0; i < a.size(); ++i) result[i] = -a[i];
+  return result;
+}
+
+struct LdltData;
+
+/// A factor L D Lᵀ. Its memory serves again for the next one.
+struct LdltFactor {
+  bool ok = false;   // no zero or non-finite pivot
+  int negative = 0;  // number of negative pivots; without any, the matrix is positive definite
+  std::shared_ptr<LdltData> data;
+};
+
+/// Factorises a matrix whose rows belong to vertices at some positions.
+inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
+                           const Executor& executor, LdltFactor& factor);
+
+/// Solves with a factor.
+inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b);
+
+/// Solves A x = b with the factor of a matrix close to A, to a relative error.
+inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
+                                        const Array<Vec2>& b, double tolerance,
+                                        const Executor& executor);
 
 // ---- value ----
 
@@ -5951,131 +3926,15 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
   return system;
 }
 
-// ==== [11] LANDMARKS AND CONSTRAINTS (paper §4.5, §4.6) ==========================================
+// ==== [10] CONSTRAINTS (paper §4.5, §4.6) ========================================================
 //
-// Purpose:    places of landmarks, also after vertices are added; constraints of vertices, as a
-//             reduction of the linear system: a follower is a fixed combination of vertices of the
-//             other mesh (pins and exact landmarks, §4.5); a fixed coordinate does not move (held
-//             boundaries, fixed vertices, rigid motions, §4.6).
+// Purpose:    constraints of vertices, as a reduction of the linear system: a follower is a fixed
+//             combination of vertices of the other mesh (pins and exact landmarks, §4.5); a fixed
+//             coordinate does not move (held boundaries, fixed vertices, rigid motions, §4.6).
 // Invariants: with P the linear map from the unknowns to all coordinates, the system becomes
 //             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Coordinates that are no unknowns keep a unit row, so
 //             rows keep their numbers.
 // Fails:      never; entry points refuse constraints that contradict each other.
-
-// ---- landmarks on the surfaces ----
-
-/// Place of one end of a landmark: at a vertex (the other corners are -1), on an edge or in a
-/// triangle.
-using Place = AddedVertex;
-
-/// The vertex of a place, or -1 if it is on an edge or in a triangle.
-inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
-
-inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
-  if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
-  return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
-}
-
-inline Vec2 mean(const Place& p, const Points2& x) {
-  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
-  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
-  return sum;
-}
-
-/// Removes corners that are -1 or have hardly any weight; false if none is left.
-inline bool tidy(Place& p) {
-  int n = 0;
-  for (int k = 0; k < 3; ++k) {
-    if (p.corners[k] < 0 || !(p.weights[k] > 1e-9)) continue;
-    p.corners[n] = p.corners[k];
-    p.weights[n++] = p.weights[k];
-  }
-  for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
-  const double sum = p.weights[0] + p.weights[1] + p.weights[2];
-  for (double& weight : p.weights) weight /= sum;
-  return n > 0;
-}
-
-/// Updates a place after a vertex was added: the vertex replaces the corner whose weight would
-/// become zero first, so the corners are again those of the piece in which the place lies.
-inline void follow(const AddedVertex& added, int id, Place& p) {
-  int at[3], last = -1;
-  double least = kInfinity;
-  if (is_copy(added)) return;
-  const int n = is_on_edge(added) ? 2 : 3;
-  for (int k = 0; k < n; ++k) {
-    for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
-    if (at[k] == 3) return;  // in another triangle
-    const double most = p.weights[at[k]] / added.weights[k];
-    if (most < least) least = most, last = at[k];
-  }
-  for (int k = 0; k < n; ++k) p.weights[at[k]] -= least * added.weights[k];
-  p.corners[last] = id;
-  p.weights[last] = least;
-  tidy(p);
-}
-
-/// A place of a mesh of n vertices, after vertices were added to it.
-inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
-  for (const AddedVertex& vertex : added) follow(vertex, n++, p);
-  return p;
-}
-
-/// The vertex at a place of such a mesh; adds one if there is none.
-inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
-  const Place here = located(p, n, added);
-  if (vertex_at(here) >= 0) return vertex_at(here);
-  added.push_back(here);
-  return n + static_cast<int>(added.size()) - 1;
-}
-
-struct PlacedLandmark {
-  Place a, b;
-  Landmark given;
-};
-
-/// Landmarks after the last vertices of the surfaces, a and b, were added.
-inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
-                                     const std::vector<AddedVertex>& a,
-                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
-  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
-    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
-  };
-  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
-  return landmarks;
-}
-
-/// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
-inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
-                                     const SurfacePair& pair) {
-  return located(landmarks, pair.a.added, pair.b.added, pair);
-}
-
-/// A landmark with both ends at vertices.
-struct VertexPair {
-  int a = -1, b = -1;
-  Landmark given = {};
-};
-
-inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
-  Array<VertexPair> pairs;
-  for (const PlacedLandmark& l : landmarks)
-    if (vertex_at(l.a) >= 0 && vertex_at(l.b) >= 0)
-      pairs.push_back({vertex_at(l.a), vertex_at(l.b), l.given});
-  return pairs;
-}
-
-/// One end of a landmark in the ids given.
-inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
-inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
-inline std::string name_of(const LandmarkPoint& p) {
-  return is_point(p) ? sentence({"(triangle ", p.point.face, ")"}) : sentence({p.vertex});
-}
-
-/// "landmark 3 (triangle 5): "
-inline std::string name_of(const Landmark& l) {
-  return sentence({"landmark ", name_of(l.a), " ", name_of(l.b), ": "});
-}
 
 // ---- followers ----
 
@@ -6110,28 +3969,6 @@ struct Follower {
 /// A vertex in a triangle.
 inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight) {
   return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
-}
-
-/// Holds the vertex of A of a landmark at that of B, a corner of a triangle around it.
-inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
-  const int h = s.mesh.out[s.n_a + l.b];
-  return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
-}
-
-/// A follower and one of its masters that is a follower, too.
-struct Chain {
-  int row = -1, master = -1;
-};
-
-inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
-  Array<char> follows(s.mesh.n_vertices, 0);
-  for (const Follower& follower : followers) follows[follower.row] = 1;
-  Chain chain;
-  for (const Follower& follower : followers)
-    follower.for_each_master([&](int v, double) {
-      if (follows[v] && chain.row < 0) chain = {follower.row, v};
-    });
-  return chain;
 }
 
 /// P d: sets the directions of followers from those of their masters.
@@ -6281,37 +4118,6 @@ inline Points2 transformed(const Points2& x, const RigidMotion& motion) {
   return y;
 }
 
-inline Vec2 centroid(const Points2& x) {
-  Vec2 sum;
-  for (int i = 0; i < x.rows(); ++i) sum += row2(x, i);
-  return 1 / static_cast<double>(x.rows()) * sum;
-}
-
-/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle
-/// between the two sets.
-inline Vec2 correlation(const Points2& from, const Points2& to) {
-  const Vec2 c0 = centroid(from), c1 = centroid(to);
-  double along = 0, across = 0;
-  for (int i = 0; i < from.rows(); ++i) {
-    const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
-    along += dot(p, q);
-    across += cross(p, q);
-  }
-  return {along, across};
-}
-
-/// The motion that brings the rows of `from` closest to those of `to`.
-inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
-  return rigid_motion(correlation(from, to), centroid(from), centroid(to));
-}
-
-/// The part of the second moment that the best similarity between two sets of points does not
-/// explain: 0 if it fits, at most 1.
-inline double misfit(const Points2& from, const Points2& to) {
-  return 1 - squared_norm(correlation(from, to)) /
-                 (norm(correlation(from, from)) * norm(correlation(to, to)));
-}
-
 /// Vertices of B that are held to remove rigid motions: the most central one at the origin, a
 /// boundary vertex far from it on the x-axis. The choice depends on the surface, not on positions.
 struct Anchors {
@@ -6348,21 +4154,12 @@ inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Point
   if (is_injective(m, y)) x.swap(y);
 }
 
-// ==== [12] SCAFFOLD, STEP BOUND AND LINE SEARCH (paper §4.4, §5.2) ===============================
+// ==== [11] STEP BOUND AND LINE SEARCH (paper §5.2) ===============================================
 //
-// Purpose:    the largest feasible step of a direction, the candidates of the line search, and the
-//             decision which of them are injective and improve E enough. The scaffold keeps the
-//             boundary of an embedding from meeting itself [Jiang, Schaefer and Panozzo 2017]: the
-//             space between it and a box around it is triangulated, and its triangles resist
-//             deformation, from the shape they have now, a little. Their energy is least where they
-//             are, so a step that lowers the sum of both energies lowers E; built anew in every
-//             iteration, it yields where the boundary wants to go, but never to a collision.
-// Invariants: an accepted candidate is injective, decided exactly on the rounded positions. The
-//             triangles of a scaffold are positive, exactly; while they are, the boundary is
-//             simple.
-// Fails:      with no acceptable candidate, if the direction is not one of descent, or if the
-//             boundaries are in each other's way. Where rounding leaves a triangle of a scaffold no
-//             area, it is left out, and the exact test of the boundary alone guards that place.
+// Purpose:    the largest feasible step of a direction, and the best of the steps below it.
+// Invariants: an accepted trial is injective, decided exactly on the rounded positions.
+// Fails:      with no acceptable trial, if the direction does not descend, or if the boundaries are
+//             in each other's way.
 
 // ---- step bound [Smith and Schaefer 2015] ----
 
@@ -6398,7 +4195,7 @@ inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
   return y;
 }
 
-// ---- scaffold ----
+// ---- hook: a scaffold keeps boundaries apart (part [16]) ----
 
 /// The space that embeddings leave, in triangles, around each as if it were alone: inside of every
 /// opening, and between the outer loop and a box. Vertex n + 4 i + k, for n vertices of the mesh,
@@ -6416,261 +4213,16 @@ struct Scaffold {
   Vec2 displacement(const Array<Vec2>& d, int v) const { return v < n_vertices ? d[v] : Vec2(); }
 };
 
-/// The space that a surface leaves at a loop, as one polygon, counter-clockwise. For an opening
-/// that is its inside. Around an outer loop, a box is put with room on all sides: a bridge leads
-/// from its second corner to the rightmost vertex of the loop, which sees it, and back.
-inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
-  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
-  const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
-  Array<int> polygon;
-  if (!runs_counter_clockwise(m, x, loop)) {
-    for (int i = n; i > 0; --i) polygon.push_back(vertex(i));
-    return polygon;
-  }
-  int start = 0;
-  Vec2 lo = row2(x, vertex(0)), hi = lo;
-  for (int i = 1; i < n; ++i) {
-    lo = lower(lo, row2(x, vertex(i)));
-    hi = upper(hi, row2(x, vertex(i)));
-    if (x(vertex(i), 0) > x(vertex(start), 0)) start = i;
-  }
-  const double room = 0.5 * (std::max)(hi.x - lo.x, hi.y - lo.y);
-  lo -= {room, room}, hi += {room, room};
-  const int corner = s.n_vertices + s.box.size();
-  for (const Vec2 p : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) s.box.push_back(p);
-  polygon.push_back(corner);
-  polygon.push_back(corner + 1);
-  for (int i = 0; i <= n; ++i) polygon.push_back(vertex(start + n - i));
-  for (int k = 1; k < 4; ++k) polygon.push_back(corner + k);
-  return polygon;
-}
-
-/// True if a box lies to the right of p → q, exactly.
-inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
-  const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
-  return orient2d(p, q, leftmost) < 0;
-}
-
-/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
-/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
-/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
-/// but for spirals, where one vertex may block many.
-class EarClipper {
- public:
-  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
-      : polygon_(polygon),
-        next_(polygon.size()),
-        prev_(polygon.size()),
-        state_(polygon.size(), kIdle),
-        last_blocked_(polygon.size(), -1) {
-    const int n = polygon.size();
-    tree_.reset(n);
-    for (int i = 0; i < n; ++i) {
-      point_.push_back(scaffold.point(x, polygon[i]));
-      tree_.set(i, point_[i], point_[i]);
-      next_[i] = (i + 1) % n;
-      prev_[i] = (i + n - 1) % n;
-      enqueue(i);
-    }
-    tree_.join();
-  }
-
-  /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
-  Array<int> run() {
-    Array<int> corners;
-    int left = polygon_.size();
-    for (int first = 0; first < queue_.size() && left >= 3; ++first) {
-      const int i = queue_[first];
-      const bool waits = state_[i] == kWaits;
-      state_[i] = kIdle;
-      if (is_gone(i)) continue;
-      if (waits) {
-        enqueue(i);
-      } else if (is_ear(i)) {
-        for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
-        clip(i);
-        --left;
-      }
-    }
-    return corners;
-  }
-
- private:
-  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
-
-  /// A vertex that another one blocked, and the entry before of the same one.
-  struct Blocked {
-    int vertex, before;
-  };
-
-  void enqueue(int i) {
-    if (state_[i] != kIdle) return;
-    state_[i] = kQueued;
-    queue_.push_back(i);
-  }
-
-  void clip(int i) {
-    next_[prev_[i]] = next_[i];
-    prev_[next_[i]] = prev_[i];
-    tree_.remove(i);
-    for (int b = last_blocked_[i]; b >= 0; b = blocked_[b].before) enqueue(blocked_[b].vertex);
-    enqueue(prev_[i]);
-    if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
-    enqueue(next_[i]);
-  }
-
-  bool is_gone(int i) const { return next_[prev_[i]] != i; }
-
-  /// True if the triangle at i is positive and empty of all other vertices that are left.
-  bool is_ear(int i) {
-    const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
-    const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
-    if (!(orient2d(p, q, r) > 0)) return false;
-    const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
-    const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
-      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
-             !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
-    };
-    const auto blocks = [&](int k) {
-      const int v = polygon_[k];  // the ends of the bridge are there twice
-      if (v == a || v == b || v == c) return false;
-      blocked_.push_back({i, last_blocked_[k]});
-      last_blocked_[k] = blocked_.size() - 1;
-      return true;
-    };
-    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
-  }
-
-  const Array<int>& polygon_;
-  Array<Vec2> point_;
-  Array<int> next_, prev_;
-  Array<int> queue_;  // all that was ever in it
-  Array<State> state_;
-  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
-  Array<Blocked> blocked_;
-  BoxTree tree_;  // of the vertices that are left
-};
-
-/// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
-inline void flip(HalfEdgeMesh& m, int h) {
-  const int t = m.twin[h], first = 3 * (h / 3), second = 3 * (t / 3);
-  const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
-  const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
-  const int ad = m.twin[next(t)], db = m.twin[prev(t)];
-  const auto set = [&](int half_edge, int tail, int twin) {
-    m.tail[half_edge] = tail;
-    m.twin[half_edge] = twin;
-    if (twin >= 0) m.twin[twin] = half_edge;
-  };
-  set(first, a, ad), set(first + 1, d, second + 2), set(first + 2, c, ca);
-  set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
-}
-
-/// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
-inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
-  constexpr double kClear = 1e-9;  // by which it should, so that rounding does not flip for ever
-  const int t = m.twin[h];
-  const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
-  const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
-  if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
-  // Exact signs: on a boundary that is straight up to rounding, areas round to 0.
-  const double cot_c = dot(a - c, b - c) / orient2d(a, b, c);
-  const double cot_d = dot(b - d, a - d) / orient2d(b, a, d);
-  return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
-}
-
-/// Flips inner edges until all are locally Delaunay.
-inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) {
-  constexpr int kMostFlips = 1000;  // per edge
-  Array<int> stack;
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (m.twin[h] > h) stack.push_back(h);
-  for (std::int64_t left = kMostFlips * std::int64_t{m.n_faces}; !stack.empty() && left > 0;) {
-    const int h = stack.back();
-    stack.pop_back();
-    if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
-    const int first = 3 * (h / 3), second = 3 * (m.twin[h] / 3);
-    flip(m, h);
-    --left;
-    for (int outer : {first, first + 2, second, second + 1}) stack.push_back(outer);
-  }
-}
-
-/// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
-inline double height(Vec2 p, Vec2 q) {
-  return cross(p, q) /
-         std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
-}
-
-/// Triangulates the space at the loops; `weight` is that of all triangles together. Those in
-/// gaps that are next to closed get less, or they would be too stiff for the linear solver.
-inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
-  constexpr double kNarrow = 1e-10;  // of the size of the first box
-  Scaffold s;
-  s.n_vertices = m.n_vertices;
-  Array<int> corners;
-  for (int loop = 0; loop < m.loops(); ++loop) {
-    const Array<int> polygon = space_at(m, x, loop, s);
-    for (int v : EarClipper(s, x, polygon).run()) corners.push_back(v);
-  }
-  HalfEdgeMesh space = build_half_edges(m.n_vertices + s.box.size(), triangles_from(corners));
-  make_delaunay(s, x, space);
-  const double narrow = kNarrow * norm(s.box[2] - s.box[0]);
-  for (int f = 0; f < space.n_faces; ++f) {
-    const Vec2 a = s.point(x, space.corner(f, 0));
-    const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
-    const Mat2 R = columns(p, q), R_inverse = inverse(R);
-    if (!(determinant(R) > 0) || !is_finite(R_inverse)) continue;  // area in exact arithmetic only
-    const double openness = (std::min)(1.0, height(p, q) / narrow);
-    s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
-    s.rest_inverse.push_back(R_inverse);
-    s.weight.push_back(weight / space.n_faces * openness * openness);
-  }
-  return s;
-}
-
-/// The energy above the least, which it has where the scaffold was built; infinite where a triangle
-/// is not positive.
-inline double scaffold_energy(const Scaffold& s, const Points2& x) {
-  double energy = 0;
-  for (int t = 0; t < s.triangle.size(); ++t) {
-    const std::array<int, 3>& v = s.triangle[t];
-    const Mat2 J =
-        jacobian(s.point(x, v[0]), s.point(x, v[1]), s.point(x, v[2]), s.rest_inverse[t]);
-    energy += triangle_energy(J, s.weight[t]) - 4 * s.weight[t];
-  }
-  return energy;
-}
-
-/// The s at which the first triangle of the scaffold degenerates.
-inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
-  double least = kInfinity;
-  for (const std::array<int, 3>& v : s.triangle) {
-    const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
-    least = (std::min)(
-        least, triangle_max_step(s.point(x, v[1]) - p, s.point(x, v[2]) - p,
-                                 s.displacement(d, v[1]) - dp, s.displacement(d, v[2]) - dp));
-  }
-  return least;
-}
-
+/// Builds the scaffold at x; `weight` is that of its energy.
+inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight);
+/// By how much its energy exceeds that where it was built.
+inline double scaffold_energy(const Scaffold& s, const Points2& x);
+/// The largest step without a scaffold triangle turned over.
+inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d);
 /// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
-inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
-  const double identity[4] = {1, 0, 0, 1};
-  const TriangleDensity<double> w = triangle_density(identity);
-  for (int t = 0; t < s.triangle.size(); ++t) {
-    const CornerWeights<double> B(s.rest_inverse[t].entry);
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        const int r = s.triangle[t][static_cast<std::size_t>(i)];
-        const int c = s.triangle[t][static_cast<std::size_t>(j)];
-        if (r <= c && c < s.n_vertices)
-          blocks.push_back({r, c, s.weight[t] * point_hessian(w, B, i, j)});
-      }
-  }
-}
+inline void add_scaffold(const Scaffold& s, Array<Block>& blocks);
 
-// ---- springs ----
+// ---- hook: springs between vertices (parts [14] and [22]) ----
 
 /// A penalty weight · |p - q|² between two vertices.
 struct Spring {
@@ -6691,17 +4243,6 @@ inline void add_spring_gradient(const Array<Spring>& springs, const Points2& x,
     gradient[s.p] += force;
     gradient[s.q] -= force;
   }
-}
-
-/// weight · |p - q|² for two places, as springs between their corners: where Σ c_k = 0,
-/// |Σ c_k x_k|² = -Σ_{k<l} c_k c_l |x_k - x_l|².
-inline void add_springs(const Place& p, const Place& q, double weight, Array<Spring>& springs) {
-  const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
-  const auto c = [&](int k) { return k < 3 ? p.weights[k] : -q.weights[k - 3]; };
-  for (int k = 0; k < 6; ++k)
-    for (int l = k + 1; l < 6; ++l)
-      if (corner(k) >= 0 && corner(l) >= 0)
-        springs.push_back({corner(k), corner(l), -c(k) * c(l) * weight});
 }
 
 inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
@@ -6888,7 +4429,7 @@ class LineSearch {
   Array<Trial> spare_;
 };
 
-// ==== [13] THE LOOP (paper §5, Algorithm 1) ======================================================
+// ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start: Optimizer::iterate() is Algorithm 1, with its
 //             line numbers; the functions of its lines follow it in their order, then everything
@@ -7561,6 +5102,823 @@ class Optimizer {
   BlockMatrix others_;  // the Hessian of scaffold and springs
 };
 
+// ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
+//
+// Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
+//             nested dissection of the vertices' positions and the multifrontal method.
+// Invariants: block (r, c), r ≤ c, of the pattern couples vertices r and c; diagonal blocks are
+//             present and come first in their row. The same bits for any number of threads.
+// Fails:      a zero or non-finite pivot ends the factorisation; negative pivots are counted, and
+//             mean that the matrix is not positive definite.
+
+/// The point of the unit circle at an angle in [-2π, 2π]: from tan(angle / 128) by its series, the
+/// angle doubled six times.
+inline Vec2 on_circle(double angle) {
+  const double h = angle / 128, h2 = h * h;
+  const double t =
+      h * (1 + h2 * (1.0 / 3 + h2 * (2.0 / 15 + h2 * (17.0 / 315 + h2 * 62.0 / 2835))));
+  Vec2 p = 1 / (1 + t * t) * Vec2{1 - t * t, 2 * t};
+  for (int i = 0; i < 6; ++i) p = {p.x * p.x - p.y * p.y, 2 * p.x * p.y};
+  return p;
+}
+
+/// A front of the elimination tree: the vertices eliminated together, and the later vertices their
+/// elimination touches. Vertices are meant by their place in the elimination order.
+struct Front {
+  int begin = 0, end = 0;  // own vertices
+  Array<int> rows;         // later vertices, ascending
+  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
+  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
+  int parent = -1;
+  int depth = 0;
+  Array<int> children;
+  struct OwnBlock {
+    int block;        // of the pattern
+    int row, column;  // local place of the block in the front's lower triangle
+    bool transposed;
+  };
+  Array<OwnBlock> blocks;
+  int own() const { return end - begin; }
+  int size() const { return own() + rows.size(); }
+};
+
+/// The elimination order and the fronts; depends on the pattern and the positions only.
+struct LdltSymbolic {
+  Array<int> order;     // order[i] is the vertex eliminated as the i-th
+  Array<int> place;     // its inverse
+  Array<Front> fronts;  // children before parents
+  std::int64_t panels_size = 0;
+  /// Per stage groups of fronts that can be eliminated side by side: first whole subtrees below a
+  /// fixed depth, children before parents, then the fronts above it, level by level.
+  Array<Array<Array<int>>> stages;
+};
+
+/// A line or circle with a fraction of some points below it, or inside.
+struct PlanarCut {
+  bool is_circle = false;
+  Vec2 vector;  // center of the circle, or normal of the line
+  double fraction = 0.5;
+  double key(Vec2 p) const { return is_circle ? squared_norm(p - vector) : dot(vector, p); }
+};
+
+/// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
+/// couplings between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which
+/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all,
+/// and single precision is enough to count them.
+class CutFinder {
+ public:
+  static constexpr int kCouplings = 8;
+
+  explicit CutFinder(int n) : n_(n), x_(n, kCouplings + 1), y_(n, kCouplings + 1) {}
+
+  /// The k-th point that point i is coupled to; the 0-th is itself.
+  void set(int i, int k, Vec2 p) {
+    x_(i, k) = static_cast<float>(p.x);
+    y_(i, k) = static_cast<float>(p.y);
+  }
+
+  PlanarCut best() {
+    constexpr int kSmall = 1000;  // points; below, a better cut hardly saves arithmetic
+    const int lines = n_ < kSmall ? 2 : 8, circles = n_ < kSmall ? 2 : 16;
+    PlanarCut best;
+    double least = kInfinity;
+    for (int i = 0; i < lines + circles; ++i) {
+      PlanarCut cut;
+      cut.is_circle = i >= lines;
+      if (cut.is_circle) {
+        const int center = static_cast<int>(std::int64_t{n_} * (i - lines) / circles);
+        cut.vector = {x_(center, 0), y_(center, 0)};
+      } else {
+        cut.vector = on_circle(kPi * i / lines);
+      }
+      measure(cut);
+      for (double fraction : {0.4, 0.5, 0.6}) {
+        const double c = cost(sample_[static_cast<int>(fraction * sample_.size())], fraction);
+        if (c >= least) continue;
+        least = c;
+        cut.fraction = fraction;
+        best = cut;
+      }
+    }
+    return best;
+  }
+
+ private:
+  using Points = Eigen::Array<float, Eigen::Dynamic, kCouplings + 1>;
+
+  /// The keys of the points, and the least and largest key of each and what it is coupled to.
+  void measure(const PlanarCut& cut) {
+    constexpr int kSamples = 64;
+    const float vx = static_cast<float>(cut.vector.x), vy = static_cast<float>(cut.vector.y);
+    lo_.setConstant(n_, std::numeric_limits<float>::infinity());
+    hi_.setConstant(n_, -std::numeric_limits<float>::infinity());
+    for (int k = kCouplings; k >= 0; --k) {  // the points themselves come last
+      if (cut.is_circle) {
+        key_ = (x_.col(k) - vx).square();
+        other_ = (y_.col(k) - vy).square();
+      } else {
+        key_ = vx * x_.col(k);
+        other_ = vy * y_.col(k);
+      }
+      key_ += other_;
+      lo_ = lo_.min(key_);
+      hi_ = hi_.max(key_);
+    }
+    sample_.clear();
+    for (int i = 0; i < n_; i += 1 + n_ / kSamples) sample_.push_back(key_[i]);
+    std::sort(sample_.begin(), sample_.end());
+  }
+
+  /// Points of the side with fewer of them that are coupled to the other side; more if one side is
+  /// larger.
+  double cost(float level, double fraction) const {
+    int below = 0, above = 0;
+    for (int i = 0; i < n_; ++i) {  // without branches, so that compilers vectorise it
+      below += int{key_[i] < level} & int{hi_[i] >= level};
+      above += int{key_[i] >= level} & int{lo_[i] < level};
+    }
+    return (std::min)(below, above) * (1 + std::abs(fraction - 0.5));
+  }
+
+  int n_;
+  Points x_, y_;
+  Eigen::ArrayXf key_, other_, lo_, hi_;
+  Array<float> sample_;  // of the keys, ascending
+};
+
+/// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
+/// has fewer of them, the vertices coupled to the other side separate the rest; the separator is
+/// thinned, its vertices are eliminated last, and both sides are divided again. Sets of one level
+/// are not coupled, so they are divided side by side.
+class NestedDissection {
+ public:
+  NestedDissection(const BlockMatrix& pattern, const Points2& positions, const Executor& executor)
+      : pattern_(pattern), positions_(positions), executor_(executor) {}
+
+  LdltSymbolic build() {
+    const int n = pattern_.rows();
+    build_adjacency();
+    result_.order.resize(n);
+    for (int i = 0; i < n; ++i) result_.order[i] = i;
+    dissect();
+    result_.place.resize(n);
+    for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
+    add_front(0);
+    schedule();
+    for (const Array<Array<int>>& stage : result_.stages)
+      executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
+    place_panels();
+    return std::move(result_);
+  }
+
+ private:
+  static constexpr int kLargestLeaf = 12;       // smaller leaves cost more in bookkeeping
+  static constexpr double kLargestPart = 0.65;  // of a set that one side may have
+
+  enum Part : std::uint8_t { kLeft, kRight, kSeparator, kOutside };
+
+  struct Neighbour {
+    int vertex;
+    int block;
+    bool transposed;  // the block is stored as (neighbour, vertex)
+  };
+
+  /// The vertices order[begin, end). Once divided, those of the left side come first, then those of
+  /// the right side, then the separator.
+  struct Set {
+    int begin, end, depth;
+    int left_end = 0, right_end = 0;
+    int child = -1;  // its left side in sets_; the right side is the next
+    int size() const { return end - begin; }
+  };
+
+  void build_adjacency() {
+    const int n = pattern_.rows();
+    start_.assign(n + 1, 0);
+    for (int r = 0; r < n; ++r)
+      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
+        ++start_[r + 1];
+        if (pattern_.column[b] != r) ++start_[pattern_.column[b] + 1];
+      }
+    for (int i = 0; i < n; ++i) start_[i + 1] += start_[i];
+    Array<int> fill = start_;
+    neighbour_.resize(start_[n]);
+    for (int r = 0; r < n; ++r)
+      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
+        const int c = pattern_.column[b];
+        neighbour_[fill[r]++] = {c, b, false};
+        if (c != r) neighbour_[fill[c]++] = {r, b, true};
+      }
+  }
+
+  template <class Visit>
+  void for_each_neighbour(int v, const Visit& visit) const {
+    for (int k = start_[v]; k < start_[v + 1]; ++k) visit(neighbour_[k].vertex);
+  }
+
+  void dissect() {
+    part_.assign(pattern_.rows(), kOutside);
+    for (Array<int>& count : coupled_) count.assign(pattern_.rows(), 0);
+    moved_.assign(pattern_.rows(), 0);
+    sets_.push_back({0, pattern_.rows(), 0});
+    const bool has_hubs = set_hubs_apart();
+    for (int first = has_hubs, last = sets_.size(); first < last;
+         first = last, last = sets_.size()) {
+      executor_.run(last - first, [&](int i) { split(sets_[first + i]); });
+      for (int i = first; i < last; ++i) {
+        const Set set = sets_[i];
+        if (set.size() <= kLargestLeaf) continue;
+        sets_[i].child = sets_.size();
+        sets_.push_back({set.begin, set.left_end, set.depth + 1});
+        sets_.push_back({set.left_end, set.right_end, set.depth + 1});
+      }
+    }
+  }
+
+  /// Vertices coupled to more others than separators have, in the plane, come into none of them:
+  /// they are eliminated last. False if there are none.
+  bool set_hubs_apart() {
+    constexpr int kLeast = 1000;
+    const int n = pattern_.rows();
+    const double most = (std::max)(double{kLeast}, 4 * std::sqrt(n));
+    const auto is_hub = [&](int v) { return start_[v + 1] - start_[v] > most; };
+    const int* const rest = std::stable_partition(result_.order.begin(), result_.order.end(),
+                                                  [&](int v) { return !is_hub(v); });
+    const int end = static_cast<int>(rest - result_.order.begin());
+    if (end == n) return false;
+    sets_[0].left_end = sets_[0].right_end = end;
+    sets_[0].child = 1;
+    sets_.push_back({0, end, 1});
+    sets_.push_back({end, end, 1});
+    return true;
+  }
+
+  int& vertex(int i) { return result_.order[i]; }
+
+  void split(Set& set) {
+    if (set.size() <= kLargestLeaf) return;
+    divide(set);
+    separate(set);
+    thin_separator(set);
+    Array<int> members[3];
+    for (int i = set.begin; i < set.end; ++i) members[part_[vertex(i)]].push_back(vertex(i));
+    int i = set.begin;
+    for (const Array<int>& part : members)
+      for (int v : part) {
+        part_[v] = kOutside;
+        vertex(i++) = v;
+      }
+    set.left_end = set.begin + members[kLeft].size();
+    set.right_end = set.left_end + members[kRight].size();
+  }
+
+  /// Puts every vertex of a set on one of two sides.
+  void divide(const Set& set) {
+    const int n = set.size();
+    const Vec2 origin = row2(positions_, vertex(set.begin));
+    double extent = 0;
+    for (int i = set.begin; i < set.end; ++i) {
+      part_[vertex(i)] = kLeft;  // for now: it is in the set
+      const Vec2 p = row2(positions_, vertex(i)) - origin;
+      extent = (std::max)({extent, std::abs(p.x), std::abs(p.y)});
+    }
+    const double unit = extent > 0 ? 1 / extent : 1;
+    const auto point = [&](int v) { return unit * (row2(positions_, v) - origin); };
+    CutFinder cuts(n);
+    for (int i = 0; i < n; ++i) {
+      const int v = vertex(set.begin + i);
+      for (int k = 0; k <= CutFinder::kCouplings; ++k) {
+        const int u = k == 0 ? v : spread_neighbour(v, k - 1);
+        cuts.set(i, k, point(part_[u] == kLeft ? u : v));
+      }
+    }
+    const PlanarCut cut = cuts.best();
+    Array<std::pair<double, int>> key(n);
+    for (int i = 0; i < n; ++i)
+      key[i] = {cut.key(point(vertex(set.begin + i))), vertex(set.begin + i)};
+    const int left = (std::max)(1, static_cast<int>(cut.fraction * n));
+    std::nth_element(key.begin(), key.begin() + left, key.end());
+    for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
+  }
+
+  /// One of kCouplings neighbours evenly spread over the list of v.
+  int spread_neighbour(int v, int k) const {
+    const int degree = start_[v + 1] - start_[v];
+    return neighbour_[start_[v] + (2 * k + 1) * degree / (2 * CutFinder::kCouplings)].vertex;
+  }
+
+  bool is_coupled_to(int v, Part part) const {
+    for (int k = start_[v]; k < start_[v + 1]; ++k)
+      if (part_[neighbour_[k].vertex] == part) return true;
+    return false;
+  }
+
+  /// Makes the vertices of one side that are coupled to the other one the separator.
+  void separate(const Set& set) {
+    Array<int> rim[2];
+    for (int i = set.begin; i < set.end; ++i) {
+      const Part own = part_[vertex(i)];
+      if (is_coupled_to(vertex(i), other_side(own))) rim[own].push_back(vertex(i));
+    }
+    for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
+  }
+
+  // -- thinning of a separator [Fiduccia and Mattheyses 1982] --
+
+  /// A vertex of the separator goes to one side; those of the other side it is coupled to come in.
+  struct Move {
+    int gain;  // by which the separator shrinks
+    int vertex;
+    Part to;
+    bool operator<(const Move& o) const {
+      return gain != o.gain ? gain < o.gain : vertex != o.vertex ? vertex < o.vertex : to < o.to;
+    }
+  };
+  using Moves = Array<Move>;  // a heap, the best one first
+
+  /// Makes the best moves one after the other, also such that do not pay at once, and takes back
+  /// those after the smallest separator. No vertex moves twice.
+  void thin_separator(const Set& set) {
+    constexpr int kPatience = 30;  // moves without success
+    const int largest = static_cast<int>(kLargestPart * set.size());
+    int size[3] = {0, 0, 0};
+    Moves moves;
+    for (int i = set.begin; i < set.end; ++i) {
+      moved_[vertex(i)] = 0;
+      ++size[part_[vertex(i)]];
+    }
+    for (int i = set.begin; i < set.end; ++i)
+      if (part_[vertex(i)] == kSeparator) enter_separator(vertex(i), moves);
+    Array<Move> made;
+    Array<int> pulled, pulled_end;
+    int best = 0, least = size[kSeparator];
+    while (!moves.empty() && made.size() - best < kPatience) {
+      std::pop_heap(moves.begin(), moves.end());
+      const Move move = moves.back();
+      moves.pop_back();
+      const Part from = other_side(move.to);
+      if (part_[move.vertex] != kSeparator || moved_[move.vertex]) continue;
+      if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
+      moved_[move.vertex] = 1;
+      made.push_back(move);
+      leave_separator(move.vertex, move.to, pulled, moves);
+      pulled_end.push_back(pulled.size());
+      size[kSeparator] -= move.gain;
+      size[move.to] += 1;
+      size[from] -= 1 - move.gain;
+      if (size[kSeparator] >= least) continue;
+      least = size[kSeparator];
+      best = made.size();
+    }
+    for (; made.size() > best; made.pop_back()) {
+      pulled_end.pop_back();
+      for (; pulled.size() > (pulled_end.empty() ? 0 : pulled_end.back()); pulled.pop_back())
+        part_[pulled.back()] = other_side(made.back().to);
+      part_[made.back().vertex] = kSeparator;
+    }
+  }
+
+  static Part other_side(Part side) { return side == kLeft ? kRight : kLeft; }
+
+  void propose_move(int v, Part to, Moves& moves) const {
+    constexpr int kLeastGain = -1;
+    const int gain = 1 - coupled_[other_side(to)][v];
+    if (moved_[v] || gain < kLeastGain) return;
+    moves.push_back({gain, v, to});
+    std::push_heap(moves.begin(), moves.end());
+  }
+
+  void enter_separator(int v, Moves& moves) {
+    coupled_[kLeft][v] = coupled_[kRight][v] = 0;
+    for_each_neighbour(v, [&](int u) {
+      if (part_[u] <= kRight) ++coupled_[part_[u]][v];
+    });
+    propose_move(v, kLeft, moves);
+    propose_move(v, kRight, moves);
+  }
+
+  void leave_separator(int v, Part to, Array<int>& pulled, Moves& moves) {
+    const Part from = other_side(to);
+    const int begin = pulled.size();
+    part_[v] = to;
+    for_each_neighbour(v, [&](int u) {
+      if (part_[u] == kSeparator) ++coupled_[to][u], propose_move(u, from, moves);
+      if (part_[u] == from) part_[u] = kSeparator, pulled.push_back(u);
+    });
+    for (int i = begin; i < pulled.size(); ++i)
+      for_each_neighbour(pulled[i], [&](int u) {
+        if (part_[u] == kSeparator) --coupled_[from][u], propose_move(u, to, moves);
+      });
+    for (int i = begin; i < pulled.size(); ++i) enter_separator(pulled[i], moves);
+  }
+
+  // -- fronts --
+
+  /// Appends the fronts of a set, those of its sides first; returns the topmost.
+  int add_front(int id_set) {
+    const Set& set = sets_[id_set];
+    const bool is_leaf = set.child < 0;
+    Front front;
+    front.begin = is_leaf ? set.begin : set.right_end;
+    front.end = set.end;
+    front.depth = set.depth;
+    if (!is_leaf)
+      for (int side : {0, 1}) front.children.push_back(add_front(set.child + side));
+    const int id = result_.fronts.size();
+    for (int child : front.children) result_.fronts[child].parent = id;
+    result_.fronts.push_back(std::move(front));
+    return id;
+  }
+
+  /// The fronts of a subtree are one behind the other, the topmost last.
+  void schedule() {
+    constexpr int kSubtreeDepth = 5;
+    result_.stages.resize(kSubtreeDepth + 1);
+    Array<int> group;
+    for (int id = 0; id < result_.fronts.size(); ++id) {
+      const int depth = result_.fronts[id].depth;
+      group.push_back(id);
+      if (depth > kSubtreeDepth) continue;
+      result_.stages[kSubtreeDepth - depth].push_back(group);
+      group.clear();
+    }
+  }
+
+  /// Finds the rows and the entries of a group of fronts.
+  void fill_fronts(const Array<int>& ids) {
+    Array<int> local(pattern_.rows(), -1);  // of a vertex of the front, its place in it
+    for (int id : ids) {
+      Front& front = result_.fronts[id];
+      find_rows(front, local);
+      place_entries(front, local);
+      for (int i = front.begin; i < front.end; ++i) local[i] = -1;
+      for (int i : front.rows) local[i] = -1;
+    }
+  }
+
+  void find_rows(Front& front, Array<int>& local) const {
+    const auto add = [&](int i) {
+      if (i < front.end || local[i] >= 0) return;
+      local[i] = 0;
+      front.rows.push_back(i);
+    };
+    for (int i = front.begin; i < front.end; ++i)
+      for_each_neighbour(result_.order[i], [&](int u) { add(result_.place[u]); });
+    for (int child : front.children)
+      for (int i : result_.fronts[child].rows) add(i);
+    std::sort(front.rows.begin(), front.rows.end());
+    for (int i = front.begin; i < front.end; ++i) local[i] = i - front.begin;
+    for (int r = 0; r < front.rows.size(); ++r) local[front.rows[r]] = front.own() + r;
+  }
+
+  void place_entries(Front& front, const Array<int>& local) {
+    for (int i = front.begin; i < front.end; ++i) {
+      const int v = result_.order[i];
+      for (int e = start_[v]; e < start_[v + 1]; ++e) {
+        const int j = result_.place[neighbour_[e].vertex];
+        if (j < i) continue;
+        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
+        front.blocks.push_back(
+            {neighbour_[e].block, local[j], local[i], !neighbour_[e].transposed});
+      }
+    }
+    for (int child : front.children) {
+      Front& c = result_.fronts[child];
+      c.parent_row.resize(c.rows.size());
+      for (int r = 0; r < c.rows.size(); ++r) c.parent_row[r] = local[c.rows[r]];
+    }
+  }
+
+  void place_panels() {
+    for (Front& front : result_.fronts) {
+      front.panel = result_.panels_size;
+      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
+    }
+  }
+
+  const BlockMatrix& pattern_;
+  const Points2& positions_;
+  const Executor& executor_;
+  LdltSymbolic result_;
+  Array<int> start_;
+  Array<Neighbour> neighbour_;
+  Array<Set> sets_;  // level by level
+  Array<Part> part_;
+  Array<int> coupled_[2];  // of a vertex of the separator, how many on either side
+  Array<char> moved_;
+};
+
+// ---- dense kernels ----
+
+/// A block of a matrix by columns.
+struct DenseBlock {
+  double* data;
+  Eigen::Index rows, cols, stride;
+
+  double* col(Eigen::Index j) const { return data + j * stride; }
+  double& operator()(Eigen::Index i, Eigen::Index j) const { return data[j * stride + i]; }
+  DenseBlock block(Eigen::Index i, Eigen::Index j, Eigen::Index n, Eigen::Index m) const {
+    return {data + j * stride + i, n, m, stride};
+  }
+};
+
+/// y -= a x.
+inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
+  Eigen::Index i = 0;
+  for (; i + kLanes <= n; i += kLanes) (Lanes::load(y + i) - a * Lanes::load(x + i)).store(y + i);
+  for (; i < n; ++i) y[i] -= a * x[i];
+}
+
+/// As eight sums, whatever the compiler makes of them.
+inline double inner_product(const double* x, const double* y, Eigen::Index n) {
+  double sum[8] = {};
+  Eigen::Index i = 0;
+  for (; i + 8 <= n; i += 8) {
+    ISM_UNROLL
+    for (int k = 0; k < 8; ++k) sum[k] += x[i + k] * y[i + k];
+  }
+  for (int k = 0; i < n; ++i, ++k) sum[k] += x[i] * y[i];
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
+// A product is subtracted from C by tiles that the registers hold, as high as Lanes. What a tile
+// takes of either factor lies packed in the order in which it is read [Goto and van de Geijn 2008].
+// Every entry of C is subtracted the same sums, however large the tiles.
+
+inline constexpr int kTileColumns = 6;
+
+/// The rows of L by tiles of a height, the last one filled with zeros; or those of L D, with the
+/// diagonal of D.
+inline void pack(const DenseBlock& L, const DenseBlock* D, int height, double* packed) {
+  for (Eigen::Index first = 0; first < L.rows; first += height) {
+    const Eigen::Index n = (std::min)(Eigen::Index{height}, L.rows - first);
+    for (Eigen::Index k = 0; k < L.cols; ++k, packed += height) {
+      const double* from = L.col(k) + first;
+      const double factor = D ? (*D)(k, k) : 1;
+      for (Eigen::Index i = 0; i < height; ++i) packed[i] = i < n ? factor * from[i] : 0;
+    }
+  }
+}
+
+inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, double* c,
+                          Eigen::Index stride) {
+  Lanes sum[kTileColumns];
+  ISM_UNROLL
+  for (int j = 0; j < kTileColumns; ++j) sum[j] = 0.0;
+  for (Eigen::Index k = 0; k < depth; ++k, a += kLanes, b += kTileColumns) {
+    const Lanes rows = Lanes::load(a);
+    ISM_UNROLL
+    for (int j = 0; j < kTileColumns; ++j) sum[j] = sum_with_product(sum[j], rows, b[j]);
+  }
+  ISM_UNROLL
+  for (int j = 0; j < kTileColumns; ++j)
+    (Lanes::load(c + j * stride) - sum[j]).store(c + j * stride);
+}
+
+/// Subtracts packed factors from rows of a matrix, the first of which is its row `first`, and from
+/// no tile that is above its diagonal.
+inline void subtract_packed(const double* a, const double* b, Eigen::Index depth,
+                            Eigen::Index first, const DenseBlock& C) {
+  for (Eigen::Index j = 0; j < C.cols; j += kTileColumns)
+    for (Eigen::Index i = (std::max)(j - first, Eigen::Index{0}) / kLanes * kLanes; i < C.rows;
+         i += kLanes) {
+      const Eigen::Index height = (std::min)(Eigen::Index{kLanes}, C.rows - i);
+      const Eigen::Index width = (std::min)(Eigen::Index{kTileColumns}, C.cols - j);
+      if (height == kLanes && width == kTileColumns) {
+        subtract_tile(a + i * depth, b + j * depth, depth, &C(i, j), C.stride);
+        continue;
+      }
+      double rest[kLanes * kTileColumns] = {};
+      subtract_tile(a + i * depth, b + j * depth, depth, rest, kLanes);
+      for (Eigen::Index q = 0; q < width; ++q)
+        for (Eigen::Index r = 0; r < height; ++r) C(i + r, j + q) += rest[q * kLanes + r];
+    }
+}
+
+/// C -= L D Mᵀ, M the first rows of L, on and below the diagonal of C. What is above does not
+/// count.
+inline void subtract_product(const DenseBlock& L, const DenseBlock& D, const DenseBlock& C) {
+  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of L that the second cache holds
+  const Eigen::Index depth = (std::min)(kDepth, L.cols), height = (std::min)(kRows, L.rows);
+  Eigen::VectorXd a((height + kLanes) * depth), b((C.cols + kTileColumns) * depth);
+  for (Eigen::Index k = 0; k < L.cols; k += depth) {
+    const Eigen::Index n = (std::min)(depth, L.cols - k);
+    const DenseBlock D_k = D.block(k, k, n, n);
+    pack(L.block(0, k, C.cols, n), &D_k, kTileColumns, b.data());
+    for (Eigen::Index i = 0; i < L.rows; i += kRows) {
+      const Eigen::Index m = (std::min)(kRows, L.rows - i);
+      pack(L.block(i, k, m, n), nullptr, kLanes, a.data());
+      subtract_packed(a.data(), b.data(), n, i, C.block(i, 0, m, C.cols));
+    }
+  }
+}
+
+/// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
+inline bool factor_narrow(const DenseBlock& A, int& negative) {
+  const Eigen::Index k = A.cols, n = A.rows;
+  for (Eigen::Index j = 0; j < k; ++j) {
+    const double pivot = A(j, j);
+    if (pivot == 0 || !std::isfinite(pivot)) return false;
+    if (pivot < 0) ++negative;
+    for (Eigen::Index c = j + 1; c < k; ++c)
+      subtract_scaled(A(c, j) / pivot, A.col(j) + c, A.col(c) + c, n - c);
+    for (Eigen::Index i = j + 1; i < n; ++i) A(i, j) /= pivot;
+  }
+  return true;
+}
+
+/// The same of any width: the left half, what it takes from the right half, the right half.
+inline bool factor_panel(const DenseBlock& A, int& negative) {
+  constexpr Eigen::Index kNarrow = 16;
+  const Eigen::Index n = A.rows, left = A.cols / 2, right = A.cols - left;
+  if (A.cols <= kNarrow) return factor_narrow(A, negative);
+  if (!factor_panel(A.block(0, 0, n, left), negative)) return false;
+  subtract_product(A.block(left, 0, n - left, left), A, A.block(left, left, n - left, right));
+  return factor_panel(A.block(left, left, n - left, right), negative);
+}
+
+// ---- factorisation ----
+
+/// What a factor holds. A panel holds, of one front, L with D on the diagonal of its top block.
+struct LdltData {
+  LdltSymbolic symbolic;
+  Eigen::VectorXd panels;         // one behind the other
+  Array<Eigen::VectorXd> update;  // per front its update matrix, until its parent has taken it
+  Array<int> negative_pivots;     // per front; -1 where one is zero or not finite
+};
+
+/// The panel of a front, 2 size × 2 own.
+inline DenseBlock panel_of(const Front& front, const LdltData& factor) {
+  const Eigen::Index rows = 2 * Eigen::Index{front.size()};
+  return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
+}
+
+/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
+inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
+  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
+  return {memory.data(), n, n, n};
+}
+
+/// Adds a child's update matrix to the parent's panel, and to its update matrix where columns are
+/// not the parent's own.
+inline void extend_add(const Front& child, const DenseBlock& from, int own, const DenseBlock& panel,
+                       const DenseBlock& update) {
+  const Array<int>& place = child.parent_row;
+  for (int c = 0; c < place.size(); ++c) {
+    const bool into_own = place[c] < own;
+    const DenseBlock& target = into_own ? panel : update;
+    const int shift = into_own ? 0 : own;
+    for (int half = 0; half < 2; ++half) {
+      const double* source = from.col(2 * c + half);
+      double* sum = target.col(2 * (place[c] - shift) + half);
+      for (int i = half; i < 2; ++i) sum[2 * (place[c] - shift) + i] += source[2 * c + i];
+      for (int r = c + 1; r < place.size(); ++r) {
+        double* at = sum + 2 * (place[r] - shift);
+        at[0] += source[2 * r];
+        at[1] += source[2 * r + 1];
+      }
+    }
+  }
+}
+
+/// Assembles and eliminates one front whose children are done.
+inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltData& factor) {
+  const Front& front = factor.symbolic.fronts[id];
+  const DenseBlock panel = panel_of(front, factor);
+  std::fill(panel.data, panel.data + panel.rows * panel.cols, 0.0);
+  for (const Front::OwnBlock& e : front.blocks) {
+    const Mat2 block = e.transposed ? transposed(matrix.block(e.block)) : matrix.block(e.block);
+    for (int c = 0; c < 2; ++c)
+      for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
+  }
+  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
+  factor.update[id].setZero(n * n);
+  const DenseBlock update = update_of(front, factor.update[id]);
+  for (int child : front.children) {
+    const Front& c = factor.symbolic.fronts[child];
+    extend_add(c, update_of(c, factor.update[child]), front.own(), panel, update);
+    factor.update[child].resize(0);
+  }
+  if (!factor_panel(panel, factor.negative_pivots[id])) factor.negative_pivots[id] = -1;
+  subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
+}
+
+/// Factorises a matrix of the pattern that was analysed.
+inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& executor,
+                             LdltFactor& factor) {
+  LdltData& data = *factor.data;
+  const LdltSymbolic& symbolic = data.symbolic;
+  const int n = symbolic.fronts.size();
+  if (data.panels.size() < symbolic.panels_size) {
+    data.panels.resize(0);  // Eigen frees what there is before it allocates, and once more if
+    data.panels.resize(symbolic.panels_size);  // that fails
+  }
+  data.update.clear();
+  data.update.resize(n);
+  data.negative_pivots.assign(n, 0);
+  for (const Array<Array<int>>& stage : symbolic.stages)
+    executor.run(stage.size(), [&](int group) {
+      for (int id : stage[group])
+        if (!executor.is_stopped()) eliminate_front(id, matrix, data);
+    });
+  factor.ok = !executor.is_stopped();
+  factor.negative = 0;
+  for (int negative : data.negative_pivots) {
+    factor.ok = factor.ok && negative >= 0;
+    factor.negative += negative;
+  }
+}
+
+/// Factorises a matrix whose rows belong to vertices at some positions.
+inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
+                           const Executor& executor, LdltFactor& factor) {
+  if (!factor.data) factor.data = std::make_shared<LdltData>();
+  factor.data->symbolic = NestedDissection(*matrix.H, positions, executor).build();
+  ldlt_refactorize(matrix, executor, factor);
+}
+
+// ---- solution ----
+
+/// Solves with a factor: L y = b, front by front, then D Lᵀ x = y in the reverse order. The numbers
+/// that a front touches are gathered, so that columns of its panel meet one piece of memory.
+inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
+  const LdltData& data = *factor.data;
+  const LdltSymbolic& symbolic = data.symbolic;
+  const int n = symbolic.order.size(), n_fronts = symbolic.fronts.size();
+  Array<Vec2> y(n), x(n), local;
+  for (int i = 0; i < n; ++i) y[i] = b[symbolic.order[i]];
+  for (int id = 0; id < n_fronts; ++id) {
+    const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
+    const DenseBlock P = panel_of(front, data);
+    local.assign(front.size(), {});
+    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
+    double* z = &local.data()->x;
+    for (Eigen::Index j = 0; j < P.cols; ++j)
+      subtract_scaled(z[j], P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
+    for (int r = 0; r < front.rows.size(); ++r) y[front.rows[r]] += local[front.own() + r];
+  }
+  for (int id = n_fronts - 1; id >= 0; --id) {
+    const Front& front = symbolic.fronts[id];
+    if (front.own() == 0) continue;
+    const DenseBlock P = panel_of(front, data);
+    local.resize(front.size());
+    std::copy(y.data() + front.begin, y.data() + front.end, local.data());
+    for (int r = 0; r < front.rows.size(); ++r) local[front.own() + r] = y[front.rows[r]];
+    double* z = &local.data()->x;
+    for (Eigen::Index j = P.cols - 1; j >= 0; --j)
+      z[j] = z[j] / P(j, j) - inner_product(P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
+  }
+  for (int i = 0; i < n; ++i) x[symbolic.order[i]] = y[i];
+  return x;
+}
+
+/// y += A x.
+inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
+  for (int r = 0; r < A.H->rows(); ++r)
+    for (int b = A.H->start[r]; b < A.H->start[r + 1]; ++b) {
+      const int c = A.H->column[b];
+      const Mat2 block = A.block(b);
+      y[r] += block * x[c];
+      if (r != c) y[c] += transposed(block) * x[r];
+    }
+}
+
+/// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
+/// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
+/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
+/// has fallen to a tolerance of its first value, z the preconditioned r, after 50 steps, or where
+/// the caller stops.
+inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
+                                        const Array<Vec2>& b, double tolerance,
+                                        const Executor& executor) {
+  constexpr int kMostSteps = 50;
+  const int n = b.size();
+  Array<Vec2> x(n), r = b, p(n), Ap;
+  double before = 0, first = 0;
+  for (int k = 0; k < kMostSteps && !executor.is_stopped(); ++k) {
+    const Array<Vec2> z = ldlt_solve(factor, r);
+    const double now = dot(r, z);
+    if (k == 0) first = now;
+    if (!(now > tolerance * tolerance * first)) break;
+    const double along = k == 0 ? 0 : now / before;
+    for (int i = 0; i < n; ++i) p[i] = z[i] + along * p[i];
+    Ap.assign(n, {});
+    add_product(A, p, Ap);
+    const double curvature = dot(p, Ap);
+    if (!(curvature > 0)) break;
+    const double step = now / curvature;
+    for (int i = 0; i < n; ++i) {
+      x[i] += step * p[i];
+      r[i] -= step * Ap[i];
+    }
+    before = now;
+  }
+  return x;
+}
+
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
@@ -7585,6 +5943,367 @@ class Optimizer {
 /// What the levels of an embedding are relaxed to: the surface, triangles that are all alike, or,
 /// of a surface that is embedded already, its triangles in the plane.
 enum class Approach { kShape, kConnectivity, kEmbedded };
+
+inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
+                          int j) {
+  Mat2 H;
+  for (int r = 0; r < 2; ++r)
+    for (int q = 0; q < 2; ++q)
+      for (int k = r; k < 4; k += 2)
+        for (int l = q; l < 4; l += 2)
+          H(r, q) += B.weight[i][k / 2] * B.weight[j][l / 2] *
+                     (k >= l ? w.hessian[k][l] : w.hessian[l][k]);
+  return H;
+}
+
+// ---- helpers ----
+
+/// x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... that the binary digits of t
+/// name.
+inline double root_power(double x, double t) {
+  if (t == 1) return x;
+  double result = 1;
+  for (double root = x; t > 0; t -= t >= 1) {
+    root = std::sqrt(root);
+    t *= 2;
+    if (t >= 1) result *= root;
+  }
+  return result;
+}
+
+/// The indices of keys, sorted by key, then by index.
+inline Array<int> sorted_by(const Array<double>& key) {
+  Array<int> order = numbers_below(key.size());
+  std::sort(order.begin(), order.end(),
+            [&](int i, int j) { return key[i] != key[j] ? key[i] < key[j] : i < j; });
+  return order;
+}
+
+/// Triangles from a list of their corners.
+inline Triangles triangles_from(const Array<int>& corners) {
+  Triangles triangles(corners.size() / 3, 3);
+  std::copy(corners.begin(), corners.end(), triangles.data());
+  return triangles;
+}
+
+/// The half-edge from u to v, or, if only that is there, from v to u; -1 if there is no such edge.
+inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
+  int found = -1;
+  if (u < 0 || u >= m.n_vertices) return found;
+  m.for_each_outgoing(u, [&](int h) {
+    if (m.tip(h) == v) found = h;
+    if (m.tail[prev(h)] == v && m.twin[prev(h)] < 0) found = prev(h);
+  });
+  return found;
+}
+
+inline int count_components(const HalfEdgeMesh& m) {
+  const Array<int> component = components_of(m);
+  return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
+}
+
+/// A follower and one of its masters that is a follower, too.
+struct Chain {
+  int row = -1, master = -1;
+};
+
+inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
+  Array<char> follows(s.mesh.n_vertices, 0);
+  for (const Follower& follower : followers) follows[follower.row] = 1;
+  Chain chain;
+  for (const Follower& follower : followers)
+    follower.for_each_master([&](int v, double) {
+      if (follows[v] && chain.row < 0) chain = {follower.row, v};
+    });
+  return chain;
+}
+
+// ---- vertices that are added, and cuts ----
+
+/// Cuts the triangle of h in two along the line from a vertex on its edge u → v to the corner
+/// opposite; h then ends at that vertex. Returns the half-edge from there to v.
+inline int split_face(HalfEdgeMesh& m, int h, int middle) {
+  const int a = next(h), rest = 3 * m.n_faces++;
+  const int v = m.tail[a], w = m.tip(a), outer = m.twin[a];
+  for (int tail : {middle, v, w}) m.tail.push_back(tail);
+  for (int twin : {-1, outer, a}) m.twin.push_back(twin);
+  if (outer >= 0) m.twin[outer] = rest + 1;
+  if (m.out[v] == a) m.out[v] = rest + 1;
+  m.tail[a] = middle;
+  m.twin[a] = rest + 2;
+  return rest;
+}
+
+/// Cuts the edge of h in two; the new vertex is the last one.
+inline void split_edge(HalfEdgeMesh& m, int h) {
+  const int t = m.twin[h], middle = m.n_vertices++;
+  const int to_tip = split_face(m, h, middle);
+  m.out.push_back(to_tip);
+  if (t < 0) return;
+  const int to_tail = split_face(m, t, middle);
+  m.twin[h] = to_tail, m.twin[to_tail] = h;
+  m.twin[t] = to_tip, m.twin[to_tip] = t;
+}
+
+/// Joins a new vertex, the last one, to the corners of the triangle of h.
+inline void split_triangle(HalfEdgeMesh& m, int h) {
+  const int u = m.tail[h], v = m.tip(h), outer = m.twin[h], middle = m.n_vertices++;
+  const int rest = split_face(m, h, middle), third = 3 * m.n_faces++;
+  for (int tail : {u, v, middle}) m.tail.push_back(tail);
+  for (int twin : {outer, rest, h}) m.twin.push_back(twin);
+  m.twin[rest] = third + 1, m.twin[h] = third + 2;
+  if (outer >= 0) m.twin[outer] = third;
+  if (outer < 0) m.out[u] = third;
+  m.out.push_back(rest);
+}
+
+inline bool is_copy(const AddedVertex& p) { return p.corners[1] < 0; }
+inline bool is_on_edge(const AddedVertex& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
+
+inline AddedVertex copy_of(int v) {
+  AddedVertex copy;
+  copy.corners[0] = v;
+  copy.weights[0] = 1;
+  return copy;
+}
+
+/// A half-edge of the edge or triangle in which a vertex is to be added; -1 if there is none.
+inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
+  const Eigen::Vector3d& t = p.weights;
+  const bool is_mean = t[0] > 0 && t[1] > 0 && (is_on_edge(p) ? t[2] == 0 : t[2] > 0) &&
+                       std::abs(t[0] + t[1] + t[2] - 1) < 1e-9;
+  const int h = is_mean ? find_edge(m, p.corners[0], p.corners[1]) : -1;
+  if (h < 0 || is_on_edge(p) || m.tail[prev(h)] == p.corners[2]) return h;
+  return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
+}
+
+/// Adds a vertex where find_place() found it. The list of the boundary is then stale.
+inline void add_vertex(HalfEdgeMesh& m, int h, const AddedVertex& p) {
+  is_on_edge(p) ? split_edge(m, h) : split_triangle(m, h);
+}
+
+/// Vertices with those added behind them.
+template <class Points>
+Points with_added(const Points& vertices, const std::vector<AddedVertex>& added) {
+  int v = static_cast<int>(vertices.rows());
+  Points all(v + static_cast<int>(added.size()), vertices.cols());
+  std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
+  for (const AddedVertex& p : added) {
+    for (int c = 0; c < all.cols(); ++c) {
+      all(v, c) = p.weights[0] * all(p.corners[0], c);
+      for (int k = 1; k < 3 && p.corners[k] >= 0; ++k)
+        all(v, c) += p.weights[k] * all(p.corners[k], c);
+    }
+    ++v;
+  }
+  return all;
+}
+
+/// Adds vertices one by one; the shape stays. False, and the surface is then unusable, if an edge
+/// or a triangle does not exist.
+inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
+  for (const AddedVertex& p : added) {
+    const int h = find_place(s.mesh, p);
+    if (h < 0) return false;
+    add_vertex(s.mesh, h, p);
+  }
+  trace_boundary(s.mesh);
+  s.vertices = with_added(s.vertices, added);
+  s.added.insert(s.added.end(), added.begin(), added.end());
+  compute_rest_frames(s);
+  return true;
+}
+
+/// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
+/// the vertex; the other fans get copies, counter-clockwise.
+inline void cut_along(const Array<int>& edges, Surface& s) {
+  HalfEdgeMesh& m = s.mesh;
+  Array<char> is_cut(m.tail.size(), 0), is_split(m.n_vertices, 0);
+  for (int h : edges) is_cut[h] = is_cut[m.twin[h]] = 1;
+  std::vector<AddedVertex> copies;
+  for (int h : edges) {
+    const int v = m.tail[h];
+    if (v >= is_split.size() || is_split[v]++) continue;  // another edge at the same vertex
+    for (int e = m.turn(h), id = v; e != h; e = m.turn(e)) {
+      if (is_cut[e]) {
+        copies.push_back(copy_of(v));
+        id = m.n_vertices++;
+      }
+      m.tail[e] = id;
+    }
+  }
+  for (int h = 0; h < m.twin.size(); ++h)
+    if (is_cut[h]) m.twin[h] = -1;
+  find_outgoing(m);
+  trace_boundary(m);
+  s.vertices = with_added(s.vertices, copies);
+  s.added.insert(s.added.end(), copies.begin(), copies.end());
+}
+
+// ---- landmarks on the surfaces ----
+
+/// Place of one end of a landmark: at a vertex (the other corners are -1), on an edge or in a
+/// triangle.
+using Place = AddedVertex;
+
+/// The vertex of a place, or -1 if it is on an edge or in a triangle.
+inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
+
+inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
+  if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
+  return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
+}
+
+inline Vec2 mean(const Place& p, const Points2& x) {
+  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
+  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
+  return sum;
+}
+
+/// Removes corners that are -1 or have hardly any weight; false if none is left.
+inline bool tidy(Place& p) {
+  int n = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (p.corners[k] < 0 || !(p.weights[k] > 1e-9)) continue;
+    p.corners[n] = p.corners[k];
+    p.weights[n++] = p.weights[k];
+  }
+  for (int k = n; k < 3; ++k) p.corners[k] = -1, p.weights[k] = 0;
+  const double sum = p.weights[0] + p.weights[1] + p.weights[2];
+  for (double& weight : p.weights) weight /= sum;
+  return n > 0;
+}
+
+/// Updates a place after a vertex was added: the vertex replaces the corner whose weight would
+/// become zero first, so the corners are again those of the piece in which the place lies.
+inline void follow(const AddedVertex& added, int id, Place& p) {
+  int at[3], last = -1;
+  double least = kInfinity;
+  if (is_copy(added)) return;
+  const int n = is_on_edge(added) ? 2 : 3;
+  for (int k = 0; k < n; ++k) {
+    for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
+    if (at[k] == 3) return;  // in another triangle
+    const double most = p.weights[at[k]] / added.weights[k];
+    if (most < least) least = most, last = at[k];
+  }
+  for (int k = 0; k < n; ++k) p.weights[at[k]] -= least * added.weights[k];
+  p.corners[last] = id;
+  p.weights[last] = least;
+  tidy(p);
+}
+
+/// A place of a mesh of n vertices, after vertices were added to it.
+inline Place located(Place p, int n, const std::vector<AddedVertex>& added) {
+  for (const AddedVertex& vertex : added) follow(vertex, n++, p);
+  return p;
+}
+
+/// The vertex at a place of such a mesh; adds one if there is none.
+inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
+  const Place here = located(p, n, added);
+  if (vertex_at(here) >= 0) return vertex_at(here);
+  added.push_back(here);
+  return n + static_cast<int>(added.size()) - 1;
+}
+
+struct PlacedLandmark {
+  Place a, b;
+  Landmark given;
+};
+
+/// Landmarks after the last vertices of the surfaces, a and b, were added.
+inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
+                                     const std::vector<AddedVertex>& a,
+                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
+  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
+    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
+  };
+  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
+  return landmarks;
+}
+
+/// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
+inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
+                                     const SurfacePair& pair) {
+  return located(landmarks, pair.a.added, pair.b.added, pair);
+}
+
+/// A landmark with both ends at vertices.
+struct VertexPair {
+  int a = -1, b = -1;
+  Landmark given = {};
+};
+
+inline Array<VertexPair> vertex_pairs(const Array<PlacedLandmark>& landmarks) {
+  Array<VertexPair> pairs;
+  for (const PlacedLandmark& l : landmarks)
+    if (vertex_at(l.a) >= 0 && vertex_at(l.b) >= 0)
+      pairs.push_back({vertex_at(l.a), vertex_at(l.b), l.given});
+  return pairs;
+}
+
+/// One end of a landmark in the ids given.
+inline bool is_point(const LandmarkPoint& p) { return p.vertex == -1 && p.point.face != -1; }
+inline int id_of(const LandmarkPoint& p) { return is_point(p) ? p.point.face : p.vertex; }
+inline std::string name_of(const LandmarkPoint& p) {
+  return is_point(p) ? sentence({"(triangle ", p.point.face, ")"}) : sentence({p.vertex});
+}
+
+/// "landmark 3 (triangle 5): "
+inline std::string name_of(const Landmark& l) {
+  return sentence({"landmark ", name_of(l.a), " ", name_of(l.b), ": "});
+}
+
+/// Holds the vertex of A of a landmark at that of B, a corner of a triangle around it.
+inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
+  const int h = s.mesh.out[s.n_a + l.b];
+  return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
+}
+
+/// weight · |p - q|² for two places, as springs between their corners: where Σ c_k = 0,
+/// |Σ c_k x_k|² = -Σ_{k<l} c_k c_l |x_k - x_l|².
+inline void add_springs(const Place& p, const Place& q, double weight, Array<Spring>& springs) {
+  const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
+  const auto c = [&](int k) { return k < 3 ? p.weights[k] : -q.weights[k - 3]; };
+  for (int k = 0; k < 6; ++k)
+    for (int l = k + 1; l < 6; ++l)
+      if (corner(k) >= 0 && corner(l) >= 0)
+        springs.push_back({corner(k), corner(l), -c(k) * c(l) * weight});
+}
+
+// ---- alignment ----
+
+inline Vec2 centroid(const Points2& x) {
+  Vec2 sum;
+  for (int i = 0; i < x.rows(); ++i) sum += row2(x, i);
+  return 1 / static_cast<double>(x.rows()) * sum;
+}
+
+/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle
+/// between the two sets.
+inline Vec2 correlation(const Points2& from, const Points2& to) {
+  const Vec2 c0 = centroid(from), c1 = centroid(to);
+  double along = 0, across = 0;
+  for (int i = 0; i < from.rows(); ++i) {
+    const Vec2 p = row2(from, i) - c0, q = row2(to, i) - c1;
+    along += dot(p, q);
+    across += cross(p, q);
+  }
+  return {along, across};
+}
+
+/// The motion that brings the rows of `from` closest to those of `to`.
+inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
+  return rigid_motion(correlation(from, to), centroid(from), centroid(to));
+}
+
+/// The part of the second moment that the best similarity between two sets of points does not
+/// explain: 0 if it fits, at most 1.
+inline double misfit(const Points2& from, const Points2& to) {
+  return 1 - squared_norm(correlation(from, to)) /
+                 (norm(correlation(from, from)) * norm(correlation(to, to)));
+}
 
 // ---- openings ----
 //
@@ -9684,6 +8403,9 @@ class PairEmbedder {
 //             mesh around it is, and edges can bend around other landmarks.
 // Fails:      with the landmarks that are still apart after some refinements.
 
+/// Hook: per triangle, why it is too thin to be mapped, or null (part [17]).
+inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& triangles);
+
 /// Adds the vertices at exact landmarks, and at those on boundaries that are held. False if that
 /// leaves a triangle too thin, or their order is wrong.
 inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
@@ -9700,13 +8422,14 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
                 {"landmarks are too close to each other to become vertices"});
   for (Side side : {Side::kA, Side::kB}) {
     const Surface& s = side == Side::kA ? pair.a : pair.b;
-    ProblemList thin;
-    if (!s.added.empty()) check_triangles({s.vertices, triangles_from(s.mesh.tail)}, thin);
-    if (!thin.problems.empty())
-      return fail(outcome, Status::kInvalidLandmarks,
-                  {"landmarks on ", letter(side),
-                   " are too close to edges: once they are vertices, ", thin.problems[0].message},
-                  {{side, Element::kFace, thin.problems[0].ids[0]}});
+    if (s.added.empty()) continue;
+    const Array<const char*> defects = triangle_defects(s.vertices, triangles_from(s.mesh.tail));
+    for (int f = 0; f < defects.size(); ++f)
+      if (defects[f] != nullptr)
+        return fail(outcome, Status::kInvalidLandmarks,
+                    {"landmarks on ", letter(side),
+                     " are too close to edges: once they are vertices, triangle ", f, defects[f]},
+                    {{side, Element::kFace, f}});
   }
   return check_order(pair, located(landmarks, a, b, pair), outcome);
 }
@@ -10832,7 +9555,1152 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
   return s;
 }
 
-// ==== [16] COARSE TO FINE =======================================================================
+// ==== HALF I ENDS HERE ===========================================================================
+//
+// What is above is the paper. What follows makes it a tool: a scaffold that keeps boundaries apart,
+// checks and mends of meshes, coarse levels, maps of closed surfaces, uses of maps, a proof, the
+// entry points and their threads.
+
+namespace detail {
+
+// ==== [16] SCAFFOLD (paper §4.4) =================================================================
+//
+// Purpose:    keeps the boundary of an embedding from meeting itself [Jiang, Schaefer and Panozzo
+//             2017]: the space between it and a box is triangulated, and the triangles resist
+//             deformation a little. Their energy is least where they are built, so a step that
+//             lowers the sum of both energies lowers E; built anew in every iteration, they yield
+//             where the boundary wants to go, but never to a collision.
+// Invariants: the triangles are positive, exactly; while they are, the boundary is simple.
+// Fails:      where rounding leaves a triangle no area, it is left out; there, only the exact test
+//             of the boundary guards.
+
+/// The space that a surface leaves at a loop, as one polygon, counter-clockwise. For an opening
+/// that is its inside. Around an outer loop, a box is put with room on all sides: a bridge leads
+/// from its second corner to the rightmost vertex of the loop, which sees it, and back.
+inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
+  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
+  const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
+  Array<int> polygon;
+  if (!runs_counter_clockwise(m, x, loop)) {
+    for (int i = n; i > 0; --i) polygon.push_back(vertex(i));
+    return polygon;
+  }
+  int start = 0;
+  Vec2 lo = row2(x, vertex(0)), hi = lo;
+  for (int i = 1; i < n; ++i) {
+    lo = lower(lo, row2(x, vertex(i)));
+    hi = upper(hi, row2(x, vertex(i)));
+    if (x(vertex(i), 0) > x(vertex(start), 0)) start = i;
+  }
+  const double room = 0.5 * (std::max)(hi.x - lo.x, hi.y - lo.y);
+  lo -= {room, room}, hi += {room, room};
+  const int corner = s.n_vertices + s.box.size();
+  for (const Vec2 p : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) s.box.push_back(p);
+  polygon.push_back(corner);
+  polygon.push_back(corner + 1);
+  for (int i = 0; i <= n; ++i) polygon.push_back(vertex(start + n - i));
+  for (int k = 1; k < 4; ++k) polygon.push_back(corner + k);
+  return polygon;
+}
+
+/// True if a box lies to the right of p → q, exactly.
+inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
+  const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
+  return orient2d(p, q, leftmost) < 0;
+}
+
+/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
+/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
+/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
+/// but for spirals, where one vertex may block many.
+class EarClipper {
+ public:
+  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
+      : polygon_(polygon),
+        next_(polygon.size()),
+        prev_(polygon.size()),
+        state_(polygon.size(), kIdle),
+        last_blocked_(polygon.size(), -1) {
+    const int n = polygon.size();
+    tree_.reset(n);
+    for (int i = 0; i < n; ++i) {
+      point_.push_back(scaffold.point(x, polygon[i]));
+      tree_.set(i, point_[i], point_[i]);
+      next_[i] = (i + 1) % n;
+      prev_[i] = (i + n - 1) % n;
+      enqueue(i);
+    }
+    tree_.join();
+  }
+
+  /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
+  Array<int> run() {
+    Array<int> corners;
+    int left = polygon_.size();
+    for (int first = 0; first < queue_.size() && left >= 3; ++first) {
+      const int i = queue_[first];
+      const bool waits = state_[i] == kWaits;
+      state_[i] = kIdle;
+      if (is_gone(i)) continue;
+      if (waits) {
+        enqueue(i);
+      } else if (is_ear(i)) {
+        for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
+        clip(i);
+        --left;
+      }
+    }
+    return corners;
+  }
+
+ private:
+  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
+
+  /// A vertex that another one blocked, and the entry before of the same one.
+  struct Blocked {
+    int vertex, before;
+  };
+
+  void enqueue(int i) {
+    if (state_[i] != kIdle) return;
+    state_[i] = kQueued;
+    queue_.push_back(i);
+  }
+
+  void clip(int i) {
+    next_[prev_[i]] = next_[i];
+    prev_[next_[i]] = prev_[i];
+    tree_.remove(i);
+    for (int b = last_blocked_[i]; b >= 0; b = blocked_[b].before) enqueue(blocked_[b].vertex);
+    enqueue(prev_[i]);
+    if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
+    enqueue(next_[i]);
+  }
+
+  bool is_gone(int i) const { return next_[prev_[i]] != i; }
+
+  /// True if the triangle at i is positive and empty of all other vertices that are left.
+  bool is_ear(int i) {
+    const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
+    const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
+    if (!(orient2d(p, q, r) > 0)) return false;
+    const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
+    const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
+      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
+             !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
+    };
+    const auto blocks = [&](int k) {
+      const int v = polygon_[k];  // the ends of the bridge are there twice
+      if (v == a || v == b || v == c) return false;
+      blocked_.push_back({i, last_blocked_[k]});
+      last_blocked_[k] = blocked_.size() - 1;
+      return true;
+    };
+    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
+  }
+
+  const Array<int>& polygon_;
+  Array<Vec2> point_;
+  Array<int> next_, prev_;
+  Array<int> queue_;  // all that was ever in it
+  Array<State> state_;
+  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
+  Array<Blocked> blocked_;
+  BoxTree tree_;  // of the vertices that are left
+};
+
+/// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
+inline void flip(HalfEdgeMesh& m, int h) {
+  const int t = m.twin[h], first = 3 * (h / 3), second = 3 * (t / 3);
+  const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
+  const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
+  const int ad = m.twin[next(t)], db = m.twin[prev(t)];
+  const auto set = [&](int half_edge, int tail, int twin) {
+    m.tail[half_edge] = tail;
+    m.twin[half_edge] = twin;
+    if (twin >= 0) m.twin[twin] = half_edge;
+  };
+  set(first, a, ad), set(first + 1, d, second + 2), set(first + 2, c, ca);
+  set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
+}
+
+/// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
+inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
+  constexpr double kClear = 1e-9;  // by which it should, so that rounding does not flip for ever
+  const int t = m.twin[h];
+  const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
+  const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
+  if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
+  // Exact signs: on a boundary that is straight up to rounding, areas round to 0.
+  const double cot_c = dot(a - c, b - c) / orient2d(a, b, c);
+  const double cot_d = dot(b - d, a - d) / orient2d(b, a, d);
+  return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
+}
+
+/// Flips inner edges until all are locally Delaunay.
+inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) {
+  constexpr int kMostFlips = 1000;  // per edge
+  Array<int> stack;
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (m.twin[h] > h) stack.push_back(h);
+  for (std::int64_t left = kMostFlips * std::int64_t{m.n_faces}; !stack.empty() && left > 0;) {
+    const int h = stack.back();
+    stack.pop_back();
+    if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
+    const int first = 3 * (h / 3), second = 3 * (m.twin[h] / 3);
+    flip(m, h);
+    --left;
+    for (int outer : {first, first + 2, second, second + 1}) stack.push_back(outer);
+  }
+}
+
+/// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
+inline double height(Vec2 p, Vec2 q) {
+  return cross(p, q) /
+         std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
+}
+
+/// Triangulates the space at the loops; `weight` is that of all triangles together. Those in
+/// gaps that are next to closed get less, or they would be too stiff for the linear solver.
+inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
+  constexpr double kNarrow = 1e-10;  // of the size of the first box
+  Scaffold s;
+  s.n_vertices = m.n_vertices;
+  Array<int> corners;
+  for (int loop = 0; loop < m.loops(); ++loop) {
+    const Array<int> polygon = space_at(m, x, loop, s);
+    for (int v : EarClipper(s, x, polygon).run()) corners.push_back(v);
+  }
+  HalfEdgeMesh space = build_half_edges(m.n_vertices + s.box.size(), triangles_from(corners));
+  make_delaunay(s, x, space);
+  const double narrow = kNarrow * norm(s.box[2] - s.box[0]);
+  for (int f = 0; f < space.n_faces; ++f) {
+    const Vec2 a = s.point(x, space.corner(f, 0));
+    const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
+    const Mat2 R = columns(p, q), R_inverse = inverse(R);
+    if (!(determinant(R) > 0) || !is_finite(R_inverse)) continue;  // area in exact arithmetic only
+    const double openness = (std::min)(1.0, height(p, q) / narrow);
+    s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
+    s.rest_inverse.push_back(R_inverse);
+    s.weight.push_back(weight / space.n_faces * openness * openness);
+  }
+  return s;
+}
+
+/// The energy above the least, which it has where the scaffold was built; infinite where a triangle
+/// is not positive.
+inline double scaffold_energy(const Scaffold& s, const Points2& x) {
+  double energy = 0;
+  for (int t = 0; t < s.triangle.size(); ++t) {
+    const std::array<int, 3>& v = s.triangle[t];
+    const Mat2 J =
+        jacobian(s.point(x, v[0]), s.point(x, v[1]), s.point(x, v[2]), s.rest_inverse[t]);
+    energy += triangle_energy(J, s.weight[t]) - 4 * s.weight[t];
+  }
+  return energy;
+}
+
+/// The s at which the first triangle of the scaffold degenerates.
+inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
+  double least = kInfinity;
+  for (const std::array<int, 3>& v : s.triangle) {
+    const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
+    least = (std::min)(
+        least, triangle_max_step(s.point(x, v[1]) - p, s.point(x, v[2]) - p,
+                                 s.displacement(d, v[1]) - dp, s.displacement(d, v[2]) - dp));
+  }
+  return least;
+}
+
+/// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
+inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
+  const double identity[4] = {1, 0, 0, 1};
+  const TriangleDensity<double> w = triangle_density(identity);
+  for (int t = 0; t < s.triangle.size(); ++t) {
+    const CornerWeights<double> B(s.rest_inverse[t].entry);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        const int r = s.triangle[t][static_cast<std::size_t>(i)];
+        const int c = s.triangle[t][static_cast<std::size_t>(j)];
+        if (r <= c && c < s.n_vertices)
+          blocks.push_back({r, c, s.weight[t] * point_hessian(w, B, i, j)});
+      }
+  }
+}
+
+// ==== [17] CHECKED AND PREPARED MESHES ===========================================================
+//
+// Purpose:    says why a mesh cannot be mapped, find_problems(), and makes a surface of it,
+//             Preparer.
+// Invariants: what is sound stays as it is, and so do ids where nothing was mended.
+// Fails:      with problems, each with a sentence and ids.
+
+/// Masks floating-point traps of the caller's while it lives: unused lanes of vectors may divide by
+/// zero, and some formulas over- or underflow by intent.
+class NoTraps {
+ public:
+  NoTraps() { std::feholdexcept(&environment_); }
+  NoTraps(const NoTraps&) = delete;
+  NoTraps& operator=(const NoTraps&) = delete;
+  ~NoTraps() { std::fesetenv(&environment_); }
+
+ private:
+  std::fenv_t environment_;
+};
+
+/// Nothing is promised where the predicates are not exact.
+inline bool check_arithmetic(Outcome& outcome) {
+  return arithmetic_is_sound() ||
+         fail(outcome, Status::kNumericalFailure,
+              {"the arithmetic of this program is not IEEE's: compile the implementation without "
+               "-ffast-math and its parts, and call it with rounding to nearest"});
+}
+
+// ---- validation ----
+
+/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
+/// mesh was prepared from it.
+class ProblemList {
+ public:
+  static constexpr int kMostOfAKind = 20;
+  explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
+  int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
+  int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
+  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
+           const std::vector<int>& ids = {}) {
+    if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
+      problems.push_back({kind, sentence(message), element, ids});
+  }
+  /// "vertex 3 is ...", "triangle 5 has ..."
+  void add_vertex(Problem::Kind kind, int v, Words what) {
+    add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
+  }
+  void add_triangle(Problem::Kind kind, int f, Words what) {
+    add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
+  }
+  std::vector<Problem> problems;
+
+ private:
+  const Prepared* prepared_;
+  int count_[16] = {};
+};
+
+inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
+  for (int v = 0; v < mesh.vertices.rows(); ++v)
+    if (!is_finite(row3(mesh.vertices, v)))
+      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
+                      {" has a coordinate that is not finite"});
+}
+
+inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
+  const int n = static_cast<int>(mesh.vertices.rows());
+  for (int h = 0; h < mesh.triangles.size(); ++h)
+    if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
+      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
+                        {" refers to vertex ", v, ", but there are ", n, " vertices"});
+}
+
+/// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
+/// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
+/// fourth powers of the ratio have to exist.
+inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
+  constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
+  const int n = static_cast<int>(F.rows());
+  const auto edge = [&](int h) {
+    return row3(vertices, F.data()[next(h)]) - row3(vertices, F.data()[h]);
+  };
+  Array<double> extent(n, 0);
+  double largest = 0;
+  for (int h = 0; h < 3 * n; ++h)
+    for (int c = 0; c < 3; ++c) {
+      extent[h / 3] = (std::max)(extent[h / 3], std::abs(edge(h)[c]));
+      largest = (std::max)(largest, extent[h / 3]);
+    }
+  Array<const char*> defects(n, nullptr);
+  for (int f = 0; f < n; ++f) {
+    const double unit = unit_scale(extent[f]);  // so that squares exist
+    const Vec3 u = unit * edge(3 * f), v = unit * edge(3 * f + 1), w = unit * edge(3 * f + 2);
+    const double longest2 = (std::max)({squared_norm(u), squared_norm(v), squared_norm(w)});
+    const char*& defect = defects[f];
+    if (extent[f] < kSmallest * largest) defect = " is smaller than 1e-30 of the largest triangle";
+    if (!(norm(cross(u, v)) > kThinnest * longest2)) defect = " has no area";
+    if (F(f, 0) == F(f, 1) || F(f, 1) == F(f, 2) || F(f, 2) == F(f, 0))
+      defect = " uses a vertex twice";
+  }
+  return defects;
+}
+
+inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
+  const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
+  for (int f = 0; f < defects.size(); ++f)
+    if (defects[f] != nullptr)
+      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
+}
+
+using Three = std::array<int, 3>;
+
+inline Three ascending(int a, int b, int c) {
+  Three three = {a, b, c};
+  std::sort(three.begin(), three.end());
+  return three;
+}
+
+inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
+  const Triangles& F = mesh.triangles;
+  Array<std::pair<Three, int>> corners;
+  for (int f = 0; f < F.rows(); ++f) corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
+  std::sort(corners.begin(), corners.end());
+  for (int i = 1; i < corners.size(); ++i) {
+    if (corners[i].first != corners[i - 1].first) continue;
+    const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
+    list.add(Problem::Kind::kRepeatedTriangle,
+             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
+  }
+}
+
+inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
+  for_each_edge(uses, [&](int begin, int end) {
+    const int n = end - begin, h = uses[begin].half_edge;
+    const bool is_loop = uses[begin].lo == uses[begin].hi;  // of a triangle with a vertex twice
+    const bool runs_along =
+        mesh.triangles.data()[h] == mesh.triangles.data()[uses[end - 1].half_edge];
+    if (is_loop || n == 1 || (n == 2 && !runs_along)) return;
+    std::vector<int> faces;
+    for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
+    const std::string edge =
+        sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
+    if (n > 2)
+      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
+               Element::kFace, faces);
+    else
+      list.add(Problem::Kind::kInconsistentOrientation,
+               {"triangles ", join(faces), " run through ", edge, " in the same direction"},
+               Element::kFace, faces);
+  });
+}
+
+/// Finds vertices that no triangle uses and, if triangles and edges are sound, vertices whose
+/// triangles form more than one fan.
+inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
+  const bool edges_are_sound = list.problems.empty();
+  Array<int> incident(m.n_vertices, 0);
+  for (int v : m.tail) ++incident[v];
+  for (int v = 0; v < m.n_vertices; ++v) {
+    int fan = 0;
+    if (incident[v] == 0)
+      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
+    else if (edges_are_sound)
+      m.for_each_outgoing(v, [&](int) { ++fan; });
+    if (edges_are_sound && fan != incident[v])
+      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
+                      {" joins ", incident[v], " triangles that form more than one fan"});
+  }
+}
+
+inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
+  const int components = count_components(m);
+  if (components > 1)
+    list.add(Problem::Kind::kSeveralComponents,
+             {"the mesh has ", components, " components, 1 is needed"});
+  const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
+  const int chi = m.n_vertices - n_edges + m.n_faces;
+  const int genus = (2 - m.loops() - chi) / 2;
+  if (components != 1 || genus == 0) return;
+  list.add(Problem::Kind::kHandles,
+           {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
+}
+
+/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
+/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
+/// triangle of both meshes.
+template <class T, bool are_ids>
+Rows<T, 3> copied(const ArrayView<are_ids>& view) {
+  constexpr std::ptrdiff_t kMost = 1 << 24;
+  const bool is_there =
+      view.data != nullptr && view.read != nullptr && view.rows > 0 && view.rows <= kMost;
+  Rows<T, 3> copy(is_there ? view.rows : 0, 3);
+  for (std::ptrdiff_t i = 0; i < copy.rows(); ++i)
+    for (int c = 0; c < 3; ++c)
+      copy.data()[3 * i + c] = rounded<T>(view.read(static_cast<const char*>(view.data) +
+                                                    i * view.row_stride + c * view.column_stride));
+  return copy;
+}
+
+inline TriangleMesh copied(const MeshView& mesh) {
+  return {copied<double>(mesh.positions), copied<int>(mesh.triangles)};
+}
+
+inline SharedMesh shared(const MeshView& mesh) {
+  return std::make_shared<const TriangleMesh>(copied(mesh));
+}
+
+/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
+/// `prepared`: ids of problems are those of the mesh given.
+inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
+                                          const Prepared* prepared = nullptr) {
+  const NoTraps no_traps;
+  ProblemList list(prepared);
+  if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
+    list.add(Problem::Kind::kEmpty,
+             {"the mesh has no vertices or no triangles, or more than 2^24 of "
+              "them, or not three numbers for each"});
+    return list.problems;
+  }
+  check_vertices(mesh, list);
+  check_indices(mesh, list);
+  if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
+  check_triangles(mesh, list);
+  check_repeated(mesh, list);
+  const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
+  check_edges(mesh, uses, list);
+  m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles, uses);
+  check_fans(m, list);
+  if (!list.problems.empty()) return list.problems;  // the next check walks the mesh
+  check_topology(m, list);
+  return list.problems;
+}
+
+// ---- preparation ----
+//
+// Purpose:    makes a clean surface of a mesh with problems.
+// Method:     Vertices become one place where parts of the mesh are sewn together: along boundary
+//             edges of different parts at equal coordinates. Triangles are glued along edges: first
+//             where two of them lie at one place; of more, two of a component, or else those that
+//             bend least. Corners that are glued around a place are one vertex; so what is not
+//             glued is cut.
+// Invariants: triangles keep their order; a component has one orientation, unless it has one side;
+//             a boundary that meets itself alone, as closed lips do, stays apart.
+// Fails:      with the problems that are left.
+
+/// "1 vertex", "2 vertices".
+inline std::string counted(int n, const char* one, const char* many = nullptr) {
+  return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
+                         : sentence({n, " ", n == 1 ? one : many});
+}
+
+/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
+/// between a point and its triangles. A volume close to zero does not count.
+inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
+  constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
+  if (!m.boundary.empty()) return false;
+  const double unit = unit_scale(mesh.vertices);
+  const Vec3 origin = row3(mesh.vertices, m.tail[0]);
+  const auto point = [&](int h) { return unit * (row3(mesh.vertices, m.tail[h]) - origin); };
+  double volume = 0, area = 0;
+  for (int h = 0; h < m.tail.size(); h += 3) {
+    const Vec3 normal = cross(point(h + 1) - point(h), point(h + 2) - point(h));
+    volume += dot(point(h), normal) / 6;
+    area += norm(normal) / 2;
+  }
+  return volume < -kLeast * area * std::sqrt(area);
+}
+
+class Preparer {
+ public:
+  /// welds: vertices at one place may become one.
+  Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
+           Prepared& result)
+      : given_(given),
+        F_(given.triangles),
+        n_vertices_(static_cast<int>(given.vertices.rows())),
+        n_given_(static_cast<int>(F_.rows())),
+        welds_(welds),
+        result_(result),
+        is_used_(n_vertices_, 0),
+        has_landmark_(n_vertices_ + n_given_, 0),
+        kept_copy_(numbers_below(n_vertices_)),
+        places_(n_vertices_) {
+    double largest = 0;
+    for (int i = 0; i < F_.size(); ++i) {
+      const Vec3 p = row3(given.vertices, F_.data()[i]);
+      is_used_[F_.data()[i]] = 1;
+      largest = (std::max)({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    }
+    unit_ = unit_scale(largest);
+    for (const LandmarkPoint& l : landmarks) {
+      const int first = l.vertex >= 0 ? 0 : n_vertices_, n = l.vertex >= 0 ? n_vertices_ : n_given_;
+      const int at = l.vertex >= 0 ? l.vertex : l.point.face;
+      if (at >= 0 && at < n) has_landmark_[first + at] = 1;
+    }
+  }
+
+  void run() {
+    find_spots();
+    find_parts();
+    take_triangles();
+    glue_all();
+    choose_component();
+    if (kept_ < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
+    if (sides_.find(kept_) == sides_.find(kept_ + n_triangles()))
+      return add_problem(Problem::Kind::kNotOrientable,
+                         "the surface has one side only, as a Möbius strip has");
+    build();
+    HalfEdgeMesh m;
+    result_.problems = find_problems(*result_.mesh, m, &result_);
+    const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
+    if (is_turned) turns_ = !turns_, build();
+    note_all(is_turned);
+    place_copies();
+  }
+
+ private:
+  /// Gives the reason why the mesh stays as it is.
+  void add_problem(Problem::Kind kind, const char* message) {
+    result_.problems.assign(1, {kind, message, Element::kFace, {}});
+  }
+
+  int vertex(int h) const { return F_.data()[corner_[h]]; }
+  int place(int h) const { return place_[vertex(h)]; }
+  int spot(int h) const { return spot_[vertex(h)]; }
+  int part(int h) const { return part_[vertex(h)]; }
+  Vec3 point(int h) const { return unit_ * row3(given_.vertices, place(h)); }
+  double length(int h) const { return norm(point(next(h)) - point(h)); }
+  int n_triangles() const { return source_.size(); }
+
+  /// Normal of a triangle; its length is twice the area.
+  Vec3 normal(int f) const {
+    const int h = 3 * f;
+    return cross(point(h + 1) - point(h), point(h + 2) - point(h));
+  }
+  double double_area(int f) const { return norm(normal(f)); }
+
+  /// The spot of a vertex is the first vertex with its coordinates.
+  void find_spots() {
+    Array<std::pair<std::array<double, 3>, int>> order;
+    for (int v = 0; v < n_vertices_; ++v) {
+      const Vec3 p = row3(given_.vertices, v);
+      if (welds_ && is_used_[v]) order.push_back({{p.x, p.y, p.z}, v});
+    }
+    std::sort(order.begin(), order.end());
+    spot_ = numbers_below(n_vertices_);
+    for (int i = 1; i < order.size(); ++i)
+      if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
+  }
+
+  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
+  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
+  void find_parts() {
+    DisjointSets sets(n_vertices_);
+    for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
+    Array<Three> order;  // by fewer landmarks, fewer triangles, vertex
+    for (int v = 0; v < n_vertices_; ++v) order.push_back({0, 0, v});
+    for (int f = 0; f < n_given_; ++f) --order[sets.find(F_(f, 0))][1];
+    for (int i = 0; i < has_landmark_.size(); ++i)
+      order[sets.find(i < n_vertices_ ? i : F_(i - n_vertices_, 0))][0] -= has_landmark_[i];
+    std::sort(order.begin(), order.end());
+    Array<int> rank(n_vertices_);
+    for (int i = 0; i < n_vertices_; ++i) rank[order[i][2]] = i;
+    part_.resize(n_vertices_);
+    for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
+  }
+
+  /// Takes all triangles but repeated and degenerate ones.
+  void take_triangles() {
+    source_ = numbers_below(n_given_);
+    corner_ = numbers_below(3 * n_given_);
+    place_ = numbers_below(n_vertices_);
+    drop_repeated(spot_);
+    sew();
+    drop_collapsed();
+    mend_flat();
+    drop_repeated(place_);
+    sort_unique(repeated_);
+  }
+
+  /// Drops the triangles of which is_dropped(f) is true.
+  template <class IsDropped>
+  void drop(const IsDropped& is_dropped) {
+    int n = 0;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (is_dropped(f)) continue;
+      for (int k = 0; k < 3; ++k) corner_[3 * n + k] = corner_[3 * f + k];
+      source_[n++] = source_[f];
+    }
+    source_.resize(n);
+    corner_.resize(3 * n);
+  }
+
+  /// Drops triangles with two corners at one place.
+  void drop_collapsed() {
+    drop([&](int f) {
+      const int p = place(3 * f), q = place(3 * f + 1), r = place(3 * f + 2);
+      return p == q || q == r || r == p;
+    });
+  }
+
+  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
+  /// that lie on each other without a common vertex, as closed lips may, all stay.
+  void drop_repeated(const Array<int>& at) {
+    const auto corners = [&](const Array<int>& a, int f) {
+      return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
+    };
+    Array<std::tuple<Three, int, Three, int>> order;  // `at`, part, places, triangle
+    for (int f = 0; f < n_triangles(); ++f)
+      order.push_back({corners(at, f), part(3 * f), corners(place_, f), f});
+    std::sort(order.begin(), order.end());
+    Array<char> is_dropped(n_triangles(), 0);
+    for (int i = 1, first = 0; i < order.size(); ++i) {
+      const auto& [spots, from, places, f] = order[i];
+      if (spots != std::get<0>(order[first])) first = i;
+      if (i == first) continue;
+      if (from == std::get<1>(order[first]) && places != std::get<2>(order[i - 1])) continue;
+      is_dropped[f] = 1;
+      repeated_.push_back(source_[f]);
+      const int kept = std::get<3>(order[first]);
+      for (int h = 3 * f; h < 3 * f + 3; ++h)
+        for (int t = 3 * kept; t < 3 * kept + 3; ++t)
+          if (at[vertex(h)] == at[vertex(t)]) kept_copy_[vertex(h)] = vertex(t);
+    }
+    drop([&](int f) { return is_dropped[f] != 0; });
+  }
+
+  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
+  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
+  /// part as well. A loop that meets no other part stays apart.
+  void sew() {
+    DisjointSets loops(n_vertices_);
+    Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
+    Array<EdgeUse> edges;
+    const Array<EdgeUse> uses = edge_uses(place_);
+    for_each_edge(uses, [&](int begin, int end) {
+      const int h = uses[begin].half_edge, t = next(h);
+      if (spot(h) == spot(t) || spot(t) == spot(prev(h)) || spot(prev(h)) == spot(h)) return;
+      is_border[h] = end - begin == 1;
+      if (is_border[h]) loops.unite(vertex(h), vertex(t));
+      edges.push_back(edge_use(h, spot_));
+    });
+    std::sort(edges.begin(), edges.end());
+    const auto is_shared = [&](int begin, int end) {
+      for (int i = begin; i < end; ++i)
+        if (part(edges[i].half_edge) != part(edges[begin].half_edge)) return true;
+      return false;
+    };
+    for_each_edge(edges, [&](int begin, int end) {
+      if (!is_shared(begin, end)) return;
+      for (int i = begin; i < end; ++i)
+        if (const int h = edges[i].half_edge; is_border[h]) is_seam[loops.find(vertex(h))] = 1;
+    });
+    for_each_edge(edges, [&](int begin, int end) {
+      const bool is_common = is_shared(begin, end);
+      int first = -1;
+      for (int i = begin; i < end; ++i) {
+        const int h = edges[i].half_edge;
+        if (is_border[h] ? !is_seam[loops.find(vertex(h))] : !is_common) continue;
+        if (first < 0) first = h;
+        const bool runs_along = spot(h) == spot(first);
+        places_.unite(vertex(h), vertex(runs_along ? first : next(first)));
+        places_.unite(vertex(next(h)), vertex(runs_along ? next(first) : first));
+      }
+    });
+    update_places();
+  }
+
+  void update_places() {
+    for (int v = 0; v < n_vertices_; ++v) place_[v] = places_.find(v);
+  }
+
+  // ---- degenerate triangles ----
+
+  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
+  /// degenerate, too.
+  void mend_flat() {
+    constexpr int kRounds = 50;
+    for (int round = 0; round < kRounds; ++round) {
+      const Array<int> flat = flat_triangles();
+      bool has_changed = false;
+      for (int f : flat)
+        if (unite_short_edge(f)) has_changed = true;
+      if (has_changed) {
+        update_places();
+        drop_collapsed();
+        continue;
+      }
+      if (flat.empty()) return;
+      const Array<EdgeUse> uses = edge_uses(place_);
+      for (int f : flat)
+        if (give_to_neighbour(f, uses)) has_changed = true;
+      if (!has_changed) break;
+    }
+    const Array<int> flat = flat_triangles();
+    drop([&](int f) { return std::binary_search(flat.begin(), flat.end(), f); });
+  }
+
+  Array<int> flat_triangles() const {
+    Triangles at_places(n_triangles(), 3);
+    for (int h = 0; h < corner_.size(); ++h) at_places.data()[h] = place(h);
+    const Array<const char*> defects = triangle_defects(given_.vertices, at_places);
+    Array<int> flat;
+    for (int f = 0; f < defects.size(); ++f)
+      if (defects[f] != nullptr) flat.push_back(f);
+    return flat;
+  }
+
+  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
+  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
+  bool unite_short_edge(int f) {
+    constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
+    int shortest = 3 * f;
+    double longest = 0;
+    for (int h = 3 * f; h < 3 * f + 3; ++h) {
+      if (length(h) < length(shortest)) shortest = h;
+      longest = (std::max)(longest, length(h));
+    }
+    const bool has_height = double_area(f) > kShort * longest * longest;
+    if (length(shortest) > kShort * longest && !has_height) return false;
+    places_.unite(vertex(shortest), vertex(next(shortest)));
+    return true;
+  }
+
+  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
+  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
+  bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
+    int longest = 3 * cap;
+    for (int h = 3 * cap; h < 3 * cap + 3; ++h)
+      if (length(h) > length(longest)) longest = h;
+    const EdgeUse edge = edge_use(longest, place_);
+    const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
+    int behind = -1, count = 0;
+    for (; use != uses.end() && use->same_edge(edge); ++use) {
+      const int h = use->half_edge;
+      if (h / 3 == cap || !edge_use(h, place_).same_edge(edge)) continue;  // it has been cut since
+      behind = h;
+      ++count;
+    }
+    if (count != 1) return false;
+    const int to = next(behind), left = prev(behind), middle = corner_[prev(longest)];
+    corner_[3 * cap] = middle;
+    corner_[3 * cap + 1] = corner_[to];
+    corner_[3 * cap + 2] = corner_[left];
+    corner_[to] = middle;
+    source_[cap] = source_[behind / 3];
+    return true;
+  }
+
+  EdgeUse edge_use(int h, const Array<int>& at) const {
+    const int p = at[vertex(h)], q = at[vertex(next(h))];
+    return {(std::min)(p, q), (std::max)(p, q), h};
+  }
+
+  Array<EdgeUse> edge_uses(const Array<int>& at) const {
+    Array<EdgeUse> uses;
+    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h, at));
+    std::sort(uses.begin(), uses.end());
+    return uses;
+  }
+
+  // ---- gluing ----
+
+  /// The half-edges at one place.
+  using Uses = Array<int>;
+
+  void glue_all() {
+    twin_.assign(corner_.size(), -1);
+    corners_ = DisjointSets(corner_.size());
+    sides_ = DisjointSets(2 * n_triangles());
+    const Array<EdgeUse> uses = edge_uses(place_);
+    for_each_edge(uses, [&](int begin, int end) {
+      Uses here;
+      for (int i = begin; i < end; ++i) here.push_back(uses[i].half_edge);
+      if (here.size() == 2) glue(here[0], here[1]);
+      if (here.size() > 2) crowded_.push_back(here);
+    });
+    for (const Uses& here : crowded_) glue_crowded(here);
+  }
+
+  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
+  /// those sides from which they run through the edge in opposite directions.
+  void glue(int h, int t) {
+    const int n = n_triangles(), f = h / 3, g = t / 3;
+    const bool runs_along = place(h) == place(t);
+    twin_[h] = t, twin_[t] = h;
+    corners_.unite(h, runs_along ? t : next(t));
+    corners_.unite(next(h), runs_along ? next(t) : t);
+    sides_.unite(f, runs_along ? g + n : g);
+    sides_.unite(f + n, runs_along ? g : g + n);
+  }
+
+  /// The first triangle of a component stands for it, and for its orientation.
+  int component(int f) { return (std::min)(sides_.find(f), sides_.find(f + n_triangles())); }
+  bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
+
+  bool is_same_edge(int h, int t) const {
+    const int u = vertex(h), v = vertex(next(h)), w = vertex(t), z = vertex(next(t));
+    return (u == w && v == z) || (u == z && v == w);
+  }
+
+  /// Glues pairs of several triangles at an edge: those within a component first, then those with
+  /// the same vertices of the mesh given, then those that bend least.
+  void glue_crowded(const Uses& here) {
+    if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
+    for (int left = here.size(); left >= 2; left -= 2) {
+      int best_h = -1, best_t = -1;
+      double least = kInfinity;
+      for (int i = 0; i < here.size(); ++i)
+        for (int k = i + 1; k < here.size(); ++k)
+          if (const double cost = cost_to_glue(here[i], here[k]); cost < least)
+            least = cost, best_h = here[i], best_t = here[k];
+      if (best_h < 0) return;
+      glue(best_h, best_t);
+    }
+  }
+
+  /// Infinite if one is glued already, or if gluing would leave a component with one side.
+  double cost_to_glue(int h, int t) {
+    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
+    if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
+    const int f = h / 3, g = t / 3;
+    const bool is_other = component(f) != component(g), runs_along = place(h) == place(t);
+    const int side_of_g = runs_along ? g + n_triangles() : g;
+    if (!is_other && sides_.find(f) != sides_.find(side_of_g)) return kInfinity;
+    const double bend = dot(normalized(normal(f)), normalized(normal(g)));
+    return (is_other ? kOtherComponent : 0) + (is_same_edge(h, t) ? 0 : kOtherVertices) +
+           (runs_along ? bend : -bend);
+  }
+
+  // ---- what is kept ----
+
+  /// Keeps the component with most landmarks, of several the largest, and the orientation of most
+  /// of its area.
+  void choose_component() {
+    Array<std::array<int, 2>> found;  // landmarks in components
+    for (int h = 0; h < corner_.size(); ++h)
+      for (int at : {vertex(h), n_vertices_ + source_[h / 3]})
+        if (has_landmark_[at]) found.push_back({component(h / 3), at});
+    sort_unique(found);
+    Array<std::array<double, 2>> score(n_triangles());  // landmarks and area
+    for (const std::array<int, 2>& landmark : found) ++score[landmark[0]][0];
+    for (int f = 0; f < n_triangles(); ++f) score[component(f)][1] += double_area(f);
+    if (score.empty()) return;
+    kept_ = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
+    double turned = 0;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (component(f) != kept_) continue;
+      members_.push_back(f);
+      turned += is_turned(f) ? double_area(f) : -double_area(f);
+    }
+    turns_ = turned > 0;
+  }
+
+  void build() {
+    Array<int> source(corner_.size(), n_vertices_);  // of corners that are one vertex
+    Array<std::array<int, 2>> order;                 // vertices by the first one that became it
+    for (int f : members_)
+      for (int h = 3 * f; h < 3 * f + 3; ++h) {
+        int& first = source[corners_.find(h)];
+        first = (std::min)(first, vertex(h));
+      }
+    for (int h = 0; h < corner_.size(); ++h)
+      if (source[h] < n_vertices_) order.push_back({source[h], h});
+    std::sort(order.begin(), order.end());
+    TriangleMesh mesh = {Points3(order.size(), 3), Triangles(members_.size(), 3)};
+    Array<int> id(corner_.size());
+    result_.given_vertex.clear();
+    for (int i = 0; i < order.size(); ++i) {
+      id[order[i][1]] = i;
+      result_.given_vertex.push_back(order[i][0]);
+      set_row(mesh.vertices, i, row3(given_.vertices, order[i][0]));
+    }
+    result_.given_corner.clear();
+    result_.given_triangle.clear();
+    result_.new_vertex.assign(result_.new_vertex.size(), -1);
+    result_.new_triangle.assign(result_.new_triangle.size(), -1);
+    over_.clear();
+    cut_.clear();
+    for (int i = 0; i < members_.size(); ++i) {
+      const int f = members_[i];
+      const bool turns = is_turned(f) != turns_;
+      if (turns) over_.push_back(source_[f]);
+      result_.given_triangle.push_back(source_[f]);
+      int& new_triangle = result_.new_triangle.data()[source_[f]];
+      if (new_triangle < 0) new_triangle = i;
+      for (int k : {0, 1, 2}) {
+        const int h = 3 * f + (turns ? (3 - k) % 3 : k), v = id[corners_.find(h)];
+        mesh.triangles(i, k) = v;
+        result_.given_corner.push_back(corner_[h]);
+        int& new_vertex = result_.new_vertex.data()[vertex(h)];
+        if (new_vertex >= 0 && new_vertex != v) cut_.push_back(vertex(h));
+        if (new_vertex < 0 || v < new_vertex) new_vertex = v;
+      }
+    }
+    result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
+    sort_unique(over_);
+    sort_unique(cut_);
+  }
+
+  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
+  void place_copies() {
+    for (int v = 0; v < n_vertices_; ++v)
+      if (result_.new_vertex.data()[v] < 0)
+        result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
+  }
+
+  // ---- what was done ----
+
+  /// `is_turned`: the surface was inside out.
+  void note_all(bool is_turned) {
+    note_dropped();
+    note_welded();
+    note_cut_edges();
+    note(Problem::Kind::kNonManifoldVertex,
+         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
+         Element::kVertex, cut_);
+    note(Problem::Kind::kInconsistentOrientation,
+         {"turned ", counted(over_.size(), "triangle"), " over",
+          is_turned ? ": most of the surface was inside out" : ""},
+         Element::kFace, over_);
+    note_components();
+    Array<int> unused;
+    for (int v = 0; v < n_vertices_; ++v)
+      if (!is_used_[v]) unused.push_back(v);
+    note(Problem::Kind::kUnreferencedVertex,
+         {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
+         Element::kVertex, unused);
+  }
+
+  void note(Problem::Kind kind, Words message, Element element, const Array<int>& ids) {
+    if (!ids.empty())
+      result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
+  }
+
+  void note_dropped() {
+    Array<char> is_known(n_given_, 0);
+    for (int f : source_) is_known[f] = 1;
+    for (int f : repeated_) is_known[f] = 1;
+    Array<int> degenerate;
+    for (int f = 0; f < n_given_; ++f)
+      if (!is_known[f]) degenerate.push_back(f);
+    note(Problem::Kind::kDegenerateTriangle,
+         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
+         degenerate);
+    note(Problem::Kind::kRepeatedTriangle,
+         {"dropped ", counted(repeated_.size(), "repeated triangle")}, Element::kFace, repeated_);
+  }
+
+  void note_welded() {
+    Array<int> welded;
+    int n = 0;
+    for (int v = 0; v < n_vertices_; ++v) {
+      const int w = result_.new_vertex.data()[v];
+      n += w >= 0;
+      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
+    }
+    note(Problem::Kind::kUnwelded, {"welded ", n, " vertices to ", n - welded.size()},
+         Element::kVertex, welded);
+  }
+
+  void note_cut_edges() {
+    int n = 0;
+    Array<int> triangles;
+    for (const Uses& here : crowded_) {
+      if (!is_cut(here)) continue;
+      ++n;
+      for (int h : here) triangles.push_back(source_[h / 3]);
+    }
+    sort_unique(triangles);
+    note(Problem::Kind::kNonManifoldEdge,
+         {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
+  }
+
+  /// True if one of some triangles at an edge is kept and another one was cut off it.
+  bool is_cut(const Uses& here) {
+    for (int h : here) {
+      if (component(h / 3) != kept_) continue;
+      if (twin_[h] < 0) return true;
+      for (int t : here)
+        if (t != h && t != twin_[h] && is_same_edge(h, t)) return true;
+    }
+    return false;
+  }
+
+  void note_components() {
+    Array<int> dropped, elsewhere;
+    for (int f = 0; f < n_triangles(); ++f) {
+      if (component(f) == kept_) continue;
+      dropped.push_back(component(f));
+      elsewhere.push_back(source_[f]);
+    }
+    sort_unique(dropped);
+    sort_unique(elsewhere);
+    note(Problem::Kind::kSeveralComponents,
+         {"dropped ", counted(dropped.size(), "component"), ", ",
+          counted(elsewhere.size(), "triangle")},
+         Element::kFace, elsewhere);
+  }
+
+  const TriangleMesh& given_;
+  const Triangles& F_;
+  const int n_vertices_, n_given_;  // vertices and triangles given
+  const bool welds_;
+  Prepared& result_;
+  double unit_ = 1;           // of lengths
+  Array<char> is_used_;       // per vertex given, by a triangle
+  Array<char> has_landmark_;  // vertices given, then triangles
+  Array<int> spot_;           // per vertex given, the first one at its coordinates
+  Array<int> part_;           // per vertex given, its part of the mesh; the first is kept first
+  Array<int> kept_copy_;      // per vertex given, that of the triangle that was kept instead
+  DisjointSets places_;       // of vertices given that are at one place,
+  Array<int> place_;          // and per vertex the first one of its
+  Array<int> source_;         // per triangle that is left, the one given that it is a part of
+  Array<int> corner_;         // per corner of those, the one given
+  Array<int> twin_;           // per half-edge of those, the one it is glued to, or -1
+  DisjointSets corners_;      // those of one vertex
+  DisjointSets sides_;        // those of one side of a component: triangles, then their backs
+  int kept_ = -1;             // the component that is,
+  Array<int> members_;        // its triangles,
+  bool turns_ = false;        // and the orientation it gets, true for that of the backs
+  Array<Uses> crowded_;       // places of more than two half-edges
+  Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
+};
+
+/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
+inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
+  const auto identity = [](Eigen::Index n) {
+    const Array<int> ids = numbers_below(static_cast<int>(n));
+    return std::vector<int>(ids.begin(), ids.end());
+  };
+  Prepared result;
+  result.given = result.mesh = mesh;
+  result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
+  result.given_corner = identity(mesh->triangles.size());
+  result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
+  result.problems = find_problems(*mesh, m);
+  return result;
+}
+
+/// True if all ids are in range and all vertices in use are finite.
+inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
+  for (const Problem& p : problems)
+    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
+  for (int i = 0; i < mesh.triangles.size(); ++i)
+    if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
+  return true;
+}
+
+/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
+/// there are none, nothing is welded.
+inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
+                         bool welds) {
+  const NoTraps no_traps;
+  HalfEdgeMesh m;
+  const Prepared before = as_given(given, m);
+  const std::vector<Problem>& problems = before.problems;
+  const bool is_clean =
+      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
+  if (is_clean || !is_readable(*given, problems)) return before;
+  Prepared welded = before;
+  if (welds) Preparer(*given, landmarks, true, welded).run();
+  if (welds && welded.problems.empty()) return welded;
+  Prepared not_welded = before;
+  Preparer(*given, landmarks, false, not_welded).run();
+  const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
+  return !welds || (not_welded.problems.empty() && is_whole) ? not_welded : welded;
+}
+
+using SharedPrepared = std::shared_ptr<const Prepared>;
+
+}  // namespace detail
+
+// ==== [18] COARSE TO FINE ========================================================================
 //
 // Purpose:    a start for Algorithm 1 that is near its end already: its own result on surfaces with
 //             a fraction of the vertices, where an iteration costs as much less.
@@ -11129,7 +10997,7 @@ class CoarseToFine {
 
 }  // namespace detail
 
-// ==== [17] APPLICATIONS (paper §1, §6.3) =========================================================
+// ==== [19] APPLICATIONS (paper §1, §6.3) =========================================================
 //
 // Purpose:    attributes carried between the surfaces, remeshing.
 // Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
@@ -11320,7 +11188,7 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
   return x;
 }
 
-// ==== [18] CLOSED SURFACES =======================================================================
+// ==== [20] CLOSED SURFACES =======================================================================
 //
 // Purpose:    maps of closed surfaces, which the paper leaves out: opens them for Algorithm 1, and
 //             closes the map again, to a homeomorphism.
@@ -12452,10 +12320,10 @@ class Closer {
 
 }  // namespace detail
 
-// ==== [19] VERIFICATION ==========================================================================
+// ==== [21] VERIFICATION ==========================================================================
 //
 // Purpose:    proves of a map that is there what the library promises, by another way than the one
-//             it was made: it uses nothing of parts [5] to [18], but the meshes, the planar
+//             it was made: it uses nothing of parts [5] to [20], but the meshes, the planar
 //             positions and the meta mesh.
 // Method:     Arithmetic is that of integers, in which nothing is rounded. An embedding of positive
 //             triangles covers a point as often as its boundary winds around it; a sweep over the
@@ -12811,7 +12679,230 @@ Outcome verify(const SurfaceMap& map) {
   return outcome;
 }
 
-// ==== [20] ENTRY POINTS ==========================================================================
+namespace detail {
+
+// ==== [22] THREADS AND PROGRESS ==================================================================
+//
+// Purpose:    the services of part [4]: tasks side by side, on threads of the library or by the
+//             caller's job system, and reports.
+// Invariants: see Executor.
+// Fails:      with the exception of a task, once the tasks that have begun are done.
+
+/// Keeps the first exception of some tasks until all of them have ended.
+class FirstError {
+ public:
+#ifdef __cpp_exceptions
+  /// Runs a task, unless one has failed.
+  void guard(const Callback<int>& task, int i) {
+    if (failed_.load(std::memory_order_relaxed)) return;
+    try {
+      task(i);
+    } catch (...) {
+      if (!failed_.exchange(true)) error_ = std::current_exception();
+    }
+  }
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  std::atomic<bool> failed_{false};
+  std::exception_ptr error_;
+#else
+  void guard(const Callback<int>& task, int i) { task(i); }
+  void rethrow() const {}
+#endif
+};
+
+#ifndef ISM_NO_THREADS
+/// Threads that sleep until there are tasks. A helper that wakes too late finds none and sleeps on;
+/// run() does not wait for it.
+class Crew {
+ public:
+  /// Starts as many helpers as the system gives.
+  explicit Crew(int helpers) {
+#ifdef __cpp_exceptions
+    try {
+#endif
+      helpers_.reserve(static_cast<std::size_t>(helpers));
+      for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
+#ifdef __cpp_exceptions
+    } catch (...) {
+    }
+#endif
+  }
+  Crew(const Crew&) = delete;
+  Crew& operator=(const Crew&) = delete;
+  ~Crew() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_over_ = true;
+    }
+    wake_.notify_all();
+    for (std::thread& helper : helpers_) helper.join();
+  }
+
+  /// Runs task(0) ... task(n - 1) on the calling thread and those helpers that come. False, and
+  /// nothing was run, if the crew is at work already.
+  bool run(int n, const Callback<int>& task) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (task_ != nullptr || working_ > 0) return false;
+      task_ = &task;
+      n_ = n;
+      next_ = 0;
+    }
+    for (int t = 1; t < (std::min)(n, size()); ++t) wake_.notify_one();
+    work(task, n);
+    std::unique_lock<std::mutex> lock(mutex_);
+    task_ = nullptr;  // helpers that wake from now on stay away
+    left_.wait(lock, [&] { return working_ == 0; });
+    return true;
+  }
+
+  int size() const { return static_cast<int>(helpers_.size()) + 1; }
+
+ private:
+  void work(const Callback<int>& task, int n) {
+    for (int i = next_++; i < n; i = next_++) task(i);
+  }
+
+  void help() {
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (true) {
+      wake_.wait(lock, [&] { return is_over_ || (task_ != nullptr && next_ < n_); });
+      if (is_over_) return;
+      const Callback<int>& task = *task_;
+      const int n = n_;
+      ++working_;
+      lock.unlock();
+      work(task, n);
+      lock.lock();
+      if (--working_ == 0) left_.notify_one();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable wake_, left_;
+  std::vector<std::thread> helpers_;
+  const Callback<int>* task_ = nullptr;  // of the run that is on
+  int n_ = 0;
+  std::atomic<int> next_{0};
+  int working_ = 0;  // helpers
+  bool is_over_ = false;
+};
+#endif
+
+#ifdef ISM_NO_THREADS
+class Crew {};
+#endif
+
+#ifndef ISM_NO_THREADS
+/// The number of processors that this thread may use; in a container, what its quota pays for.
+inline int processor_count() {
+  int n = static_cast<int>(std::thread::hardware_concurrency());
+#ifdef __linux__
+  cpu_set_t allowed;
+  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) n = CPU_COUNT(&allowed);
+  if (std::FILE* const file = std::fopen("/sys/fs/cgroup/cpu.max", "r")) {
+    double quota = 0, period = 0;  // µs; the former may be "max"
+    if (std::fscanf(file, "%lf %lf", &quota, &period) == 2 && quota > 0 && period > 0)
+      n = static_cast<int>((std::min)(std::ceil(quota / period), 1.0 * n));
+    std::fclose(file);
+  }
+#endif
+  return (std::max)(1, n);
+}
+#endif
+
+/// The number of threads of a call, the caller's included, without a job system.
+inline int thread_count(const Options& options) {
+#ifdef ISM_NO_THREADS
+  static_cast<void>(options);
+  return 1;
+#else
+  constexpr int kMostPerProcessor = 4;
+  const int processors = processor_count();
+  return options.threads <= 0 ? processors
+                              : (std::min)(options.threads, kMostPerProcessor * processors);
+#endif
+}
+
+inline Executor::Executor(const Options& options)
+    : hook_(options.parallel_for),
+      tell_(options.progress),
+      stop_(options.stop),
+      max_seconds_(options.max_seconds) {
+#ifndef ISM_NO_THREADS
+  const int threads = thread_count(options);
+  if (threads > 1 && !hook_) crew_ = std::make_unique<Crew>(threads - 1);
+#endif
+}
+
+inline Executor::~Executor() = default;
+
+inline void Executor::run(int n, const Task& task) const {
+  FirstError error;
+  const auto task_and_tick = [&](int i) {
+    {
+      const NoTraps no_traps;
+      task(i);
+    }
+    tick();
+  };
+  const auto guarded = [&](int i) { error.guard(task_and_tick, i); };
+  if (n > 0 && !run_side_by_side(n, guarded))
+    for (int i = 0; i < n; ++i) guarded(i);
+  error.rethrow();
+}
+
+inline void Executor::tell(bool is_embedding, double fraction, Words what,
+                           const IterationLog* iteration) const {
+  const double before = is_embedding ? 0 : embedding_share_;
+  const double share = is_embedding ? embedding_share_ : 1 - embedding_share_;
+  progress_.fraction = (std::max)(
+      {progress_.fraction, before + share * fraction, (std::min)(seconds() / max_seconds_, 1.0)});
+  if (!tell_) return;
+  progress_.is_embedding = is_embedding;
+  progress_.what = sentence(what);
+  progress_.iteration = iteration;
+  tell_again();
+  progress_.iteration = nullptr;
+}
+
+inline bool Executor::run_side_by_side(int n, const Task& task) const {
+  if (hook_) return run_by_hook(n, task);
+#ifndef ISM_NO_THREADS
+  if (crew_ && n > 1) return crew_->run(n, task);
+#endif
+  return false;
+}
+
+/// False where this is a task of a run by the hook already.
+inline bool Executor::run_by_hook(int n, const Task& task) const {
+  if (is_hooked_.exchange(true)) return false;
+  const struct Release {
+    std::atomic<bool>& flag;
+    ~Release() { flag = false; }
+  } release = {is_hooked_};
+  return hook_(n, task), true;
+}
+
+inline void Executor::tell_again() const {
+  since_told_.lap();
+  if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
+}
+
+/// Reports again after a task of the calling thread, if the last report is 0.1 s old.
+inline void Executor::tick() const {
+  constexpr double kOften = 0.1;
+  if (!tell_ || !is_caller() || since_told_.seconds() < kOften || progress_.what.empty()) return;
+  tell_again();
+}
+
+}  // namespace detail
+
+// ==== [23] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -12982,6 +13073,14 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
   const double spread = ratio[3 * ratio.size() / 4] / ratio[ratio.size() / 4];
   const double size = (std::max)(median, 1 / median);
   return {median, size > kLeast && size > spread * spread * spread * spread};
+}
+
+/// A number of magnitude 0.01 or more, with two decimals.
+inline std::string decimal(double x) {
+  const long long hundredths = std::llround(100 * std::clamp(x, -1e15, 1e15));
+  const std::string digits = std::to_string(100 + std::abs(hundredths % 100));
+  return (hundredths < 0 ? "-" : "") + std::to_string(std::abs(hundredths / 100)) + "." +
+         digits.substr(1);
 }
 
 /// "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.

@@ -159,7 +159,8 @@ LdltSymbolic dissected(const BlockMatrix& pattern, const Points2& positions) {
 /// The factor of a matrix in an order that is known.
 void factorize(const LdltSymbolic& symbolic, const ShiftedMatrix& matrix, const Executor& executor,
                LdltFactor& factor) {
-  factor.symbolic = symbolic;
+  factor.data = std::make_shared<LdltData>();
+  factor.data->symbolic = symbolic;
   ldlt_refactorize(matrix, executor, factor);
 }
 

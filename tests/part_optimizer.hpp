@@ -254,7 +254,7 @@ TEST_CASE("the identity has no energy but the barrier, and no forces, in any emb
   }
 }
 
-TEST_CASE("two triangles on themselves have converged, though E has kinks there") {
+TEST_CASE("two triangles on themselves have converged, though slopes of E jump there") {
   const Disk square = shapes::grid(1, 1);
   for (const Options& options : {runs::on_one_thread(), given_planes(square, square)}) {
     const Result result = ism::compute_map(square.mesh, square.mesh, {}, options);

@@ -1,5 +1,5 @@
-// How good maps are: what was measured once, as bounds. Runs that round otherwise end elsewhere, as
-// E has kinks; the room that bounds leave is what builds with and without FMA (g++ 12, clang 14)
+// How good maps are: what was measured once, as bounds. Runs that round otherwise end elsewhere,
+// as curvatures of E jump; the room that bounds leave is what builds with and without FMA (g++ 12, clang 14)
 // and meshes moved by 1e-13 of their size need, and little more.
 
 #include "ism.hpp"

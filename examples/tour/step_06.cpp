@@ -128,7 +128,7 @@ void draw_moves(const Scene& scene, const Eigen::Vector2d& from, const Eigen::Ve
   canvas.text({20, 445}, 9, "blue: with projected Hessians, down", tour::kBlue);
 }
 
-/// Energy and slope along a line; the slope jumps.
+/// Energy and slope along a line; the slope jumps where edges come to lie along edges.
 void draw_line(const Scene& scene, render::Canvas& canvas) {
   constexpr int kPoints = 400;
   std::vector<Eigen::Vector2d> value, slope;

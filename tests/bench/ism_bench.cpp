@@ -368,8 +368,9 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
   const ShiftedMatrix matrix = system.shifted(omega);
   const Executor run = executor(threads);
   LdltFactor factor;
+  factor.data = std::make_shared<ism::detail::LdltData>();
   const double analysis = median_seconds(
-      repeats, [&] { factor.symbolic = NestedDissection(system.H, s.x.x, run).build(); });
+      repeats, [&] { factor.data->symbolic = NestedDissection(system.H, s.x.x, run).build(); });
   const double factorisation =
       median_seconds(repeats, [&] { ldlt_refactorize(matrix, run, factor); });
   const double own = analysis + factorisation;
