@@ -28,40 +28,37 @@
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
-//            validate() names what is wrong; what prepare() can mend is mended. Closed surfaces
-//            are cut open, and where both are closed, so is their map at the end. Of several
-//            boundary loops one is the outline (Options::outer_a), the others are openings, eyes
-//            and mouths; what lies over one is not covered. Meshes are read where they are: float
-//            or double, interleaved or not (MeshView).
-// STEPS      ism::Solver is compute_map() in steps; it can be stopped, and go on, also with other
-//            landmarks and options.
-// PROMISE    If   both meshes are surfaces of genus 0 for validate(), as they are given or once
-//            prepare() has mended them, and options, landmarks and pins are within what is
-//            documented (else a status says which are not, and nothing is begun),
-//            then every map that is handed out is continuous and injective: at every exit
-//            (converged, iteration and time limit, cancelled, stalled, between the steps of a
-//            Solver) and whatever the levels it came from. All triangles of f and g are positive,
-//            angles around interior vertices add up to 2π, boundaries are simple; so each is
-//            injective, and Φ is a homeomorphism of the covered parts; of the whole, if the map is
-//            closed. Exact predicates decide this on the very coordinates that are returned;
-//            verify() proves it of a given map, by other means.
-// NOT KEPT   That the minimum is the global one: it is a local one. That what corresponds in
-//            meaning is mapped onto each other: landmarks guide the start only, unless
-//            Options::exact_landmarks is set. That all is covered: where A and B overlap in the
-//            plane is where they are mapped, the rest is not (IterationLog::coverage_a), unless
-//            both are closed, or Options::boundary lays one on the other. That the points a
-//            SurfaceMap returns are exact: they are rounded, the map they are points of is not.
-// THREADS    Functions are thread-safe. Work is cut into blocks that do not depend on the number of
-//            threads, so results are the same bits for any number. Options::parallel_for plugs in
-//            a job system of your own. A task takes at most 64 KB of stack where the compiler
-//            optimises. Where the system gives fewer threads, fewer do the work (with exceptions
-//            enabled).
-// ERRORS     No exceptions, no RTTI, nothing is printed, no global state: a status, a sentence and
-//            the ids of offending elements. Exceptions of allocations and of callbacks, in any
-//            thread, reach the caller, and nothing is leaked; what was begun then has no result.
+//            validate() lists defects, prepare() repairs most of them. Closed surfaces are cut
+//            open; if both are closed, the final map is closed, too. One boundary loop is the
+//            outline (Options::outer_a); all others are openings, e.g. eyes and mouths, and points
+//            over an opening are not covered. Meshes are read in place: float or double,
+//            interleaved or not (MeshView).
+// STEPS      ism::Solver runs compute_map() in steps, which can be stopped and resumed, also with
+//            other landmarks and options.
+// PROMISE    Assume that both meshes are surfaces of genus 0 for validate(), as given or after
+//            prepare(), and that options, landmarks and pins are within their documented ranges
+//            (otherwise a status names the violation, and nothing is computed). Then every returned
+//            map is continuous and injective: at every exit (converged, iteration and time limit,
+//            cancelled, stalled, between the steps of a Solver) and from every coarse level. All
+//            triangles of f and g are positive, angles around interior vertices sum to 2π,
+//            boundaries are simple; so f and g are injective, and Φ is a homeomorphism of the
+//            covered parts, and of the whole surfaces if the map is closed. Exact predicates decide
+//            this on the returned coordinates; verify() proves it independently.
+// NO PROMISE of a global minimum: the minimum is a local one; of semantic correspondence: landmarks
+//            guide the start only, unless Options::exact_landmarks is set; of full coverage: Φ maps
+//            the parts of A and B that overlap in the plane (IterationLog::coverage_a), unless both
+//            are closed or Options::boundary aligns the boundaries; of exact images: SurfaceMap
+//            rounds the points that it returns, though the map itself is exact.
+// THREADS    Functions are thread-safe. Results have the same bits for any number of threads,
+//            because blocks of work do not depend on it. Options::parallel_for plugs in a job
+//            system. A task takes at most 64 KB of stack in optimised builds. If the system refuses
+//            to start threads, fewer do the work (with exceptions enabled).
+// ERRORS     No exceptions, no RTTI, no output, no global state: results have a status, a sentence
+//            and the ids of offending elements. Exceptions of allocations and callbacks, in any
+//            thread, reach the caller without leaks; the call then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   the file that defines it has the rest, parts [3] to [23]
-//            ISM_NO_THREADS       there: builds without <thread>
+// MACROS     ISM_IMPLEMENTATION   adds the implementation, parts [3] to [23], in one file
+//            ISM_NO_THREADS       builds that file without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
 // CONTENTS   I, the paper
@@ -89,14 +86,14 @@
 #define ISM_VERSION_MINOR 0
 #define ISM_VERSION_PATCH 0
 
-// Files of one program that have other versions, or other containers, do not link.
+// Files of one program with different versions or container layouts do not link.
 #if defined(_GLIBCXX_DEBUG) || (defined(_ITERATOR_DEBUG_LEVEL) && _ITERATOR_DEBUG_LEVEL > 0)
 #define ISM_ABI v1_0_checked
 #else
 #define ISM_ABI v1_0
 #endif
 
-// What the macros do not tell, as of clang's -fassociative-math, arithmetic_is_sound() finds.
+// arithmetic_is_sound() detects at run time what sets no macro, e.g. clang's -fassociative-math.
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST) || \
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0)
 #error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math and the like"
@@ -130,7 +127,7 @@ namespace ism {
 inline namespace ISM_ABI {
 
 namespace detail {
-/// The number at a place, which a stride may leave unaligned.
+/// Reads the number at `place`, which a stride may leave unaligned.
 template <class T>
 double number_at(const void* place) {
   T value;
@@ -138,7 +135,7 @@ double number_at(const void* place) {
   return static_cast<double>(value);
 }
 
-/// x as a T, of integers the nearest one.
+/// Converts x to T; integers are rounded to the nearest and clamped to the range of T.
 template <class T>
 T rounded(double x) {
   using Limits = std::numeric_limits<T>;
@@ -151,24 +148,24 @@ T rounded(double x) {
                                                     : (Limits::max)();
 }
 
-/// #×3 numbers in memory of the caller's, which is read during a call and not kept: ids of any
-/// integer type, or positions, float or double.
+/// A view of #×3 numbers in the caller's memory: ids of any integer type, or positions, float or
+/// double. A call reads them and keeps no reference.
 template <bool are_ids>
 struct ArrayView {
   const void* data = nullptr;
   std::ptrdiff_t rows = 0;
-  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes from one row, one column to the next
-  double (*read)(const void* place) = nullptr;       // a number of their type
+  std::ptrdiff_t row_stride = 0, column_stride = 0;  // bytes between rows, between columns
+  double (*read)(const void* place) = nullptr;       // reads a number of their type
 
   ArrayView() = default;
-  /// The numbers of a row behind each other, the next row `stride` bytes behind the last one.
+  /// Numbers of a row are contiguous; the next row begins `stride` bytes further.
   template <class T>
   ArrayView(const T* first, std::ptrdiff_t n, std::ptrdiff_t stride = 3 * sizeof(T))
       : data(first), rows(n), row_stride(stride), column_stride(sizeof(T)), read(number_at<T>) {
     static_assert(are_ids ? std::is_integral<T>::value : std::is_floating_point<T>::value,
                   "positions are float or double, ids are integers");
   }
-  /// A matrix of Eigen's, in any storage order. One without three columns has no rows.
+  /// Views an Eigen matrix in any storage order. A matrix without three columns has no rows.
   template <class Matrix>
   ArrayView(const Eigen::DenseBase<Matrix>& matrix)
       : ArrayView(matrix.derived().data(), matrix.cols() == 3 ? matrix.rows() : 0) {
@@ -180,15 +177,14 @@ struct ArrayView {
 };
 }  // namespace detail
 
-/// #×D, a point or a triangle per row; data() is a plain array, one row after the other. Memory
-/// comes from malloc whatever instructions a file is compiled for, so that files of one program may
-/// differ in that.
+/// #×D, a point or a triangle per row; data() is a plain array in row-major order. Memory comes
+/// from malloc for any instruction set, so files of one program may be compiled for different ones.
 template <class Scalar, int D>
 using Rows = Eigen::Matrix<Scalar, Eigen::Dynamic, D, int{Eigen::RowMajor} | int{Eigen::DontAlign}>;
 using Points2 = Rows<double, 2>;              // planar points
 using Points3 = Rows<double, 3>;              // points in space
 using Triangles = Rows<int, 3>;               // 0-based vertex ids
-using Values = Rows<double, Eigen::Dynamic>;  // attributes, those of an element per row
+using Values = Rows<double, Eigen::Dynamic>;  // attributes, a row per element
 
 /// A triangle mesh as plain arrays. Triangles are counter-clockwise seen from outside.
 struct TriangleMesh {
@@ -196,10 +192,10 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// A mesh in memory of the caller's: positions x, y, z and 0-based vertex ids of triangles, each a
-/// matrix of Eigen's with three columns, or {pointer, number of rows, bytes from one to the next}.
-/// All functions take meshes as views, which a TriangleMesh and pairs of matrices become by
-/// themselves; a function that needs a mesh for longer copies it once, and its result shares that.
+/// A mesh in the caller's memory: positions x, y, z and triangles of 0-based vertex ids, each an
+/// Eigen matrix with three columns or {pointer, number of rows, bytes between rows}. All functions
+/// take views; a TriangleMesh and pairs of matrices convert implicitly. A function that needs a
+/// mesh for longer copies it once, and its result shares the copy.
 ///
 ///   struct Vertex { float position[3], normal[3], uv[2]; };  // and std::uint16_t indices
 ///   ism::MeshView a({vertices[0].position, n, sizeof(Vertex)}, {indices.data(), triangles});
@@ -212,21 +208,21 @@ struct MeshView {
   MeshView(const TriangleMesh& mesh) : positions(mesh.vertices), triangles(mesh.triangles) {}
 };
 
-/// The copy of a mesh that everything made from it shares.
+/// A copy of a mesh, shared by all results made from it.
 using SharedMesh = std::shared_ptr<const TriangleMesh>;
 
 /// One of the two surfaces of a map.
 enum class Side { kA, kB };
 
-/// What an id counts, and what the rows of attributes belong to. Corner k of face f is 3 f + k.
-/// Texture coordinates with seams belong to corners.
+/// The kind of an id or of a row of attributes. Corner k of face f is 3 f + k. Texture coordinates
+/// with seams belong to corners.
 enum class Element { kVertex, kFace, kCorner };
 
-/// Which mesh ids speak of: the one that the caller gave, or that as it was embedded: prepared, cut
-/// open if it was closed, with vertices added (Embedding::a, Embedding::b).
+/// The mesh that ids refer to: the caller's, or the embedded one: prepared, cut open if closed,
+/// with added vertices (Embedding::a, Embedding::b).
 enum class Ids { kGiven, kEmbedded };
 
-/// A vertex or a triangle of one of the two meshes given.
+/// A vertex or a triangle of one of the two given meshes.
 struct ElementId {
   Side side;
   Element element;
@@ -236,17 +232,17 @@ inline bool operator==(const ElementId& a, const ElementId& b) {
   return a.side == b.side && a.element == b.element && a.id == b.id;
 }
 
-/// How a call ended. Every result carries one of these, a sentence and the ids it speaks of.
+/// How a call ended. Every result carries a status, a sentence and the ids it refers to.
 enum class Status {
-  kDone,              // what was asked for is there: an embedding, a map, attributes
+  kDone,              // the requested embedding, map or attributes were computed
   kConverged,         // the stopping rule of Options::tolerance was met
   kIterationLimit,    // Options::max_iterations reached; the result is the last injective iterate
-  kTimeLimit,         // the same of Options::max_seconds
-  kCancelled,         // the caller said stop; the result is the last injective iterate
-  kStalled,           // no step is found that lowers the energy, or what was to follow the
-                      // optimisation failed, and the message tells; the result is still valid
+  kTimeLimit,         // Options::max_seconds reached; the result is the last injective iterate
+  kCancelled,         // the caller cancelled; the result is the last injective iterate
+  kStalled,           // no step lowers the energy, or a later stage failed (see the message); the
+                      // result is still valid
   kUnfinished,        // a Solver has more to do; the result is the last injective iterate
-  kNoMapYet,          // stopped, or a Solver has more to do, before there was a map; no positions
+  kNoMapYet,          // stopped, or a Solver paused, before the first map; no positions
   kMemoryLimit,       // the overlay has more than 16 million polygons
   kInvalidMesh,       // an input mesh is not a clean surface, see validate()
   kInvalidLandmarks,  // a landmark is out of range, used twice, or cannot be met exactly
@@ -255,32 +251,32 @@ enum class Status {
   kInvalidPins,       // a pinned or fixed vertex is out of range, listed twice, contradicts another
                       // constraint, is uncovered, or in a chain
   kNoOverlap,         // f(A) and g(B) do not overlap at the start
-  kNumericalFailure   // an embedding failed, please report the mesh; or at the start, E or its
-                      // derivatives are not finite; or the arithmetic is not IEEE's
+  kNumericalFailure   // an embedding failed (please report the mesh); E or its derivatives are not
+                      // finite at the start; or the arithmetic is not IEEE 754
 };
 
-/// True for the statuses under which there is what was asked for, of compute_map() a valid
-/// injective map: those before kNoMapYet.
+/// True if the result has what was requested, for compute_map() a valid injective map: all statuses
+/// before kNoMapYet.
 inline bool is_usable(Status s) { return s <= Status::kUnfinished; }
 
-/// The name of a status in words ("converged", "iteration limit", ...).
+/// Returns the name of a status in words ("converged", "iteration limit", ...).
 const char* to_string(Status s);
 
-/// A finding that did not stop a call, but may mean that the result is not what was wanted.
+/// A finding that did not stop a call, but may make the result useless.
 struct Warning {
   std::string message;         // a sentence for the user
-  std::vector<ElementId> ids;  // what it speaks of
+  std::vector<ElementId> ids;  // the elements it names
 };
 
-/// What every result carries.
+/// The part common to all results.
 struct Outcome {
   Status status = Status::kDone;
   std::string message;         // a sentence for the user
-  std::vector<ElementId> ids;  // what it speaks of
+  std::vector<ElementId> ids;  // the elements it names
   std::vector<Warning> warnings;
 };
 
-/// One defect of a mesh, found or mended: a sentence with the ids, and the ids once more as data.
+/// One defect of a mesh, found or repaired: a sentence with the ids, and the ids as data.
 struct Problem {
   enum class Kind {
     kEmpty,
@@ -295,132 +291,129 @@ struct Problem {
     kSeveralComponents,
     kNotOrientable,
     kHandles,
-    kUnwelded  // mended only: vertices that lie on each other, or at the ends of a short edge
+    kUnwelded  // repairs only: coincident vertices, or the ends of a short edge
   };
   Kind kind;
   std::string message;   // "edge 3-7 has 3 triangles: 0, 5, 9", or "turned 5 triangles over"
-  Element element;       // vertices or faces are what
-  std::vector<int> ids;  // these are
+  Element element;       // the kind of the ids
+  std::vector<int> ids;  // vertices or faces
 };
 
-/// Lists what keeps a mesh from being a clean surface; empty means valid. Checks: indices, finite
-/// coordinates, degenerate and repeated triangles, edge and vertex manifoldness, orientation,
-/// unreferenced vertices, one component, no handles; and at most 2^24 vertices and triangles, so
-/// that an int counts all that is made of them. What builds on a check that fails is left out.
-/// Reports at most 20 problems of each kind. Cost O(#F log #F). Thread-safe.
+/// Lists the defects of a mesh; empty means valid. Checks: indices, finite coordinates, degenerate
+/// and repeated triangles, edge and vertex manifoldness, orientation, unreferenced vertices, one
+/// component, no handles; and at most 2^24 vertices and triangles, so that ids of all derived
+/// elements fit in an int. Checks that depend on a failed one are skipped. Reports at most 20
+/// problems of each kind. Cost O(#F log #F). Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
-/// A point of a surface: a triangle and barycentric coordinates that add up to 1; or, as the image
-/// of a point outside of the overlap, none.
+/// A point of a surface: a triangle and barycentric coordinates that sum to 1; or no point, e.g.
+/// the image of an uncovered point.
 struct SurfacePoint {
   int face = -1;
   Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
   bool exists() const { return face >= 0; }
 };
 
-/// One end of a landmark: a vertex or a point in a triangle; either converts to it.
+/// One end of a landmark: a vertex or a point in a triangle; both convert implicitly.
 struct LandmarkPoint {
-  int vertex = -1;     // -1: it is the point
+  int vertex = -1;     // -1: the end is `point`
   SurfacePoint point;  // barycentric coordinates below 1e-9 count as 0
   LandmarkPoint(int v = -1) : vertex(v) {}
   LandmarkPoint(const SurfacePoint& p) : point(p) {}
 };
 
-/// A mesh made clean, and where its elements come from.
+/// A repaired mesh, and the origin of its elements.
 struct Prepared {
-  SharedMesh given = std::make_shared<TriangleMesh>();  // a copy of it
-  SharedMesh mesh = given;                              // the same one, if nothing was wrong
-  std::vector<Problem> repairs;                         // what was done
-  std::vector<Problem> problems;  // what is left, in ids of the mesh given; empty: it can be mapped
-  /// Per vertex and per corner of `mesh`, one of the mesh given, of several that were joined the
-  /// first; corner k of triangle f is 3 f + k.
+  SharedMesh given = std::make_shared<TriangleMesh>();  // a copy of the given mesh
+  SharedMesh mesh = given;                              // the same copy, if nothing was repaired
+  std::vector<Problem> repairs;                         // what was repaired
+  std::vector<Problem> problems;  // what remains, in given ids; empty: `mesh` is valid
+  /// Per vertex and per corner of `mesh`, its given id, the first one if several were joined.
+  /// Corner k of triangle f is 3 f + k.
   std::vector<int> given_vertex, given_corner;
-  /// Per triangle of `mesh`, the one given that it is, or is a part of.
+  /// Per triangle of `mesh`, the given triangle that contains it.
   std::vector<int> given_triangle;
-  /// Per vertex and per triangle given, where it is in `mesh`, or its first part; -1: dropped. A
-  /// vertex that was dropped with copies of triangles is where the one at the same place is.
+  /// Per given vertex and triangle, its id in `mesh`, of a cut triangle that of its first part; -1:
+  /// dropped. A vertex dropped with repeated triangles has the id of the vertex at the same place.
   std::vector<int> new_vertex, new_triangle;
 };
 
-/// Repairs a mesh into a clean surface: drops degenerate triangles (the ends of a short edge become
-/// one vertex; where a corner lies on the longest edge, the triangle behind that is cut in two),
-/// repeated ones, and vertices that are not used; welds parts with vertices of their own where
-/// their boundary edges lie on each other (triangle soup, seams of texture coordinates), cuts where
-/// more than two triangles share an edge or fans share a vertex, turns triangles to one
-/// orientation, that of positive volume if the surface is closed, else that of most of its area,
-/// and keeps the component that has most landmarks, of several the largest. What is valid stays as
-/// it is, to the last id; a boundary loop that lies on itself only, as closed lips do, stays apart.
-/// Surfaces with handles or without orientation stay invalid. Cost O(#F log #F). Thread-safe.
-/// `weld`: false keeps all vertices apart that the mesh has apart, but for the ends of short edges
-/// of degenerate triangles.
+/// Repairs a mesh into a clean surface. Drops degenerate triangles (the ends of a short edge are
+/// merged; if a corner lies on the longest edge, the triangle behind it is split), repeated
+/// triangles and unreferenced vertices. Welds coincident boundary edges that have separate vertices
+/// (triangle soup, seams of texture coordinates). Cuts where more than two triangles share an edge
+/// or fans share a vertex. Flips triangles to one orientation, with positive volume if the surface
+/// is closed, else that of most of its area. Keeps the component with most landmarks, of several
+/// the largest. A valid mesh keeps all its ids; a boundary loop that touches only itself, e.g.
+/// closed lips, stays open. Surfaces with handles or without orientation stay invalid. Cost
+/// O(#F log #F). Thread-safe. `weld`: false keeps vertices separate, except at short edges.
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {},
                  bool weld = true);
 
-/// A correspondence wanted at the start: a on A should map near b on B. {17, 4} are two vertices,
+/// A wanted correspondence: a on A should map near b on B. {17, 4} are two vertices,
 /// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B. An
-/// end on what prepare() dropped goes to the nearest point of the surface that is kept, within 1%
-/// of its size; where there is none, the landmark is left out with a warning, or, if landmarks are
-/// exact, refused.
+/// end on an element that prepare() dropped moves to the nearest point of the surface, within 1% of
+/// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
 };
 
-/// What the boundaries may do. Held ones are suggested in §7; closed surfaces and those with
-/// openings are then refused (kInvalidOptions).
+/// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
+/// hold their boundaries (kInvalidOptions).
 enum class Boundary {
-  /// They move freely. What A and B have in common is where they overlap in the plane.
+  /// Boundaries move freely. A and B correspond where they overlap in the plane.
   kFree,
-  /// They are laid along the sides of one square and stay there, so A and B cover each other. Four
-  /// pairs of vertices become its corners. What corresponds is given by landmarks on the boundaries
-  /// (points on their edges become vertices) and by arc length between them; without such
-  /// landmarks, by arc length from where the boundaries lie closest in a free embedding.
+  /// Both boundaries lie along the sides of one square and stay there, so A and B cover each other.
+  /// Four pairs of vertices become its corners. Landmarks on the boundaries (points on their edges
+  /// become vertices) and arc length between them define the correspondence; without such
+  /// landmarks, arc length from where the boundaries are closest in a free embedding.
   kFixed,
-  /// The same at the start, but all vertices except for the corners may slide along their side.
+  /// As kFixed at the start, but all vertices except for the corners may slide along their side.
   kSlide
 };
 
-/// What the optimiser did in one iteration. Energies are those after the step; areas and energies
-/// are in units of the scaled meshes, see Options::keep_scale.
+/// One iteration of the optimiser. Energies are those after the step; areas and energies are in
+/// units of the scaled meshes, see Options::keep_scale.
 struct IterationLog {
   int iteration = 0;
   double energy = 0;           // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
   double map_energy = 0;       // E_Φ, Eq. 4
   double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
-  double energy_g = 0;         // E_g, the same of B
-  double mean_distortion = 0;  // E_Φ / (area A' + area B'); of an isometry 2, unless measured else
+  double energy_g = 0;         // E_g, symmetric Dirichlet energy of the embedding of B
+  double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 for an isometry (default measure)
   double coverage_a = 0;       // area A' / area A, in [0, 1]
   double coverage_b = 0;       // area B' / area B
-  double omega = 0;            // ω_L of the step taken (§5.4)
-  double step = 0;             // s of the step taken
-  double max_step = 0;         // s_max at which a triangle would degenerate
+  double omega = 0;            // ω_L of the accepted step (§5.4)
+  double step = 0;             // s of the accepted step
+  double max_step = 0;         // s_max, at which the first triangle degenerates
   int polygons = 0;            // of the meta mesh
   double pin_residual = 0;     // largest distance of a pinned vertex from its pin, on the surface
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
-  bool quasi_newton = false;   // a step with the factor of an earlier one
+  bool quasi_newton = false;   // the step used an earlier factorisation
   double seconds_derivatives = 0, seconds_assembly = 0, seconds_solve = 0, seconds_search = 0;
 };
 
-/// What the progress callback receives.
+/// The argument of the progress callback.
 struct Progress {
-  bool is_embedding = true;                 // false: it optimises
-  double fraction = 0;                      // of the call, an estimate in [0, 1] that never falls
+  bool is_embedding = true;                 // false: the optimisation runs
+  double fraction = 0;                      // of the call, an estimate in [0, 1], never decreasing
   std::string what;                         // a few words, for a progress line
-  const IterationLog* iteration = nullptr;  // after each one on the meshes given, else null
+  const IterationLog* iteration = nullptr;  // after each one on the given meshes, else null
 };
 
-/// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done. No
-/// call of it comes before the last one has returned; tasks do not call it.
+/// Runs task(0) ... task(n - 1), in any order and on any threads, and returns when all are done.
+/// Calls do not overlap, and tasks do not call it.
 using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
 
-/// A distortion D as a function of S = σ_max² + σ_min² and d = σ_max σ_min, the singular values of
+/// A distortion D(S, d) with S = σ_max² + σ_min² and d = σ_max σ_min, of the singular values of
 /// J_Φ: its value, its first and its second derivatives.
 struct StretchDensity {
   double value, S, d, SS, Sd, dd;
 };
 
-/// What E_Φ measures (§3.2): D integrated over A' times `on_a`, plus D integrated over B' times
-/// `on_b`, where A' and B' are the covered parts. D is asked for S ≥ 2 d > 0 only, is at least 0,
-/// and thread-safe. It need not prevent flips; E_f and E_g do.
+/// The integrand of E_Φ (§3.2): D integrated over A' times `on_a`, plus D integrated over B' times
+/// `on_b`, where A' and B' are the covered parts. D is evaluated for S ≥ 2 d > 0 only, must be at
+/// least 0 and thread-safe. It need not prevent flips; E_f and E_g do.
 ///
 ///   ism::DistortionMeasure area = {[](double, double d) {  // (d - 1)², over A'
 ///     return ism::StretchDensity{(d - 1) * (d - 1), 0, 2 * (d - 1), 0, 0, 2};
@@ -433,10 +426,10 @@ class DistortionMeasure {
   StretchDensity density(double S, double d) const { return density_(S, d); }
   double on_a() const { return on_a_; }
   double on_b() const { return on_b_; }
-  /// True for symmetric_dirichlet(), for which the library has a shorter formula.
+  /// True for symmetric_dirichlet(), which has a shorter formula.
   bool is_symmetric_dirichlet() const { return is_symmetric_dirichlet_; }
   bool is_complete() const { return static_cast<bool>(density_); }
-  /// E_Φ of an isometry, per area of both surfaces.
+  /// Returns E_Φ of an isometry, per area of both surfaces.
   double isometry() const { return 0.5 * (on_a_ + on_b_) * density(2, 1).value; }
 
  private:
@@ -451,91 +444,88 @@ DistortionMeasure symmetric_dirichlet();
 /// (1 - σ_min)² + (1 - σ_max)² over A' [Liu et al. 2008]. Not symmetric; an isometry has 0.
 DistortionMeasure arap();
 /// (1 - 1/σ_min)² + (1 - σ_max)², half over A' and half over B' [Poranne and Lipman 2016].
-/// E(Φ) = E(Φ⁻¹); an isometry has 0, up to 1e-12: where σ_min = σ_max the kink is rounded off.
+/// E(Φ) = E(Φ⁻¹); an isometry has 0, up to 1e-12: the kink at σ_min = σ_max is smoothed.
 DistortionMeasure sarap();
 /// (σ_max - σ_min)² over A'. Not symmetric; a conformal map has 0.
 DistortionMeasure asap();
 
-/// Options of the embedding and the optimisation. All lengths are relative to the meshes.
+/// Options of the embedding and the optimisation. Lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
-  /// Reward for covered area beyond what an isometry costs: E gains -κ (area A' + area B'), where κ
-  /// is this plus measure.isometry(), or 0 if that is negative. With 0 an isometry neither gains
-  /// nor loses by shrinking; a little more lets it grow; much more trades low distortion for
-  /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
+  /// Reward for covered area beyond the cost of an isometry: E gains -κ (area A' + area B'), where
+  /// κ = max(0, coverage_weight + measure.isometry()). With 0 an isometry neither gains nor loses
+  /// by shrinking; a small weight lets it grow; a large one trades low distortion for coverage.
+  /// κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
-  int max_iterations = 1000;  // ≥ 0, on the meshes given; with 0 there are no coarse levels either
-  /// Stop when, averaged over 20 iterations (10 after coarse levels), E fell by less than this
-  /// fraction of E + κ (area A + area B) per iteration; one that finds no step counts as one
-  /// without a fall, a quasi-Newton step as a fifth of one.
+  int max_iterations = 1000;  // ≥ 0, on the given meshes; 0 skips coarse levels, too
+  /// Stops when the mean decrease of E over 20 iterations (10 after coarse levels) is below this
+  /// fraction of E + κ (area A + area B) per iteration. An iteration without a step counts as one
+  /// without decrease, a quasi-Newton step as a fifth of an iteration.
   double tolerance = 3e-4;  // ≥ 0
-  /// false: both meshes are scaled to area 1; or, where one has a boundary that is free and
-  /// landmarks, three or more, agree that sizes differ, so that landmarks are equally far apart on
-  /// both: a part then fits its place on the whole. true: the meshes are in one unit and not
-  /// scaled; areas of 1e-50 to 1e50 work.
+  /// false: scales both meshes to area 1; if a boundary is free and three or more landmarks agree
+  /// on another ratio of sizes, scales them so that landmarks are equally far apart on both: a part
+  /// then fits its place on the whole. true: the meshes share one unit and are not scaled; areas of
+  /// 1e-50 to 1e50 work.
   bool keep_scale = false;
-  int threads = 0;  // ≥ 0; 0: as many as processors that the process may use, at most 4 times as
-                    // many; results do not depend on it
+  int threads = 0;  // ≥ 0, capped at 4 per processor; 0: one per processor that is available;
+                    // results do not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
-  /// Called after each step of the embedding and each iteration, and several times a second while
-  /// they last, from the calling thread. Return false to cancel.
+  /// Called from the calling thread after each step of the embedding and each iteration, and
+  /// several times a second in between. Return false to cancel.
   std::function<bool(const Progress&)> progress;
-  /// Set it to true, from any thread, to cancel. It is read between small pieces of work.
+  /// Cancels the call when set to true, from any thread. Polled between small pieces of work.
   const std::atomic<bool>* stop = nullptr;
-  /// > 0: a call, or all steps of a Solver together, take no longer; change() and restore() begin
-  /// to count anew.
+  /// > 0: time limit of a call, or of all steps of a Solver together; change() restarts it.
   double max_seconds = std::numeric_limits<double>::infinity();
-  /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
-  /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
-  /// count as pinned. Where the start puts one beside the other surface, it is refused; or, if both
-  /// are closed, held from when the map is closed.
+  /// Vertices of A (of B) whose images on the other surface stay those of the start (§4.5). An
+  /// image must not lie in a triangle with a pinned vertex. Vertices of A in exact landmarks count
+  /// as pinned. A vertex without an image is refused, or, if both surfaces are closed, pinned once
+  /// the map is closed.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay what they are at the start. Refused where
-  /// both surfaces are closed.
+  /// Vertices of A (of B) whose planar positions stay those of the start. Refused if both surfaces
+  /// are closed.
   std::vector<int> fixed_a, fixed_b;
-  /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
-  /// to the end. Those on the boundaries must then have the same order on A and B; where boundaries
-  /// are held, both ends of one lie there or none. Points become vertices, which are added there;
-  /// with given positions they are refused, and images of vertices must coincide there already.
+  /// false: landmarks guide the start only. true: their images coincide in the plane throughout.
+  /// Landmarks on the boundaries must then have the same order on A and B; on held boundaries, both
+  /// ends of a landmark lie there or none. Points become added vertices; with given positions they
+  /// are refused, and images of vertices must coincide there already.
   bool exact_landmarks = false;
-  /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
-  /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
+  /// With given positions, kFixed holds boundaries of any shape; kSlide lets vertices slide that
+  /// lie, with both neighbours, on a line parallel to an axis.
   Boundary boundary = Boundary::kFree;
-  /// Vertices on the boundary loops of A and of B that become the outlines of f(A) and g(B); -1:
-  /// the longest ones. The other loops are openings: they are free, kept apart exactly, and nothing
-  /// is mapped to where they are. Given positions have outlines of their own.
+  /// A vertex on the boundary loop of A, of B, that becomes the outline of f(A), of g(B); -1: the
+  /// longest loop. The other loops are openings: they are free, kept disjoint exactly, and nothing
+  /// is mapped into them. Given positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
-  /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
-  /// computed, and the result is in the same unit.
+  /// Known planar positions, #V_A×2 and #V_B×2, in any unit. They replace the initial embedding,
+  /// and the result is in the same unit.
   Points2 initial_f, initial_g;
-  bool weld = true;  // meshes with problems are prepared, which may weld; false: see prepare()
+  bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
-  /// ≥ 0: Algorithm 1 runs on decimated surfaces first, each with a quarter of the vertices of the
-  /// next one, down to about this many per surface, and goes on from where that ends; a change of a
-  /// Solver does not. 0 is the paper's method, and takes 1.3 to 2 times as long; with 350 a pair of
-  /// animals ends 3% higher.
+  /// ≥ 0: Algorithm 1 first runs on decimated surfaces, each with a quarter of the vertices of the
+  /// next, from about this many per surface up; change() skips these levels. 0 is the paper's
+  /// method and takes 1.3 to 2 times as long; 350 ends 3% higher on a pair of animals.
   int coarsest = 700;
-  /// ≥ 1: how many Hessians the memory of §5.3 has. Less, where computer memory is short. With
+  /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
-  /// ≥ 0: ω_L of §5.4 at the start. With 0 there is no preconditioner, nor are there quasi-Newton
-  /// steps. A smaller value, where the start is good already.
+  /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
+  /// suit a start that is good already.
   double omega_start = 1e4;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
 
-  /// The method as it was published: as_published, κ = 0 for every measure of the library, ω_L from
-  /// 1e9 on, at most 550 iterations, no coarse levels. as_published means: ω_R = 1e-8, α = 1.25, a
-  /// memory that decays by 0.5, all steps of the line search, no quasi-Newton steps, no scaffold,
-  /// no least coverage. Of what the paper does not have, the longest step and the largest loss of
-  /// coverage in a step stay: without them the empty overlap is reached in the first iterations.
+  /// The published method: as_published, κ = 0 for every measure of the library, ω_L from 1e9 on,
+  /// at most 550 iterations, no coarse levels. as_published means: ω_R = 1e-8, α = 1.25, a memory
+  /// that decays by 0.5, all steps of the line search, no quasi-Newton steps, no scaffold, no
+  /// minimum coverage. Two bounds beyond the paper remain, on the step length and on the loss of
+  /// coverage per step: without them the overlap vanishes in the first iterations.
   static Options paper();
 };
 
-/// Where a vertex was added to a mesh: on an edge, of which the third corner is -1, or in a
-/// triangle, as the mean of its corners with positive weights that add up to 1. A copy of a vertex
-/// has that one corner: a closed surface was cut open there, and the copies belong to other sides
-/// of the cut.
+/// A vertex added to a mesh: on an edge (the third corner is -1) or in a triangle, as the mean of
+/// its corners with positive weights that sum to 1. A copy of a vertex has that one corner: a
+/// closed surface was cut there, and the copies belong to other sides of the cut.
 struct AddedVertex {
   Eigen::Vector3i corners = {-1, -1, -1};
   Eigen::Vector3d weights = {0, 0, 0};
@@ -545,69 +535,67 @@ struct AddedVertex {
 
 /// Two planar embeddings; Φ = g⁻¹ ∘ f (§4.1).
 struct Embedding : Outcome {
-  /// What prepare() made of the meshes given.
+  /// The prepared meshes.
   std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
                                   prepared_b = prepared_a;
-  /// The meshes that were embedded: the prepared ones, and where a constraint needs it, meshes with
-  /// vertices added behind theirs. The surfaces are the same; closed ones are cut, with copies of
-  /// vertices for the other side of the cut.
+  /// The embedded meshes: the prepared ones, followed by vertices that constraints need. Surfaces
+  /// are unchanged; closed ones are cut, with copies of vertices on the other side of the cut.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  /// The added vertices in order. Those of exact landmarks that were points come first, in their
-  /// order, if they were given at the start. Earlier ones may be corners of later ones.
+  /// The added vertices in order. Those of exact landmarks given as points come first, in their
+  /// order, if given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
-  /// Where closed surfaces were cut open, vertices given; -1: the surface has a boundary.
+  /// Given vertices where closed surfaces were cut open; -1: the surface has a boundary.
   int opening_a = -1, opening_b = -1;
-  /// By what the coordinates given were multiplied for the run, see Options::keep_scale.
+  /// The factors applied to the given coordinates, see Options::keep_scale.
   double scale_a = 1, scale_b = 1;
   Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
-  Points2 g;  // of the vertices of `b`
-  /// Largest distance in the plane between the two images of a landmark, in domain radii.
+  Points2 g;  // planar positions of the vertices of `b`
+  /// Largest planar distance between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
   double seconds = 0;
 };
 
-/// The outcome of compute_map(). Positions are valid if is_usable(status), else there are none.
+/// The result of compute_map(). Positions exist and are valid if is_usable(status).
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
-  Embedding start;       // what the optimisation started from
+  Embedding start;       // the start of the optimisation
   IterationLog initial;  // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
-  /// What the log goes on from: the start, or the map of the coarse levels, whose E may be higher.
+  /// The state before log[0]: the start, or the map of the coarse levels, whose E may be higher.
   IterationLog log_begin;
-  /// One entry per iteration on the meshes given. Where the map of closed surfaces is closed, that
-  /// is an entry, too; E is from there on that of the whole, and may begin higher.
+  /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
+  /// is from then on that of the whole map, and may begin higher.
   std::vector<IterationLog> log;
-  double seconds = 0;  // of the optimisation; those of the start are in start.seconds
-  /// The last state, for a summary: log.back(), or what it would go on from.
+  double seconds = 0;  // of the optimisation; start.seconds has those of the start
+  /// The last state: log.back(), or log_begin if the log is empty.
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
 /// kNumericalFailure names the vertex for which rounding leaves no room. With fewer than two
-/// landmarks, rotations of one plane against the other are tried by some iterations of the
-/// optimisation. Closed surfaces are cut open: where landmarks are alike and nothing is far; with
-/// fewer than three landmarks, four pairs of places are tried. Where an outline is in its own way
-/// or a surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
-/// Options::initial_f and initial_g are not read. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
+/// landmarks, a few iterations of the optimisation compare rotations of one plane against the
+/// other. Closed surfaces are cut open: where landmarks are alike and no point is far away; with
+/// fewer than three landmarks, four pairs of places are tried. If an outline blocks itself or a
+/// surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
+/// Ignores Options::initial_f and initial_g. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
 /// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
 
-/// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1.
-/// Every iterate is injective, decided exactly. Any status. Thread-safe.
+/// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1. Every
+/// iterate is injective, decided exactly. Any status. Thread-safe.
 ///
-/// Look at Outcome::warnings: sizes that were taken from landmarks, landmarks that were left out or
-/// fit the mirror image only, and maps that end, not stopped before, with a mean distortion (of
-/// symmetric_dirichlet()) above 6, as if all were stretched 2.4 times, or above 1.5 times that of
-/// the start.
+/// Outcome::warnings reports sizes taken from landmarks, landmarks that were skipped or fit the
+/// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above
+/// 6, as if all were stretched 2.4 times, or above 1.5 times that of the start.
 ///
-/// Two closed surfaces are cut open, mapped, and then cut in two along a curve on either, the seam:
-/// what is inside is mapped as it was, and what is outside, a small part, anew, with the seam held.
-/// The result is then the embedding of two disks for each surface, side by side in the plane, which
-/// agree on the seam: a homeomorphism. A run that ends before that has the map of the open
-/// surfaces, as have pairs of which one surface is closed.
+/// Two closed surfaces are cut open, mapped, and then cut in two along a closed curve on each, the
+/// seam: the inside keeps its map; the outside, a small part, is mapped anew, with the seam held.
+/// The result embeds each surface as two disks, side by side in the plane, which agree on the seam:
+/// a homeomorphism. A run that ends earlier, or has only one closed surface, returns the map of the
+/// open surfaces.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -615,40 +603,40 @@ namespace detail {
 class Run;
 }
 
-/// compute_map() in steps, for programs that have other things to do. One thread at a time may use
-/// a Solver. After an exception it can be destroyed or assigned to only.
+/// compute_map() in steps, for programs with other work to do. One thread at a time may use a
+/// Solver. After an exception it can only be destroyed or assigned to.
 ///
 ///   ism::Solver solver(a, b, landmarks, options);
 ///   while (solver.advance(0.008)) draw(solver.result());  // once per frame
 class Solver {
  public:
-  Solver();  // of two empty meshes
+  Solver();  // with two empty meshes
   Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks = {},
          const Options& options = {});
   ~Solver();
   Solver(Solver&& other) noexcept;
   Solver& operator=(Solver&& other) noexcept;
 
-  /// Does one step: of the embedding (some tenths of a second at most for 10,000 vertices, a few
-  /// seconds for 100,000), or one iteration. True while there is more to do. A step that was
-  /// cancelled returns false; the next call goes on, to the same bits as without the pause. An
-  /// iteration that was stopped is begun anew: one that is stopped every time before it ends never
-  /// does. After Options::max_seconds all steps return false, until change().
+  /// Runs one step of the embedding (some tenths of a second at most for 10,000 vertices, a few
+  /// seconds for 100,000) or one iteration. True while there is more to do. A cancelled step
+  /// returns false; the next call resumes, with the same bits as without the pause. A stopped
+  /// iteration starts anew, and never ends if stopped every time. After Options::max_seconds all
+  /// steps return false, until change().
   bool step();
-  /// Steps until some seconds have passed, at least one.
+  /// Runs steps for some seconds, at least one step.
   bool advance(double seconds);
 
-  /// What compute_map() would return if it ended here: a status, and once there is a map, the last
-  /// injective iterate; on each coarse level, the one when it was first asked for there, until the
-  /// run is stopped. Valid until the next call of another function.
+  /// Returns what compute_map() would if it ended here: a status and, once there is a map, the last
+  /// injective iterate. On a coarse level, until the run is stopped, this is the iterate of the
+  /// first call on that level. Valid until the next call of another function.
   const Result& result() const;
-  double fraction() const;  // of all there is to do, an estimate that never falls in between
+  double fraction() const;  // of the whole run, an estimate; only change() lowers it
 
-  /// Goes on with other landmarks and options (pins, weights, limits, ...) from the map there is,
-  /// with its ω_L; `boundary`, `keep_scale` and given positions stay what they were. New landmarks
-  /// that are apart are pulled together by springs added to E first, and exact ones are joined, as
-  /// in the embedding, with vertices added where that needs some. Pins are put where the map has
-  /// them now. If something is refused, nothing is changed, and the outcome says why.
+  /// Continues from the current map and its ω_L with other landmarks and options (pins, weights,
+  /// limits, ...); `boundary`, `keep_scale` and given positions keep their values. Springs added to
+  /// E pull new landmarks together first; exact ones are then joined as in the embedding, with
+  /// added vertices if needed. Pins hold their current images. If an argument is refused, nothing
+  /// changes, and the outcome gives the reason.
   Outcome change(const std::vector<Landmark>& landmarks, const Options& options);
 
  private:
@@ -659,26 +647,26 @@ class Solver {
 using Polyline = std::vector<SurfacePoint>;
 
 /// The common refinement of A and B (§3.1): polygons of 3 to 6 corners with one connectivity and
-/// two geometries. Vertices are identified by what they are, so neighbouring polygons share them.
+/// two geometries. Neighbouring polygons share vertices, which are identified combinatorially.
 struct MetaMesh {
-  /// What it refines, the meshes given or as they were embedded; so do ids.
+  /// The refined meshes, as given or as embedded; ids refer to them.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  /// Per vertex of `a` and of `b`, the one that stands for all that are the same vertex of the
-  /// surface, as those that were welded. -1: it was dropped. Empty: each stands for itself.
+  /// Per vertex of `a` and of `b`, the representative of all copies of the same vertex of the
+  /// surface, e.g. welded ones. -1: dropped. Empty: each vertex represents itself.
   std::vector<int> same_a, same_b;
   Points3 on_a, on_b;               // #M×3, the vertices on either surface
   Points2 plane;                    // #M×2, the vertices in the common plane
-  std::vector<int> face_a, face_b;  // per polygon, the triangles it lies in
+  std::vector<int> face_a, face_b;  // per polygon, its triangles of A and of B
   /// The corners of polygon p are offsets[p] to offsets[p + 1] - 1, counter-clockwise.
   std::vector<int> offsets = {0};
-  std::vector<int> corners;  // #C, their vertices
-  /// #C×3, where the corners lie in face_a and in face_b: barycentric coordinates.
+  std::vector<int> corners;  // #C, vertex ids
+  /// #C×3, barycentric coordinates of the corners in face_a and in face_b.
   Points3 corner_a, corner_b;
 
   int n_polygons() const { return static_cast<int>(face_a.size()); }
 };
 
-/// How the map distorts one polygon of the meta mesh, where it is affine.
+/// The distortion of one polygon of the meta mesh, on which the map is affine.
 struct PolygonDistortion {
   double area_a = 0, area_b = 0;        // of the polygon on either surface
   double sigma_min = 1, sigma_max = 1;  // singular values of the Jacobian of Φ
@@ -688,8 +676,8 @@ struct PolygonDistortion {
 /// Totals of PolygonDistortion, weighted by area_a + area_b.
 struct DistortionSummary {
   double mean = 0;                      // E_Φ / (area A' + area B'), 2 is an isometry
-  double median = 0, p95 = 0;           // densities that half, 95% of the area stay below
-  double largest = 0;                   // density
+  double median = 0, p95 = 0;           // quantiles of the density, by area
+  double largest = 0;                   // of the density
   double sigma_min = 0, sigma_max = 0;  // the extremes
   double area_a = 0, area_b = 0;        // covered
 };
@@ -704,50 +692,49 @@ struct MapData;
 ///   ism::SurfacePoint image = map.forward_vertex(7);
 ///   if (image.exists()) use(map.position_on_b(image));
 ///
-/// Vertices and triangles have the ids of the meshes that the caller gave, also where these were
-/// prepared, cut open, or have vertices added. What prepare() dropped is not covered; copies of a
-/// vertex that were welded have one image.
+/// Vertices and triangles have the caller's ids, also if meshes were prepared, cut open or got
+/// added vertices. Elements that prepare() dropped are not covered; welded copies have one image.
 ///
 /// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
 class SurfaceMap {
  public:
   SurfaceMap();  // maps nothing; its status is kNoMapYet
-  /// Overlays two embeddings of surfaces with boundaries. The coordinates of the meshes are used as
-  /// given, not scaled. Cost: linear in the number of meta mesh polygons.
+  /// Overlays two embeddings of surfaces with boundaries. Coordinates of the meshes are used as
+  /// given, not scaled. Linear cost in the number of meta mesh polygons.
   SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g);
-  /// The map that compute_map() found. Where it found none, the status is that of the result.
+  /// The map of compute_map(). If there is none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
-  explicit SurfaceMap(const Embedding& start);  // the same of an initial embedding
+  explicit SurfaceMap(const Embedding& start);  // the map of an initial embedding
 
-  /// kDone if the map can be used, else kInvalidMesh, kInvalidPositions, kNumericalFailure,
-  /// kNoOverlap or, for more than 16 million polygons, kMemoryLimit; all points are then uncovered.
+  /// Returns kDone if the map is usable; else kInvalidMesh, kInvalidPositions, kNumericalFailure,
+  /// kNoOverlap or, for more than 16 million polygons, kMemoryLimit; then no point is covered.
   Status status() const;
   const std::string& message() const;
   const TriangleMesh& mesh(Side side, Ids ids = Ids::kGiven) const;
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
-  /// True for a map of two closed surfaces that is closed: every point has an image, both ways.
+  /// True for a closed map of two closed surfaces: every point has an image, in both directions.
   bool is_closed() const;
 
-  /// Barycentric coordinates must be ≥ 0 with sum 1. What has an id out of range is not covered.
+  /// Barycentric coordinates must be ≥ 0 with sum 1. Ids out of range are not covered.
   SurfacePoint forward(const SurfacePoint& on_a) const;   // Φ
   SurfacePoint backward(const SurfacePoint& on_b) const;  // Φ⁻¹
   SurfacePoint forward_vertex(int a) const;
   SurfacePoint backward_vertex(int b) const;
   std::vector<SurfacePoint> forward_vertices() const;   // one per vertex of A
   std::vector<SurfacePoint> backward_vertices() const;  // one per vertex of B
-  /// The image on B of a path along edges of A, given by its vertices: a polyline for every stretch
-  /// of it that is covered, in order, with a point on every edge of B it crosses. Where two
-  /// vertices have no edge, the path is interrupted. Of a polygon mesh that was cut into triangles
-  /// (§6.3), ask for the edges of its polygons.
+  /// Returns the image on B of a path along edges of A, given by its vertices: in order, a polyline
+  /// for each covered stretch, with a point on every crossed edge of B. The path is interrupted
+  /// between vertices without a common edge. For a triangulated polygon mesh (§6.3), pass the edges
+  /// of its polygons.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
-  std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // of B on A
-  /// Where a point lies in space, in the unit of its mesh; NaN if there is no such face, as for the
-  /// point of an image that is not covered.
+  std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // from B to A
+  /// Returns the position in space, in the unit of the mesh; NaN if there is no such face, e.g. for
+  /// the image of an uncovered point.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
-  /// Of every polygon of meta_mesh(), with the surfaces scaled as compute_map() did, or to area 1
-  /// if the map is not its own; not scaled if keep_scale.
+  /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
+  /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
@@ -756,25 +743,25 @@ class SurfaceMap {
   std::shared_ptr<const detail::MapData> data_;
 };
 
-/// Proves of a map that is there what compute_map() promises, in another way than it was made, with
-/// integers in place of floating-point numbers: f and g are injective, so Φ is continuous and
-/// injective where it is defined; and the meta mesh has every polygon of theirs that touches
-/// another one, once. To 1e-9 of the size: that corners of the meta mesh lie where planes and
-/// surfaces say, and that a closed map covers both surfaces. kDone; the status of the map, if that
-/// is another one; or kNumericalFailure, a bug of the library, with the vertex or the triangles
-/// where it shows. Cost O(n log n), some microseconds per triangle and polygon. Thread-safe.
+/// Independently verifies the guarantees of compute_map() for a given map, in integer arithmetic: f
+/// and g are injective, so Φ is continuous and injective on its domain; and the meta mesh has every
+/// polygon adjacent to another one exactly once. Checks to 1e-9 of the size: corners of the meta
+/// mesh agree in the planes and on the surfaces, and a closed map covers both surfaces. Returns
+/// kDone; the status of the map, if different; or kNumericalFailure, a bug of the library, with the
+/// offending vertex or triangles. Cost O(n log n), microseconds per triangle and polygon.
+/// Thread-safe.
 Outcome verify(const SurfaceMap& map);
 
-/// The mesh on one side on the other surface: compatible remeshing. It has the vertices of the mesh
-/// given; those without an image are in no triangle and lie on the first image. Linear cost,
-/// thread-safe.
+/// Remeshes compatibly: returns the mesh of one side with positions on the other surface. It has
+/// all given vertices; those without an image are in no triangle and lie on the first image. Linear
+/// cost, thread-safe.
 TriangleMesh remesh(const SurfaceMap& map, Side side);
 
-/// How attributes of some elements become those of others: a sparse matrix, by rows. Value i is the
-/// sum of weights[k] times the given value sources[k], k from offsets[i] to offsets[i + 1] - 1. The
-/// weights of a row add up to 1, and are at least 0, up to rounding; what is not covered has none.
+/// A linear map of attributes between elements, as a sparse matrix by rows: value i is the sum of
+/// weights[k] times the given value sources[k] for k from offsets[i] to offsets[i + 1] - 1. Weights
+/// of a row are at least 0 and sum to 1, up to rounding; uncovered elements have none.
 struct Transfer {
-  int n_sources = 0;  // elements that the values given belong to
+  int n_sources = 0;  // number of source elements
   std::vector<int> offsets = {0};
   std::vector<int> sources;
   std::vector<double> weights;
@@ -782,14 +769,14 @@ struct Transfer {
   int rows() const { return static_cast<int>(offsets.size()) - 1; }
   bool covers(int i) const { return offsets.data()[i] < offsets.data()[i + 1]; }
 
-  /// From a row per source to a row per element, zeros where it is not covered. Without rows if
-  /// `values` has not n_sources rows.
+  /// Maps a row per source to a row per element, zeros if uncovered. Returns no rows if `values`
+  /// has not n_sources rows.
   Values apply(const Values& values) const;
 
-  /// The same of arrays of the caller's, for n_sources and rows() elements, where `columns` numbers
-  /// of an element lie behind each other, and the next element's a stride of bytes behind. Integers
-  /// are rounded, and kept within what T can be. What is not covered keeps its value. False, and
-  /// nothing is read or written, if there are more or fewer elements.
+  /// Does the same for arrays of n_sources and rows() elements: the `columns` numbers of an element
+  /// are contiguous, and the next element begins `stride` bytes further. Integers are rounded and
+  /// clamped to T. Uncovered elements keep their values. False, with nothing read or written, if
+  /// numbers of elements differ.
   template <class T>
   bool apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
              T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
@@ -809,25 +796,24 @@ struct Transfer {
   }
 };
 
-/// From elements of the mesh on one side to all corners of the meta mesh: rows as those of
-/// MetaMesh::corners. Nothing is lost, neither detail nor seams. Cost O(n log n); all thread-safe.
+/// Returns the transfer from elements of one mesh to all corners of the meta mesh: rows as in
+/// MetaMesh::corners. It loses neither detail nor seams. Cost O(n log n); all are thread-safe.
 Transfer to_meta(const MetaMesh& meta, Side side, Element element);
 
-/// From corners of the meta mesh to vertices or corners of the mesh on one side (the mean, where
-/// corners at a vertex differ), or to its faces, as the mean over the covered part. Copies of a
-/// vertex that were welded get the same row. What to_meta() made of the same side comes back as it
-/// was. Cost O(n log n), as of all below.
+/// Returns the transfer from corners of the meta mesh to vertices or corners of one mesh (the mean,
+/// if corners at a vertex differ), or to its faces (the mean over the covered part). Welded copies
+/// get the same row. Inverts to_meta() of the same side. Cost O(n log n), as of all below.
 Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 
-/// From elements of the mesh on side `from` to those of the other mesh: both of the above. It
-/// samples: on a coarser mesh, detail is lost; corners of a face across a seam of texture
-/// coordinates lie on either side of it, so keep to_meta()'s for these.
+/// Returns the transfer from elements of the mesh on side `from` to those of the other mesh, the
+/// composition of both above. It samples: a coarser mesh loses detail, and corners of a face across
+/// a seam of texture coordinates lie on both sides of it; use to_meta() for these.
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
-/// The vertices between A and B at t, linearly: the rows of meta.on_a at 0, of meta.on_b at 1.
+/// Interpolates vertices linearly from A at t = 0 (meta.on_a) to B at t = 1 (meta.on_b).
 Points3 linear_morph(const MetaMesh& meta, double t);
 
-/// Totals of what SurfaceMap::distortion() found. Sorts: O(n log n).
+/// Summarises the distortions of SurfaceMap::distortion(). Sorts: O(n log n).
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 }  // namespace ISM_ABI
@@ -835,12 +821,12 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
 #endif  // ISM_HPP
 
-// ==== end of what every file gets; the rest is for the file that defines ISM_IMPLEMENTATION ======
+// ==== end of the public part; the file that defines ISM_IMPLEMENTATION gets the rest =============
 
 #if defined(ISM_IMPLEMENTATION) && !defined(ISM_HPP_IMPLEMENTED)
 #define ISM_HPP_IMPLEMENTED
 
-// Before a short loop whose variables shall be in registers: g++ -O2 leaves them in memory else.
+// Keeps the variables of the next short loop in registers; g++ -O2 leaves them in memory otherwise.
 #if defined(__GNUC__) && !defined(__clang__)
 #define ISM_UNROLL _Pragma("GCC unroll 8")
 #else
@@ -868,9 +854,9 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #endif
 #endif
 
-// Products are not fused with sums, so that all compilers and processors compute the same bits;
-// but where the flags of an x86-64 build ask for fused instructions (-march=x86-64-v3), it has
-// them. The compiler may fuse what Eigen's functions do: here, none of them multiplies and adds.
+// Products and sums are not fused, so all compilers and processors compute the same bits, unless
+// flags of an x86-64 build ask for fused instructions (-march=x86-64-v3). The compiler may fuse
+// within Eigen's functions: here, none of them multiplies and adds.
 #ifndef __FMA__
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
@@ -886,19 +872,18 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 // ==== [3] NOTATION ===============================================================================
 //
 //   A, B          the meshes; a, b in names. f, g their embeddings
-//   A ⊔ B         both as one (JointSurface): vertices, triangles and half-edges of B come behind
-//                 those of A
+//   A ⊔ B         their disjoint union (JointSurface): ids of B follow those of A
 //   x             all unknowns (Eq. 5), f and then g, a row per vertex of A ⊔ B
 //   tA, tB        triangles of A and B; ta, tb their ids in A ⊔ B
 //   h             a half-edge; u, v, w vertices; e an edge of a pair of triangles, 0 to 5
 //   ρ             a polygon f(tA) ∩ g(tB) of the meta mesh; a its planar area
 //   R             rest shape of a triangle in its own plane (columns b - a, c - a); J = [..] R⁻¹
 //   F, G          the Jacobians J_f, J_g of a pair tA, tB
-//   K             ‖adj(G) F‖², which both Dirichlet terms of ρ share
+//   K             ‖adj(G) F‖², a factor of both Dirichlet terms of ρ
 //   S, d          σ_max² + σ_min² = K / det² G and σ_max σ_min = det F / det G, of J_Φ = G⁻¹ F
 //   w             the density of E_Φ in the plane: of the symmetric Dirichlet energy (Eq. 4)
 //                 w = K (1 / det³ F + 1 / det³ G)
-//   κ             reward for covered area; takes κ (1 / det F + 1 / det G) off w
+//   κ             reward for covered area; subtracts κ (1 / det F + 1 / det G) from w
 //   E_ρ           a w, the summand of a polygon
 //   E             Σ E_ρ + ω_R (E_f + E_g), that is E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
 //   H, H_+        Hessian of E, projected Hessian
@@ -909,7 +894,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 // ==== [4] SMALL TYPES AND HELPERS ================================================================
 //
 // Purpose:    vectors and matrices of the plane and of space, arrays indexed by int, parallel tasks
-// Note:       plain structs, because expressions of Eigen's take much longer to compile
+// Note:       plain structs, because Eigen's expressions take much longer to compile
 
 namespace ism {
 inline namespace ISM_ABI {
@@ -918,8 +903,8 @@ namespace detail {
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kPi = 3.14159265358979323846;
 
-// Powers and angles by products and square roots, which round alike on all systems, unlike std::pow
-// and std::sin.
+// Powers and angles use products and square roots only, which round alike on all systems, unlike
+// std::pow and std::sin.
 
 inline double power(double x, int n) {
   double result = 1;
@@ -944,14 +929,14 @@ inline double norm(Vec2 a) { return std::sqrt(dot(a, a)); }
 inline Vec2 lower(Vec2 a, Vec2 b) { return {(std::min)(a.x, b.x), (std::min)(a.y, b.y)}; }
 inline Vec2 upper(Vec2 a, Vec2 b) { return {(std::max)(a.x, b.x), (std::max)(a.y, b.y)}; }
 
-/// Twice the signed area of the triangle (0, a, b).
+/// Returns twice the signed area of the triangle (0, a, b).
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 
-/// d turned by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
+/// Rotates d by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
 inline Vec2 perp(Vec2 d) { return {d.y, -d.x}; }
 
-/// The angle of a vector, in [-π, π]; 0 of the null vector. It is halved six times, then the series
-/// of the arc tangent has it.
+/// Returns the angle of a vector, in [-π, π]; 0 for the null vector. Halves it six times, then sums
+/// the series of the arc tangent.
 inline double angle_of(Vec2 p) {
   const double length = norm(p);
   if (!(length > 0)) return 0;
@@ -986,7 +971,7 @@ inline bool is_finite(const Vec3& a) {
 }
 inline Vec3 unit3(int k) { return {k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0}; }
 
-/// 2×2, by columns.
+/// A 2×2 matrix, by columns.
 struct Mat2 {
   double entry[4] = {0, 0, 0, 0};
   double& operator()(int r, int c) { return entry[2 * c + r]; }
@@ -1041,7 +1026,7 @@ inline void set_row(Points3& x, int i, const Vec3& p) {
   row[0] = p.x, row[1] = p.y, row[2] = p.z;
 }
 
-/// The box around some points: its lower left and its upper right corner.
+/// Returns the bounding box of some points: its lower left and its upper right corner.
 inline std::array<Vec2, 2> bounding_box(const Points2& x) {
   Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
   for (int i = 0; i < x.rows(); ++i) {
@@ -1128,23 +1113,23 @@ class Array {
   int size_ = 0, room_ = 0;
 };
 
-/// 0 to n - 1.
+/// Returns 0 to n - 1.
 inline Array<int> numbers_below(int n) {
   Array<int> numbers(n);
   for (int i = 0; i < n; ++i) numbers[i] = i;
   return numbers;
 }
 
-/// Ascending, each once.
+/// Sorts items and removes duplicates.
 template <class T>
 void sort_unique(Array<T>& items) {
   std::sort(items.begin(), items.end());
   items.resize(static_cast<int>(std::unique(items.begin(), items.end()) - items.begin()));
 }
 
-/// A part of a sentence, to be written as {"triangle ", f, " has no area"}.
+/// A part of a sentence, written as {"triangle ", f, " has no area"}.
 struct Word {
-  const char* text = nullptr;  // or else the number
+  const char* text = nullptr;  // null: the number
   int number = 0;
   Word(const char* t) : text(t) {}
   Word(const std::string& t) : text(t.c_str()) {}
@@ -1210,8 +1195,8 @@ class Callback {
   void (*call_)(const void*, Arguments...);
 };
 
-/// A lock for a few instructions, during which nothing is allocated. std::mutex will not do: a job
-/// system may have threads where there is no <mutex>.
+/// A lock for a few instructions without allocations. Not std::mutex: a job system may have threads
+/// where <mutex> is missing.
 class SpinLock {
  public:
   explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
@@ -1230,8 +1215,8 @@ class Crew;
 /// Services of one call: threads, progress reports and cancellation.
 ///
 /// Tasks do not depend on the number of threads and write to memory of their own, so results have
-/// the same bits for any number of threads. An exception of a task ends a run once the tasks that
-/// have begun are done. Stopping skips no task: long tasks ask is_stopped(), which then stays true,
+/// the same bits for any number of threads. An exception of a task ends a run once all tasks in
+/// progress are done. Stopping skips no task: long tasks poll is_stopped(), which then stays true,
 /// and may return early; the caller discards their results.
 class Executor {
  public:
@@ -1240,15 +1225,15 @@ class Executor {
   explicit Executor(const Options& options);
   ~Executor();
 
-  /// task(0) ... task(n - 1), in any order and side by side.
+  /// Runs task(0) ... task(n - 1), in any order and in parallel.
   void run(int n, const Task& task) const;
 
-  /// task(begin, end) over [0, n) in blocks of a fixed size.
+  /// Runs task(begin, end) over [0, n) in blocks of a fixed size.
   void run_blocks(int n, int block, const Callback<int, int>& task) const {
     run((n + block - 1) / block, [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
   }
 
-  /// True once the caller wants the call to end. For any thread.
+  /// True once the caller cancels or time is up. Callable from any thread.
   bool is_stopped() const {
     if (stop_status_ != Status::kUnfinished) return true;
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed))
@@ -1258,10 +1243,10 @@ class Executor {
     return stop_status_ != Status::kUnfinished;
   }
 
-  /// kCancelled or kTimeLimit once stopped, before kUnfinished.
+  /// Returns kCancelled or kTimeLimit once stopped, kUnfinished before.
   Status stop_status() const { return stop_status_; }
 
-  /// Stop the clock and start it again; the thread that goes on with the work calls resume().
+  /// Stops and restarts the clock; the thread that continues the work calls resume().
   void pause() { seconds_before_ = seconds(); }
   void resume() {
     clock_.lap();
@@ -1274,10 +1259,10 @@ class Executor {
   double fraction() const { return progress_.fraction; }
   void finish() { progress_.fraction = 1; }
 
-  /// The part of the call's time that the embedding takes.
+  /// Sets the share of the embedding in the call's time.
   void set_embedding_share(double share) { embedding_share_ = share; }
 
-  /// Reports how far the call is; for the calling thread.
+  /// Reports progress; for the calling thread only.
   void tell(bool is_embedding, double fraction, Words what, const IterationLog* iteration) const;
 
  private:
@@ -1294,9 +1279,9 @@ class Executor {
 #else
   bool is_caller() const { return !hook_; }
 #endif
-  std::unique_ptr<Crew> crew_;  // null where the caller's thread is the only one
+  std::unique_ptr<Crew> crew_;  // null for a single thread
   ParallelFor hook_;
-  mutable std::atomic<bool> is_hooked_{false};  // a run by it is on
+  mutable std::atomic<bool> is_hooked_{false};  // parallel_for is running
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
   double max_seconds_, seconds_before_ = 0, embedding_share_ = 0.1;
@@ -1308,21 +1293,21 @@ class Executor {
 
 // ==== [5] EXACT PREDICATES (paper §6, Shewchuk 1996; Edelsbrunner and Mücke 1990) ================
 //
-// Purpose:    the sign of the area of a planar triangle, never wrong; and the same with ties
-//             broken by a symbolic perturbation, never zero.
+// Purpose:    the exact sign of the area of a planar triangle; and a nonzero one, with ties broken
+//             by a symbolic perturbation.
 // Invariants: orient2d is exact for coordinates that are 0 or in [2^-400, 2^400] by magnitude
-//             (flush_tiny() sees to the lower end); oriented() is the sign under one fixed
+//             (flush_tiny() enforces the lower bound); oriented() is the sign under one fixed
 //             infinitesimal displacement of all vertices, so any set of its answers is consistent.
-// Fails:      never. Non-finite coordinates must be excluded by the caller.
+// Fails:      never. The caller must exclude non-finite coordinates.
 
-inline constexpr double kTiniest = 0x1p-400;  // 2^-400: products of two differences of such numbers
-                                              // and their tails do not underflow
+inline constexpr double kTiniest = 0x1p-400;  // 2^-400: products of differences of such numbers,
+                                              // and the tails of the products, do not underflow
 inline constexpr double kLargest = 0x1p400;   // 2^400
 
 inline double flush_tiny(double x) { return std::abs(x) < kTiniest ? 0.0 : x; }
 inline Vec2 flush_tiny(Vec2 p) { return {flush_tiny(p.x), flush_tiny(p.y)}; }
 
-/// A sum of doubles of which no two overlap, smallest first (Shewchuk's expansion).
+/// A sum of non-overlapping doubles, smallest first (Shewchuk's expansion).
 struct Expansion {
   double term[12];
   int size = 0;
@@ -1342,9 +1327,9 @@ struct Expansion {
     size = kept;
   }
 
-  /// Adds a·b exactly (two-product [Dekker 1971]; std::fma is not exact in every library, as in
-  /// MinGW's). volatile keeps the compiler from fusing the rounded product into the additions; the
-  /// products of halves are exact, and so are their differences, fused or not.
+  /// Adds a·b exactly (two-product [Dekker 1971]; std::fma is inexact in some libraries, e.g.
+  /// MinGW's). volatile prevents fusing the rounded product into the additions; products of halves
+  /// and their differences are exact, fused or not.
   void add_product(double a, double b) {
     const volatile double product = a * b;
     const double a_high = high_half(a), a_low = a - a_high;
@@ -1353,14 +1338,14 @@ struct Expansion {
     add(product);
   }
 
-  /// x rounded to 26 bits; what remains has 26 bits too, and a sign [Veltkamp 1968].
+  /// Returns x rounded to 26 bits; the rest has 26 bits and a sign [Veltkamp 1968].
   static double high_half(double x) {
     const volatile double scaled = (0x1p27 + 1) * x;
     const volatile double difference = scaled - x;
     return scaled - difference;
   }
 
-  /// The sum but for a rounding, of its sign.
+  /// Returns the sum, rounded; the sign is exact.
   double value() const {
     double sum = 0;
     for (int i = 0; i < size; ++i) sum += term[i];
@@ -1380,7 +1365,7 @@ inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
 
 inline constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
 
-/// Positive if a, b, c turn left, negative if they turn right, 0 if they are collinear: exact.
+/// Returns an exact sign: positive if a, b, c turn left, negative for right, 0 if collinear.
 inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
   const double left = (a.x - c.x) * (b.y - c.y);
   const double right = (a.y - c.y) * (b.x - c.x);
@@ -1389,9 +1374,9 @@ inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
   return orient2d_exact(a, b, c);
 }
 
-/// The same as a number: twice the area of the triangle, to twelve digits.
+/// Returns twice the area of the triangle, to twelve digits; the sign is exact.
 inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) {
-  constexpr double kCancelled = 1e-3;  // what is left of the products has lost so many of 16 digits
+  constexpr double kCancelled = 1e-3;  // of the products: cancellation leaves 13 of 16 digits
   const double left = (a.x - c.x) * (b.y - c.y);
   const double right = (a.y - c.y) * (b.x - c.x);
   const double det = left - right;
@@ -1399,13 +1384,13 @@ inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) {
   return orient2d_exact(a, b, c);
 }
 
-/// A point with its place in the order of perturbation; smaller ids are displaced more.
+/// A point and its rank in the perturbation; smaller ids are displaced more.
 struct LabelledPoint {
   Vec2 p;
   int id;
 };
 
-/// Sign of the collinear triple a, b, c (ids ascending) after the displacement
+/// Returns the sign of the collinear triple a, b, c (ids ascending) after the displacement
 /// p_i += (ε^(4^i), ε^(2·4^i)): the first non-vanishing coefficient of the determinant in ε.
 inline bool perturbed_sign(Vec2 a, Vec2 b, Vec2 c) {
   if (b.y != c.y) return b.y > c.y;
@@ -1430,9 +1415,9 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
   return perturbed_sign(q[0]->p, q[1]->p, q[2]->p) == even;
 }
 
-/// False where flags or the settings of the processor break the above: additions that are reordered
-/// (-fassociative-math, of which clang tells by no macro) or do not round to nearest, comparisons
-/// that take NaN for a number. Reads its numbers from memory, so that no compiler knows them.
+/// False if flags or processor settings break exact arithmetic: additions are reordered (by
+/// -fassociative-math; clang sets no macro) or do not round to nearest, or comparisons ignore NaN.
+/// Reads its numbers from memory, so no compiler evaluates them.
 inline bool arithmetic_is_sound() {
   const volatile double one = 1, small = 0x1p-60, half_ulp = 0x1p-53, infinity = kInfinity;
   const volatile double quiet_nan = std::numeric_limits<double>::quiet_NaN();
@@ -1449,13 +1434,12 @@ inline bool arithmetic_is_sound() {
 
 // ==== [6] HALF-EDGE MESH =========================================================================
 //
-// Purpose:    connectivity of a triangulated surface, and the isometric rest frame of every
-// triangle
+// Purpose:    connectivity of a triangulated surface, and the isometric rest frame of each triangle
 //             (the orthonormal coordinate systems of §3.2).
 // Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
-//             outgoing half-edge of v, the boundary one if v lies on the boundary, so turning
-//             counter-clockwise from it visits every face of v.
-// Fails:      never, for meshes in which part [17] finds no problem.
+//             outgoing half-edge of v, the boundary one if v lies on the boundary, so a
+//             counter-clockwise turn from it visits every face of v.
+// Fails:      never, for meshes without problems in part [17].
 
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -1463,23 +1447,22 @@ inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
 struct HalfEdgeMesh {
   int n_vertices = 0;
   int n_faces = 0;
-  Array<int> tail;       // #F·3, the vertex a half-edge starts at
+  Array<int> tail;       // #F·3, the start vertex of a half-edge
   Array<int> twin;       // #F·3, the opposite half-edge, or -1 on the boundary
-  Array<int> out;        // #V
-  Array<int> boundary;   // boundary half-edges in order, loop by loop, their faces on the left
-  Array<int> loop;       // where in `boundary` loops begin, and its end
-  Array<int> component;  // where in `loop` those of a connected surface begin, and its last entry
+  Array<int> out;        // #V, an outgoing half-edge
+  Array<int> boundary;   // boundary half-edges, loop by loop, their faces on the left
+  Array<int> loop;       // starts of loops in `boundary`, and its end
+  Array<int> component;  // starts of connected components in `loop`, and its last entry
 
   int loops() const { return loop.size() - 1; }
 
   int tip(int h) const { return tail[next(h)]; }
   int corner(int f, int k) const { return tail[3 * f + k]; }
   bool on_boundary(int v) const { return twin[out[v]] < 0; }
-  /// The next outgoing half-edge of the same vertex counter-clockwise, or -1 past the boundary.
+  /// Returns the next outgoing half-edge counter-clockwise, or -1 past the boundary.
   int turn(int h) const { return twin[prev(h)]; }
 
-  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise. Their faces, h / 3, are
-  /// all faces of v.
+  /// Calls visit(h) for the outgoing half-edges of v, counter-clockwise; h / 3 are all its faces.
   template <class Visit>
   void for_each_outgoing(int v, Visit visit) const {
     for (int h = out[v]; h >= 0;) {
@@ -1490,10 +1473,10 @@ struct HalfEdgeMesh {
   }
 };
 
-/// Most neighbours for which steps are taken that cost their square.
+/// Largest valence for which algorithms of quadratic cost in the valence are used.
 inline constexpr int kHub = 128;
 
-/// The edges of a mesh as sorted (smaller vertex, larger vertex, half-edge) records.
+/// An edge as a sortable record (smaller vertex, larger vertex, half-edge).
 struct EdgeUse {
   int lo, hi, half_edge;
   bool operator<(const EdgeUse& o) const {
@@ -1523,7 +1506,7 @@ void for_each_edge(const Array<EdgeUse>& uses, Visit visit) {
   }
 }
 
-/// Disjoint sets of the numbers below n; the least number of a set stands for it.
+/// Disjoint sets of the numbers below n; the smallest number represents its set.
 class DisjointSets {
  public:
   explicit DisjointSets(int n = 0) : parent_(numbers_below(n)) {}
@@ -1531,7 +1514,7 @@ class DisjointSets {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
-  /// False if they were one set already.
+  /// Merges two sets; false if they were one set already.
   bool unite(int i, int j) {
     i = find(i), j = find(j);
     parent_[(std::max)(i, j)] = (std::min)(i, j);
@@ -1542,7 +1525,7 @@ class DisjointSets {
   Array<int> parent_;
 };
 
-/// The connected component of each face, counted from 0.
+/// Returns the connected component of each face, counted from 0.
 inline Array<int> components_of(const HalfEdgeMesh& m) {
   DisjointSets faces(m.n_faces);
   for (int h = 0; h < m.tail.size(); ++h)
@@ -1580,7 +1563,7 @@ inline void trace_boundary(HalfEdgeMesh& m) {
   m.component.push_back(m.loops());
 }
 
-/// Finds an outgoing half-edge of every vertex, the boundary one if there is one.
+/// Finds an outgoing half-edge of every vertex, the boundary one if it exists.
 inline void find_outgoing(HalfEdgeMesh& m) {
   m.out.assign(m.n_vertices, -1);
   for (int h = m.tail.size() - 1; h >= 0; --h)
@@ -1611,8 +1594,8 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
 
 /// Shortest paths along edges from some vertices to all others.
 struct ShortestPaths {
-  Array<int> length;  // per vertex, in edges; -1 if there is none
-  Array<int> before;  // per vertex, the one before it, or -1
+  Array<int> length;  // per vertex, in edges; -1: unreachable
+  Array<int> before;  // per vertex, its predecessor, or -1
 
   ShortestPaths(const HalfEdgeMesh& m, Array<int> queue)
       : length(m.n_vertices, -1), before(m.n_vertices, -1) {
@@ -1631,13 +1614,13 @@ struct ShortestPaths {
   }
 };
 
-/// A half-edge mesh with the intrinsic geometry the energies need.
+/// A half-edge mesh with the intrinsic geometry of the energies.
 struct Surface {
   HalfEdgeMesh mesh;
   Points3 vertices;                // scaled to total area 1 unless asked otherwise
-  double scale = 1;                // by which the given ones were multiplied
-  std::vector<AddedVertex> added;  // the last of them, which were not given
-  Array<int> given;                // the others' ids in the mesh that the caller gave
+  double scale = 1;                // factor applied to the given positions
+  std::vector<AddedVertex> added;  // the last vertices, which were not given
+  Array<int> given;                // the caller's ids of the others
   double total_area = 0;
   Array<double> area;        // #F
   Array<Mat2> rest_inverse;  // #F, R⁻¹ of Eq. 2: J = [b'-a' c'-a'] R⁻¹
@@ -1646,7 +1629,7 @@ struct Surface {
   double edge_length(int h) const {
     return norm(row3(vertices, mesh.tip(h)) - row3(vertices, mesh.tail[h]));
   }
-  /// The caller's id of a vertex; of an added one, that of a vertex beside it.
+  /// Returns the caller's id of a vertex; for an added one, the id of an adjacent vertex.
   int given_id(int v) const {
     const int n = mesh.n_vertices - static_cast<int>(added.size());
     while (v >= n) v = added.data()[v - n].corners[0];
@@ -1654,15 +1637,15 @@ struct Surface {
   }
 };
 
-/// Isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
+/// Returns isometric planar coordinates of a triangle: columns b - a and c - a, b on the x-axis.
 inline Mat2 rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 u = b - a, v = c - a;
   const double length = norm(u);
   return {{length, 0, dot(u, v) / length, norm(cross(u, v)) / length}};
 }
 
-/// The same from the lengths |b - a|, |c - b|, |a - c|; the area is Kahan's, which keeps thin
-/// triangles positive.
+/// Does the same from the lengths |b - a|, |c - b|, |a - c|, with Kahan's formula for the area,
+/// which keeps thin triangles positive.
 inline Mat2 rest_frame(double ab, double bc, double ca) {
   double l[3] = {ab, bc, ca};
   if (l[0] > l[1]) std::swap(l[0], l[1]);
@@ -1692,8 +1675,8 @@ inline void compute_rest_frames(Surface& s) {
                   s);
 }
 
-/// The power of two that brings the largest coordinate to between 1 and 2: exact, and in any unit,
-/// squares then neither over- nor underflow.
+/// Returns the power of two that scales the largest coordinate to [1, 2): exact, and squares
+/// neither over- nor underflow in any unit.
 inline double unit_scale(double largest) {
   return largest > 0 ? std::ldexp(1.0, std::clamp(-std::ilogb(largest), -1000, 1000)) : 1;
 }
@@ -1701,8 +1684,8 @@ inline double unit_scale(const Points3& vertices) {
   return unit_scale(vertices.size() > 0 ? vertices.cwiseAbs().maxCoeff() : 0);
 }
 
-/// Scales a surface to area 1. First moves it to the origin along each axis on which it is far
-/// away: scaling alone would round its shape away there, and moving is exact if the least
+/// Scales a surface to area 1. First translates it to the origin along each axis on which it is far
+/// away: scaling alone would round its shape away there, and the translation is exact if the least
 /// coordinate is at least half of the largest one [Sterbenz 1974].
 inline void normalize(Surface& s) {
   const auto scale = [&](double factor) {
@@ -1716,7 +1699,7 @@ inline void normalize(Surface& s) {
       low = (std::min)(low, s.vertices(v, c));
       high = (std::max)(high, s.vertices(v, c));
     }
-    const double nearest = low > 0 ? low : (std::min)(high, 0.0);  // to 0, of those in between
+    const double nearest = low > 0 ? low : (std::min)(high, 0.0);  // of [low, high] to 0
     if (high - low > std::abs(nearest)) continue;
     for (int v = 0; v < s.mesh.n_vertices; ++v) s.vertices(v, c) -= nearest;
   }
@@ -1740,13 +1723,13 @@ inline Surface build_surface(const TriangleMesh& mesh, bool keep_scale) {
                        mesh.vertices, keep_scale);
 }
 
-// ---- two surfaces, and both as one ----
+// ---- pairs of surfaces and their disjoint union ----
 
 struct SurfacePair {
   Surface a, b;
 };
 
-/// A ⊔ B: vertices, triangles and half-edges of B come behind those of A.
+/// The disjoint union A ⊔ B: vertices, triangles and half-edges of B follow those of A.
 struct JointSurface : Surface {
   int n_a = 0;         // vertices of A
   int faces_a = 0;     // triangles of A
@@ -1756,7 +1739,7 @@ struct JointSurface : Surface {
   Array<int> ids_a, ids_b;  // per vertex, Surface::given_id()
 };
 
-/// The rows of one matrix, then those of another.
+/// Stacks the rows of two matrices.
 template <class Points>
 Points stacked(const Points& a, const Points& b) {
   Points all(a.rows() + b.rows(), a.cols());
@@ -1765,7 +1748,7 @@ Points stacked(const Points& a, const Points& b) {
   return all;
 }
 
-/// Rows begin to end - 1.
+/// Returns rows begin to end - 1.
 inline Points2 rows_between(const Points2& x, int begin, int end) {
   Points2 rows(end - begin, 2);
   std::copy(x.data() + 2 * std::ptrdiff_t{begin}, x.data() + 2 * std::ptrdiff_t{end}, rows.data());
@@ -1785,7 +1768,7 @@ inline JointSurface join(const SurfacePair& pair) {
   for (int v = 0; v < b.mesh.n_vertices; ++v) s.ids_b.push_back(b.given_id(v));
   s.total_area += b.total_area;
   HalfEdgeMesh& m = s.mesh;
-  const int first = 3 * s.faces_a;  // half-edge of B
+  const int first = 3 * s.faces_a;  // the first half-edge of B
   m.n_vertices += b.mesh.n_vertices;
   m.n_faces += b.mesh.n_faces;
   for (int v : b.mesh.tail) m.tail.push_back(s.n_a + v);
@@ -12322,21 +12305,19 @@ class Closer {
 
 // ==== [21] VERIFICATION ==========================================================================
 //
-// Purpose:    proves of a map that is there what the library promises, by another way than the one
-//             it was made: it uses nothing of parts [5] to [20], but the meshes, the planar
-//             positions and the meta mesh.
-// Method:     Arithmetic is that of integers, in which nothing is rounded. An embedding of positive
-//             triangles covers a point as often as its boundary winds around it; a sweep over the
-//             boundary [Shamos and Hoey 1976] shows that it does not meet itself, and that it winds
-//             around a point once or not at all. So f and g are injective, and Φ = g⁻¹ ∘ f is
-//             continuous and injective where both are defined. Of the meta mesh it remains to show
-//             that it has every polygon once, and none is missing beside another; then that its
-//             corners lie where the planes and the surfaces say.
-// Fails:      with the first thing that is not as it should be.
+// Purpose:    proves the guarantees of the library for a given map independently: it uses nothing
+//             of parts [5] to [20] but the meshes, the planar positions and the meta mesh.
+// Method:     Integer arithmetic, without rounding. An embedding of positive triangles covers a
+//             point as often as its boundary winds around it; a sweep over the boundary [Shamos and
+//             Hoey 1976] shows that it is simple and winds around each point at most once. So f and
+//             g are injective, and Φ = g⁻¹ ∘ f is continuous and injective where both are defined.
+//             Further checks: each polygon of the meta mesh occurs once, none is missing beside
+//             another, and corners agree in the planes and on the surfaces.
+// Fails:      at the first violation.
 
 namespace detail {
 
-/// A sum of products of finite doubles, exactly: integers in base 2^24, least digit first.
+/// An exact sum of products of finite doubles: integers in base 2^24, least digit first.
 class ExactSum {
  public:
   void add_product(double a, double b) {
@@ -12368,7 +12349,7 @@ class ExactSum {
 
   static Digits digits_of(double x) {
     int exponent;
-    const double fraction = std::frexp(x, &exponent);  // of 53 bits: three digits, or parts of four
+    const double fraction = std::frexp(x, &exponent);  // 53 bits, in three or four digits
     const int place = exponent - kLeastExponent;
     double rest = std::ldexp(fraction, place % 24);
     Digits d = {place / 24 - 3, {}};
@@ -12380,7 +12361,7 @@ class ExactSum {
   std::int64_t digit_[192] = {};  // room for the largest products, and for carries
 };
 
-/// The sign of the area of a triangle.
+/// Returns the sign of the area of a triangle.
 inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
   ExactSum sum;
   const Vec2 p[4] = {a, b, c, a};
@@ -12393,14 +12374,14 @@ inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
 
 inline bool comes_before(Vec2 p, Vec2 q) { return p.x < q.x || (p.x == q.x && p.y < q.y); }
 
-/// An edge of a triangle or of a polygon, from u to v.
+/// An edge of a triangle or polygon `of`, from u to v.
 struct DirectedEdge {
   int u, v, of;
   bool operator<(const DirectedEdge& o) const { return u != o.u ? u < o.u : v < o.v; }
 };
 
-/// Sides by their ends; finds those without a partner in the other direction. False if one is there
-/// twice, in one direction: `twice` is its polygon.
+/// Sorts sides and collects those without an opposite one. False if a side occurs twice in one
+/// direction: `twice` is its polygon.
 inline bool match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single, int& twice) {
   std::sort(sides.begin(), sides.end());
   for (int i = 0; i + 1 < sides.size(); ++i)
@@ -12422,8 +12403,8 @@ class BoundarySweep {
     }
   }
 
-  /// True if the boundary does not meet itself and winds around points once or not at all; else
-  /// fault() is a vertex where it does.
+  /// True if the boundary is simple and winds around each point at most once; else fault() is a
+  /// vertex of the violation.
   bool run() {
     Array<int> order;  // ends of segments, 2 i is the left one of segment i
     for (int i = 0; i < 2 * segments_.size(); ++i) order.push_back(i);
@@ -12443,7 +12424,7 @@ class BoundarySweep {
       for (int e : {order[i], order[i + 1]}) {
         if (e % 2 == 1) continue;
         const auto added = alive.insert(e / 2);
-        if (!added.second) return false;  // on top of another
+        if (!added.second) return false;  // overlaps another segment
         place[e / 2] = added.first;
       }
       for (int e : {order[i], order[i + 1]}) {
@@ -12463,9 +12444,9 @@ class BoundarySweep {
  private:
   struct Segment {
     int left, right;
-    bool runs_right;  // then what it bounds is above
+    bool runs_right;  // then the interior is above
   };
-  /// The order of segments that do not cross along the line that sweeps.
+  /// Orders segments that do not cross along the sweep line.
   struct Below {
     const BoundarySweep* sweep;
     bool operator()(int i, int j) const { return sweep->is_below(i, j); }
@@ -12481,14 +12462,14 @@ class BoundarySweep {
     return side(s, t) > 0;
   }
 
-  /// Where t, which begins later, lies: above s (1), below (-1), or on it.
+  /// Returns whether t, which begins later, lies above s (1), below (-1), or on it (0).
   int side(const Segment& s, const Segment& t) const {
     const int at_left = orientation(at(s.left), at(s.right), at(t.left));
     return at_left != 0 ? at_left : orientation(at(s.left), at(s.right), at(t.right));
   }
 
-  /// Looks at what comes to lie at and below a place in the order: inside is above one that runs to
-  /// the right and below the next one.
+  /// True if the segments at `upper` and just below it do not meet and agree on the side of the
+  /// interior: it is above a segment that runs right and below the next one.
   bool may_be_neighbours(const std::set<int, Below>& alive,
                          std::set<int, Below>::iterator upper) const {
     const bool has_lower = upper != alive.begin(), has_upper = upper != alive.end();
@@ -12498,10 +12479,10 @@ class BoundarySweep {
     return (high && !high->runs_right) == is_inside && !(low && high && meet(*low, *high));
   }
 
-  /// Whether two segments have a point in common that is no end of both.
+  /// True if two segments have a common point that is not an end of both.
   bool meet(const Segment& s, const Segment& t) const {
     if (s.left == t.left || s.right == t.right || s.left == t.right || s.right == t.left)
-      return false;  // on top of each other they have been found to be
+      return false;  // run() has found overlaps
     const Vec2 a = at(s.left), b = at(s.right), c = at(t.left), d = at(t.right);
     const int of_c = orientation(a, b, c), of_d = orientation(a, b, d);
     const int of_a = orientation(c, d, a), of_b = orientation(c, d, b);
@@ -12514,7 +12495,7 @@ class BoundarySweep {
   int fault_ = -1;
 };
 
-/// Verifies one embedding; `boundary` becomes the sides of triangles that have no partner.
+/// Verifies one embedding; `boundary` receives the sides of triangles without an opposite one.
 inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side side,
                              Array<DirectedEdge>& boundary, Outcome& outcome) {
   const auto refuse = [&](const char* what, int id, const char* how, Element element) {
@@ -12540,7 +12521,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
                 Element::kVertex);
 }
 
-/// Verifies the meta mesh of embeddings that are injective.
+/// Verifies the meta mesh of injective embeddings.
 class MetaMeshVerifier {
  public:
   MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, bool is_closed,
@@ -12580,7 +12561,7 @@ class MetaMeshVerifier {
     return sum;
   }
 
-  /// A polygon is one of its triangles, and its corners are where the planes and surfaces say.
+  /// Checks that a polygon lies in its triangles and its corners agree in the planes and in space.
   bool verify_polygon(int p) {
     const int a = meta_.face_a.data()[p], b = meta_.face_b.data()[p];
     if (end(p) - begin(p) < 3) return refuse(p, "has less than three corners");
@@ -12603,13 +12584,13 @@ class MetaMeshVerifier {
            std::abs(w.x + w.y + w.z - 1) <= kTolerance;
   }
 
-  /// Relative to the largest coordinate.
+  /// Compares relative to the largest coordinate.
   static bool are_close(const Vec3& p, const Vec3& q, double largest) {
     const Vec3 d = p - q;
     return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
   }
 
-  /// Two triangles overlap in one convex polygon.
+  /// Checks that a pair of triangles has at most one polygon: their overlap is convex.
   bool verify_pairs() {
     Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
@@ -12620,8 +12601,8 @@ class MetaMeshVerifier {
     return true;
   }
 
-  /// Where a polygon ends, another one begins, or a surface ends. Of a closed map none ends: then
-  /// its polygons have no boundary, and so they are all of either surface.
+  /// Checks that each side of a polygon has a neighbour or lies on a boundary of A or B. The
+  /// polygons of a closed map have no boundary, so they cover both surfaces.
   bool verify_sides(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
     Array<DirectedEdge> sides, single;
     for (int p = 0; p < meta_.n_polygons(); ++p)
@@ -12636,7 +12617,7 @@ class MetaMeshVerifier {
     return true;
   }
 
-  /// True if a side of a polygon lies on a side of its triangle that is one of the boundary.
+  /// True if a side of a polygon lies on a boundary edge of its triangle.
   bool ends_there(const DirectedEdge& side, const Points3& weights, const TriangleMesh& mesh,
                   const std::vector<int>& face, const Array<DirectedEdge>& boundary) const {
     int i = begin(side.of);
@@ -12683,16 +12664,16 @@ namespace detail {
 
 // ==== [22] THREADS AND PROGRESS ==================================================================
 //
-// Purpose:    the services of part [4]: tasks side by side, on threads of the library or by the
+// Purpose:    the services of part [4]: parallel tasks, on threads of the library or by the
 //             caller's job system, and reports.
 // Invariants: see Executor.
-// Fails:      with the exception of a task, once the tasks that have begun are done.
+// Fails:      with the exception of a task, once all tasks in progress are done.
 
-/// Keeps the first exception of some tasks until all of them have ended.
+/// Keeps the first exception of several tasks until all have ended.
 class FirstError {
  public:
 #ifdef __cpp_exceptions
-  /// Runs a task, unless one has failed.
+  /// Runs a task, unless another one has failed.
   void guard(const Callback<int>& task, int i) {
     if (failed_.load(std::memory_order_relaxed)) return;
     try {
@@ -12715,11 +12696,11 @@ class FirstError {
 };
 
 #ifndef ISM_NO_THREADS
-/// Threads that sleep until there are tasks. A helper that wakes too late finds none and sleeps on;
-/// run() does not wait for it.
+/// Threads that sleep until tasks arrive. run() does not wait for a helper that wakes too late,
+/// which finds no task and sleeps on.
 class Crew {
  public:
-  /// Starts as many helpers as the system gives.
+  /// Starts as many helpers as the system permits.
   explicit Crew(int helpers) {
 #ifdef __cpp_exceptions
     try {
@@ -12742,8 +12723,8 @@ class Crew {
     for (std::thread& helper : helpers_) helper.join();
   }
 
-  /// Runs task(0) ... task(n - 1) on the calling thread and those helpers that come. False, and
-  /// nothing was run, if the crew is at work already.
+  /// Runs task(0) ... task(n - 1) on the calling thread and on available helpers. False, with
+  /// nothing run, if the crew is busy.
   bool run(int n, const Callback<int>& task) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -12755,7 +12736,7 @@ class Crew {
     for (int t = 1; t < (std::min)(n, size()); ++t) wake_.notify_one();
     work(task, n);
     std::unique_lock<std::mutex> lock(mutex_);
-    task_ = nullptr;  // helpers that wake from now on stay away
+    task_ = nullptr;  // helpers that wake later find no task
     left_.wait(lock, [&] { return working_ == 0; });
     return true;
   }
@@ -12785,10 +12766,10 @@ class Crew {
   std::mutex mutex_;
   std::condition_variable wake_, left_;
   std::vector<std::thread> helpers_;
-  const Callback<int>* task_ = nullptr;  // of the run that is on
+  const Callback<int>* task_ = nullptr;  // of the current run
   int n_ = 0;
   std::atomic<int> next_{0};
-  int working_ = 0;  // helpers
+  int working_ = 0;  // helpers in work()
   bool is_over_ = false;
 };
 #endif
@@ -12798,7 +12779,7 @@ class Crew {};
 #endif
 
 #ifndef ISM_NO_THREADS
-/// The number of processors that this thread may use; in a container, what its quota pays for.
+/// Returns the number of processors available to this thread; in a container, within its quota.
 inline int processor_count() {
   int n = static_cast<int>(std::thread::hardware_concurrency());
 #ifdef __linux__
@@ -12815,7 +12796,7 @@ inline int processor_count() {
 }
 #endif
 
-/// The number of threads of a call, the caller's included, without a job system.
+/// Returns the number of threads of a call without a job system, including the caller's.
 inline int thread_count(const Options& options) {
 #ifdef ISM_NO_THREADS
   static_cast<void>(options);
@@ -12878,7 +12859,7 @@ inline bool Executor::run_side_by_side(int n, const Task& task) const {
   return false;
 }
 
-/// False where this is a task of a run by the hook already.
+/// Runs tasks by parallel_for; false if a run by it is in progress, e.g. for nested calls.
 inline bool Executor::run_by_hook(int n, const Task& task) const {
   if (is_hooked_.exchange(true)) return false;
   const struct Release {
@@ -12893,7 +12874,7 @@ inline void Executor::tell_again() const {
   if (!is_stopped() && !tell_(progress_)) stop_status_ = Status::kCancelled;
 }
 
-/// Reports again after a task of the calling thread, if the last report is 0.1 s old.
+/// Repeats the report after a task of the calling thread, if the last one is 0.1 s old.
 inline void Executor::tick() const {
   constexpr double kOften = 0.1;
   if (!tell_ || !is_caller() || since_told_.seconds() < kOften || progress_.what.empty()) return;
@@ -12906,11 +12887,11 @@ inline void Executor::tick() const {
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
-// Fails:      with the status, message and ids of the first check that does.
+// Fails:      with the status, message and ids of the first failed check.
 
 namespace detail {
 
-/// Says what is wrong with a mesh.
+/// Fails with the first problem of a mesh, if any.
 inline bool check_problems(const std::vector<Problem>& problems, Side side, Outcome& outcome) {
   if (problems.empty()) return true;
   const int count = static_cast<int>(problems.size());
@@ -12921,13 +12902,13 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// Places the ends of landmarks on one mesh, one after the other; two of them must not share one.
+/// Places the ends of landmarks on one mesh, in order; no two may share a place.
 class LandmarkPlacer {
  public:
   LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
       : n_vertices_(m.n_vertices), prepared_(prepared), side_(side) {}
 
-  /// False, with the reason in `why`, if there is no such vertex or triangle.
+  /// False, with the reason in `why`, if the id or the barycentric coordinates are invalid.
   bool exists(const LandmarkPoint& p, std::string& why) const {
     constexpr double kRounding = 1e-6;
     const std::vector<int>& ids = is_point(p) ? prepared_.new_triangle : prepared_.new_vertex;
@@ -12944,8 +12925,7 @@ class LandmarkPlacer {
     return why.empty();
   }
 
-  /// Finds where one is. What was dropped goes to the nearest point of the surface that is kept;
-  /// false if that is not near.
+  /// Locates an end, on a dropped element at the nearest point of the surface; false if too far.
   bool find(const LandmarkPoint& p, Place& place) {
     const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
     SurfacePoint point;
@@ -12997,20 +12977,19 @@ class LandmarkPlacer {
   const int n_vertices_;
   const Prepared& prepared_;
   const Side side_;
-  Origin origin_;                   // once there is a point in a triangle
-  std::vector<AddedVertex> added_;  // if all landmarks were to become vertices
+  Origin origin_;                   // set for the first point in a triangle
+  std::vector<AddedVertex> added_;  // as if all landmarks became vertices
   Array<char> used_;
 };
 
-/// "vertex 5 of A", "the point in triangle 7 of B".
+/// Returns "vertex 5 of A" or "the point in triangle 7 of B".
 inline std::string end_of(const Landmark& l, bool of_a) {
   const LandmarkPoint& p = of_a ? l.a : l.b;
   return sentence({is_point(p) ? "the point in triangle " : "vertex ", id_of(p), " of ",
                    letter(of_a ? Side::kA : Side::kB)});
 }
 
-/// Landmarks that only guide are left out, with a warning, where one end was dropped with a part of
-/// its mesh.
+/// Places landmarks; skips guiding ones with a warning if an end was dropped with part of its mesh.
 inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
                             const HalfEdgeMesh& b, const Prepared& prepared_b,
                             const std::vector<Landmark>& landmarks, bool are_exact,
@@ -13044,10 +13023,10 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
   return true;
 }
 
-/// How many times as far apart landmarks are on A as on B, the median over all pairs of them.
+/// The median ratio of landmark distances, on A to on B, over all pairs of landmarks.
 struct RelativeSize {
   double median = 1;
-  bool is_clear = false;  // it differs from 1 by far more than the pairs do from each other
+  bool is_clear = false;  // its deviation from 1 far exceeds the spread of the ratios
 };
 
 inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks) {
@@ -13075,7 +13054,7 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
   return {median, size > kLeast && size > spread * spread * spread * spread};
 }
 
-/// A number of magnitude 0.01 or more, with two decimals.
+/// Formats a number of magnitude 0.01 or more with two decimals.
 inline std::string decimal(double x) {
   const long long hundredths = std::llround(100 * std::clamp(x, -1e15, 1e15));
   const std::string digits = std::to_string(100 + std::abs(hundredths % 100));
@@ -13083,21 +13062,21 @@ inline std::string decimal(double x) {
          digits.substr(1);
 }
 
-/// "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.
+/// Returns "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.
 inline std::string units_sentence(double ratio) {
   const bool is_more = ratio >= 1;
   return sentence({"1 unit of ", is_more ? "A" : "B", " is ", decimal(is_more ? ratio : 1 / ratio),
                    " units of ", is_more ? "B" : "A"});
 }
 
-/// Multiplies a surface.
+/// Scales a surface.
 inline void rescale(double factor, Surface& s) {
   for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
   s.scale *= factor;
   compute_rest_frames(s);
 }
 
-/// Gives the surfaces the sizes that landmarks tell, if that is of use; see Options::keep_scale.
+/// Scales the surfaces to the sizes that landmarks imply, if useful; see Options::keep_scale.
 inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                       SurfacePair& pair, Outcome& outcome) {
   constexpr double kFar = 100;
@@ -13120,7 +13099,7 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   }
 }
 
-/// Options::outer_a or outer_b names a loop, and boundaries are held where there is one.
+/// Checks that Options::outer_a (outer_b) is on a boundary, and that only disks hold theirs.
 inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side side,
                         RunOptions& options, Outcome& outcome) {
   int& outer = side == Side::kA ? options.outer_a : options.outer_b;
@@ -13162,11 +13141,10 @@ inline bool check_options(const Options& o, Outcome& outcome) {
   return true;
 }
 
-/// What vertices of one mesh are bound by, if anything.
+/// Per vertex of one mesh, its constraint in words, or null.
 using Bonds = Array<const char*>;
 
-/// Binds a list of pinned or fixed vertices, each of which must exist and be free. Their ids are
-/// those of the mesh given before, those of the prepared one afterwards.
+/// Binds pinned or fixed vertices, which must exist and be free; given ids become prepared ones.
 inline bool claim(const Prepared& prepared, Side side, const char* how, std::vector<int>& vertices,
                   Bonds& bonds, Outcome& outcome) {
   const int n = static_cast<int>(prepared.new_vertex.size());
@@ -13187,8 +13165,8 @@ inline bool claim(const Prepared& prepared, Side side, const char* how, std::vec
   return true;
 }
 
-/// Every vertex obeys one constraint at most; but fixed ones may lie on a held boundary. There, an
-/// exact landmark lies on both boundaries or on none.
+/// Checks that vertices have at most one constraint (fixed ones may lie on a held boundary), and
+/// that exact landmarks lie on both held boundaries or on none.
 inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
                               const HalfEdgeMesh& b, const Prepared& prepared_b,
                               const Array<PlacedLandmark>& landmarks, RunOptions& options,
@@ -13216,7 +13194,7 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
          claim(prepared_b, Side::kB, "pinned", options.pins_b, bonds_b, outcome);
 }
 
-/// A mesh as a call takes it. The copy is made here.
+/// Copies and prepares an input mesh.
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
   const SharedMesh given = shared(mesh);
@@ -13225,14 +13203,14 @@ inline SharedPrepared input_of(const MeshView& mesh, Side side,
   return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
 }
 
-/// A prepared mesh as a surface that knows the ids given.
+/// Builds the surface of a prepared mesh, with the given ids.
 inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   Surface s = build_surface(*prepared.mesh, keep_scale);
   for (int v : prepared.given_vertex) s.given.push_back(v);
   return s;
 }
 
-/// Positions of the vertices given, if there are any, as those of the prepared mesh.
+/// Converts positions of the given vertices, if any, to those of the prepared mesh.
 inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Outcome& outcome) {
   if (x.size() == 0) return true;
   const int n = static_cast<int>(prepared.new_vertex.size());
@@ -13245,8 +13223,7 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
   return true;
 }
 
-/// Checks everything a call was given, and builds the surfaces. Ids in the options become those of
-/// the prepared meshes.
+/// Checks all arguments of a call, and builds the surfaces. Ids in options become prepared ones.
 inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
                        RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
                        Outcome& outcome) {
@@ -13274,14 +13251,14 @@ inline double largest_landmark_distance(const Embedding& e,
   return largest / domain_radius(stacked(e.f, e.g));
 }
 
-/// The mesh that a surface was built from, with the vertices added since.
+/// Returns the mesh of a surface, with the vertices added to it.
 inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s) {
   if (s.added.empty()) return given;
   return std::make_shared<const TriangleMesh>(
       TriangleMesh{with_added(given->vertices, s.added), triangles_from(s.mesh.tail)});
 }
 
-/// Hands over the meshes that were embedded.
+/// Stores the embedded meshes.
 inline void return_meshes(const SharedMesh& a, const SharedMesh& b, const SurfacePair& pair,
                           Embedding& embedding) {
   embedding.a = with_added_vertices(a, pair.a);
@@ -13290,7 +13267,7 @@ inline void return_meshes(const SharedMesh& a, const SharedMesh& b, const Surfac
   embedding.added_b = pair.b.added;
 }
 
-/// True if x holds an injective embedding of m.
+/// Checks that x is an injective embedding of m.
 inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char* name,
                             Outcome& outcome) {
   if (!check_arithmetic(outcome)) return false;
@@ -13301,7 +13278,7 @@ inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char*
          fail(outcome, Status::kInvalidPositions, {name, " is not an injective embedding"});
 }
 
-/// Takes the start from Options, after checking it.
+/// Takes the start from Options and checks it.
 inline void take_positions(const SurfacePair& pair, const RunOptions& options, Embedding& start) {
   start.f = options.initial_f;
   start.g = options.initial_g;
@@ -13309,9 +13286,8 @@ inline void take_positions(const SurfacePair& pair, const RunOptions& options, E
   check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
-/// The power of two that makes two given planes about as large as their surfaces: Φ does not depend
-/// on it (§4.6), but E_f and E_g do, and ε. Being a power of two, it can be undone without
-/// rounding.
+/// Returns the power of two that makes two given planes about as large as their surfaces: Φ does
+/// not depend on it (§4.6), but E_f, E_g and ε do. A power of two can be undone without rounding.
 inline double plane_scale(const JointSurface& s, const Points2& x) {
   double area[2] = {0, 0};
   for (int h : s.mesh.boundary)
@@ -13328,7 +13304,7 @@ inline Points2 scaled(double factor, Points2 x) {
   return x;
 }
 
-/// "5 of A", of a vertex of A ⊔ B; and its id there.
+/// The id, side and name ("5 of A") of a vertex of A ⊔ B in its own mesh.
 inline int own_id(const JointSurface& s, int v) {
   return v < s.n_a ? s.ids_a[v] : s.ids_b[v - s.n_a];
 }
@@ -13340,7 +13316,7 @@ inline ElementId element_id(const JointSurface& s, int v) {
   return vertex_id(side_of(s, v), own_id(s, v));
 }
 
-/// What a status is called, and how it is put where there is nothing to add. In their order.
+/// Name and default message of a status; kWords has the order of the enum.
 struct StatusWords {
   const char *name, *sentence;
 };
@@ -13371,8 +13347,8 @@ inline StatusWords words_of(Status s) {
   return kWords[static_cast<int>(s)];
 }
 
-/// Where the start puts pinned vertices. `may_wait`: where that is not on the other surface, they
-/// are held once the map is closed.
+/// Pins vertices where the start maps them. `may_wait`: a vertex without an image is pinned once
+/// the map is closed, else refused.
 inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
                      bool may_wait, Held& held, Outcome& outcome) {
   for (int v : pins) {
@@ -13387,7 +13363,7 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
   return true;
 }
 
-/// A pin must not lie in a triangle with a pinned vertex: followers of followers are not resolved.
+/// Checks that no pin lies in a triangle of a pinned vertex: chains of followers are not resolved.
 inline bool check_chains(const JointSurface& s, const Array<Follower>& followers,
                          Outcome& outcome) {
   const Chain chain = find_chain(s, followers);
@@ -13398,7 +13374,7 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
               {element_id(s, chain.row), element_id(s, chain.master)});
 }
 
-/// The followers that Options::pins_a and pins_b ask for, and exact landmarks.
+/// Collects the followers of Options::pins_a, pins_b and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
                            const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                            bool may_wait, Held& held, Outcome& outcome) {
@@ -13416,12 +13392,12 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
          check_chains(s, held.followers, outcome);
 }
 
-// ---- landmarks that are changed while there is a map ----
+// ---- landmarks changed while a map exists ----
 //
-// Purpose:    brings landmarks together that are apart, with little loss of what was optimised.
-// Method:     Algorithm 1 goes on with springs between them, stiffer and stiffer. Those that shall
-//             be exact jump onto each other as soon as all can; else LandmarkJoiner takes over, and
-//             most of what was optimised is lost.
+// Purpose:    pulls landmarks together with little loss of optimised quality.
+// Method:     Algorithm 1 continues with springs of growing stiffness between them. Exact landmarks
+//             are joined as soon as all can be; else LandmarkJoiner takes over, and most of the
+//             optimised quality is lost.
 // Invariants: every iterate is injective.
 
 class LandmarkPuller {
@@ -13435,12 +13411,12 @@ class LandmarkPuller {
         executor_(executor),
         optimizer_(optimizer) {}
 
-  /// An iteration; false after the last one. Where the caller stops it, the next call repeats it.
+  /// Runs an iteration; false after the last one. The next call repeats a stopped iteration.
   bool step() {
     if (iteration_ == 0) stiffen();
     Result result;
     result.status = Status::kUnfinished;
-    optimizer_.iterate(result);  // with a log of its own: E may rise, and nothing settles
+    optimizer_.iterate(result);  // with its own log: E may rise, and no stopping rule applies
     was_stopped_ = result.status == Status::kUnfinished && result.log.empty();
     if (was_stopped_) return true;
     executor_.tell(false, 0, {"bringing landmarks together: ", apart_.size()}, nullptr);
@@ -13469,23 +13445,23 @@ class LandmarkPuller {
   const JointSurface& s_;
   const Array<PlacedLandmark> apart_;
   const double stiffest_;
-  const int most_;  // iterations with springs of one stiffness
+  const int most_;  // iterations per stiffness
   const Executor& executor_;
   Optimizer& optimizer_;
   double weight_ = 1;
   int iteration_ = 0;
-  bool was_stopped_ = false;  // within the last step
+  bool was_stopped_ = false;  // during the last step
 };
 
 // ---- compute_map() in steps ----
 
 class Run {
   static constexpr double kMostDistortion = 6;  // as if all were stretched 2.4 times
-  static constexpr double kMostRise = 1.5;      // of what the start has
+  static constexpr double kMostRise = 1.5;      // relative to the start
 
  public:
-  /// `only_start`: the initial embedding is all that is wanted.
-  /// `sized`: surfaces of the sizes that these are to have; null: landmarks may tell sizes.
+  /// `only_start`: computes the initial embedding only. `sized`: surfaces whose scales are taken;
+  /// null: landmarks may determine them.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
       const Options& options, bool only_start, const SurfacePair* sized = nullptr)
       : a_(std::move(a)),
@@ -13519,8 +13495,8 @@ class Run {
     }
   }
 
-  /// To bring a coarse map up takes about as long as some iterations, so that is done once for each
-  /// level, and where the caller has stopped.
+  /// Refining a coarse map to the given meshes costs about as much as some iterations, so this
+  /// happens once per level, and when the caller has stopped.
   Result& result() {
     if (is_behind_ && (executor_.is_stopped() || level_shown_ != coarse_->level())) {
       hand_over_positions();
@@ -13531,8 +13507,8 @@ class Run {
   bool is_embedding() const { return result_.status == Status::kNoMapYet; }
   double fraction() const { return executor_.fraction(); }
 
-  /// The same surfaces with other landmarks and options, where there is a map, from there on; null,
-  /// and the outcome says why, if they are refused.
+  /// Returns a run on the same surfaces that continues from the current map with other landmarks
+  /// and options; null, with the reason in the outcome, if they are refused.
   std::unique_ptr<Run> changed(const std::vector<Landmark>& landmarks, Options options,
                                Outcome& outcome) const {
     options.boundary = given_options_.boundary;
@@ -13546,8 +13522,8 @@ class Run {
     return nullptr;
   }
 
-  /// A step of the embedding, or an iteration; true while there is more to do. The result is what
-  /// it is if the caller goes no further.
+  /// Runs a step of the embedding or an iteration; true while there is more to do. The result is
+  /// then complete, as if the call ended here.
   bool step() {
     const NoTraps no_traps;
     if (!is_embedding() && !is_usable(result_.status)) return false;
@@ -13597,9 +13573,9 @@ class Run {
  private:
   Result& latest() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
 
-  // ---- changes, and landmarks that given positions do not bring together ----
+  // ---- changes, and landmarks apart in given positions ----
 
-  /// Takes the map of another run on the same surfaces for the start.
+  /// Starts from the map of another run on the same surfaces.
   void go_on_from(const Run& before) {
     const NoTraps no_traps;
     opening_ = before.opening_;
@@ -13619,13 +13595,12 @@ class Run {
     if (optimizer_) hand_over();
   }
 
-  /// Of all vertices, in the unit that positions were given in.
+  /// Returns positions of all vertices, in the unit of given positions.
   Points2 own_positions() const {
     return scaled(1 / scale_, coarse_ ? coarse_->positions() : optimizer_->positions());
   }
 
-  /// Of other landmarks, all if they shall be exact; of those that only guide, the ones that are
-  /// new, or are being pulled.
+  /// Returns the landmarks to pull: all exact ones; guiding ones that are new or being pulled.
   Array<int> landmarks_to_pull(const std::vector<Landmark>& landmarks, bool are_exact) const {
     const auto is_same = [](const LandmarkPoint& p, const LandmarkPoint& q) {
       return p.vertex == q.vertex && p.point.face == q.point.face &&
@@ -13663,7 +13638,7 @@ class Run {
     accept_start();
   }
 
-  /// A step towards landmarks that are apart.
+  /// Runs a step that pulls landmarks together.
   void bring_together() {
     if (joiner_) {
       if (!joiner_->step(joining_)) end_change();
@@ -13685,7 +13660,7 @@ class Run {
     joiner_ = std::make_unique<LandmarkJoiner>(pair_, landmarks, options_, executor_);
   }
 
-  /// Landmarks are where they belong.
+  /// Ends a change: continues from joined landmarks, or stalls if they could not be joined.
   void end_change() {
     puller_.reset();
     joiner_.reset();
@@ -13701,14 +13676,14 @@ class Run {
     accept_start();
     if (!is_usable(result_.status)) {
       const Outcome why = result_;
-      held_ = Held();  // what cannot be held is not
+      held_ = Held();  // releases all constraints
       optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
       optimizer_->start(scaled(scale_, stacked(start.f, start.g)), result_);
       return stall(why);
     }
   }
 
-  /// There is a map, but what was asked for cannot be met from here on.
+  /// Ends with the current map, from which the request cannot be met.
   void stall(const Outcome& why) {
     result_.message = why.message;
     result_.ids = why.ids;
@@ -13716,7 +13691,7 @@ class Run {
     has_reason_ = true;
   }
 
-  // ---- the embedding, and the beginning of the loop ----
+  // ---- the embedding, and the start of the loop ----
 
   bool has_positions() const {
     return options_.initial_f.size() > 0 || options_.initial_g.size() > 0;
@@ -13736,7 +13711,7 @@ class Run {
     if (optimizer_ && !puller_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 
-  /// Begins with the next of the openings that are tried, of closed surfaces.
+  /// Begins an embedding, for closed surfaces with the next candidate opening.
   void begin_embedding() {
     if (openings_.empty()) find_openings();
     if (openings_.empty()) return;
@@ -13757,7 +13732,7 @@ class Run {
     static_cast<Outcome&>(result_.start) = result_;
   }
 
-  /// Per landmark, whether it has to stay where it is.
+  /// Returns per landmark whether its place is constrained.
   Array<char> bound_landmarks() const {
     const auto has = [](const std::vector<int>& ids, int v) {
       return std::find(ids.begin(), ids.end(), v) != ids.end();
@@ -13769,7 +13744,7 @@ class Run {
     return is_bound;
   }
 
-  /// The landmarks without that at which the surfaces are opened.
+  /// Returns the landmarks except for the one at the opening.
   Array<PlacedLandmark> landmarks_apart() const {
     Array<PlacedLandmark> apart;
     for (const PlacedLandmark& l : opened_)
@@ -13786,7 +13761,7 @@ class Run {
     }
   }
 
-  /// Keeps the start with the least distortion for its coverage; false if there is one more to try.
+  /// Keeps the start with the least distortion for its coverage; false if another opening is left.
   bool take_best() {
     Embedding& found = embedder_->result();
     const bool is_only = openings_.size() == 1;
@@ -13818,7 +13793,7 @@ class Run {
     if (!only_start_) begin_loop();
   }
 
-  /// Algorithm 1, at first with springs between landmarks that are to be pulled together.
+  /// Begins Algorithm 1, at first with springs between landmarks to be pulled together.
   void begin_loop() {
     Array<PlacedLandmark> apart, together;
     const Array<PlacedLandmark> landmarks = located(opened_, pair_);
@@ -13836,7 +13811,7 @@ class Run {
     return executor_.is_stopped() && embedder_->result().status == Status::kDone;
   }
 
-  /// There is no map yet.
+  /// Words the outcome while no map exists.
   void wait() {
     result_.message = executor_.stop_status() == Status::kCancelled
                           ? "cancelled before there was a map"
@@ -13846,7 +13821,7 @@ class Run {
     fail(result_.start, Status::kNoMapYet, {result_.message});
   }
 
-  /// Algorithm 1 from the start on. `together`: the landmarks that may be exact.
+  /// Begins Algorithm 1 at the start. `together`: the landmarks that may be exact.
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
     coarse_.reset();
@@ -13874,7 +13849,7 @@ class Run {
                                                options_, executor_);
   }
 
-  /// A step on the coarse levels. After the last one Algorithm 1 goes on from their map.
+  /// Runs a step on the coarse levels; after the last one, Algorithm 1 continues from their map.
   void optimize_coarse() {
     if (coarse_->step()) return;
     result_.coarse = coarse_->levels();
@@ -13890,12 +13865,12 @@ class Run {
     executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"}, &log.back());
   }
 
-  /// Status, sentence and positions, if the caller goes no further.
+  /// Sets status, message and positions as if the call ended here.
   void hand_over() {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
     if (!has_reason_) result_.message = words_of(result_.status).sentence;
     is_behind_ = coarse_ && is_usable(result_.status);
-    if (is_behind_) return;  // to bring a coarse map up takes longer than a step
+    if (is_behind_) return;  // refining a coarse map takes longer than a step
     if (is_usable(result_.status)) {
       hand_over_positions();
     } else {
@@ -13916,7 +13891,7 @@ class Run {
 
   bool can_close() const { return is_closed(whole_.a) && is_closed(whole_.b); }
 
-  /// The map of two surfaces that were opened has been optimised, and not been closed yet.
+  /// True if the map of two opened surfaces is optimised but not closed.
   bool is_to_be_closed() const {
     if (only_start_ || !can_close()) return false;
     if (closer_) return closer_->status() == Status::kUnfinished;
@@ -13936,7 +13911,7 @@ class Run {
     closer_->begin(optimizer_->positions(), options_.max_iterations - done);
   }
 
-  /// What is new of the iterations since the surfaces were cut in two.
+  /// Appends new iterations since the surfaces were cut in two.
   void take_closed_log() {
     std::vector<IterationLog>& log = closed_result_.log;
     if (log.empty()) log = result_.log;
@@ -13970,7 +13945,7 @@ class Run {
     return_meshes(a_->mesh, b_->mesh, pair, r.start);
   }
 
-  /// A map that is bent too much to be of use is no success, whatever its status.
+  /// Warns of a map that is too distorted to be useful, whatever its status.
   void warn_of_distortion(Result& r) {
     const double mean = r.final_state().mean_distortion, before = r.initial.mean_distortion;
     const bool has_risen = !is_changed_ && mean > kMostRise * before;
@@ -13987,7 +13962,7 @@ class Run {
     r.warnings.push_back(std::move(warning));
   }
 
-  /// Names the triangle of A on which most of the energy is.
+  /// Names the triangle of A with the most energy.
   static void add_worst_place(const SurfaceMap& map, Warning& warning) {
     const std::vector<PolygonDistortion> polygons = map.distortion();
     const MetaMesh meta = map.meta_mesh();
@@ -14005,7 +13980,7 @@ class Run {
                                  "), which has ", decimal(energy[f] / area[f])});
   }
 
-  /// What the result says of the meshes given.
+  /// Sets the fields of the result that describe the given meshes.
   void return_input() {
     Embedding& start = result_.start;
     start.prepared_a = a_;
@@ -14019,50 +13994,50 @@ class Run {
   }
 
   const SharedPrepared a_, b_;
-  std::vector<Landmark> landmarks_;  // those that were not left out
+  std::vector<Landmark> landmarks_;  // without skipped ones
   const Options given_options_;
   RunOptions options_;  // with ids of the prepared meshes
   const bool only_start_;
   Executor executor_;
-  SurfacePair whole_;             // the surfaces as they are prepared,
-  SurfacePair pair_;              // and as they are optimised
-  Array<PlacedLandmark> placed_;  // the landmarks on the meshes as given,
-  Array<PlacedLandmark> opened_;  // and as they were opened
-  Array<OpeningPair> openings_;   // to be tried
+  SurfacePair whole_;             // the prepared surfaces
+  SurfacePair pair_;              // the surfaces being optimised
+  Array<PlacedLandmark> placed_;  // the landmarks on whole_,
+  Array<PlacedLandmark> opened_;  // and after opening
+  Array<OpeningPair> openings_;   // candidates
   int tried_ = 0;
-  OpeningPair opening_;  // that of pair_
+  OpeningPair opening_;  // of pair_
   struct {
     double badness = kInfinity;
     OpeningPair opening;
     SurfacePair pair;
     Array<PlacedLandmark> landmarks;
     Embedding start;
-  } best_;  // of those tried
+  } best_;  // of the candidates tried
   std::unique_ptr<Closer> closer_;
-  Status optimized_ = Status::kUnfinished;  // how the run ended before the map was closed
+  Status optimized_ = Status::kUnfinished;  // the status before closing the map
   Result closed_result_;
   Result result_;
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;
-  double scale_ = 0;  // of the planes, against those that were given; 0 as long as there are none
+  double scale_ = 0;  // of the planes, relative to given positions; 0 until known
   Held held_;
   std::unique_ptr<Optimizer> optimizer_;
-  std::unique_ptr<CoarseToFine> coarse_;  // before the optimizer begins
-  bool is_behind_ = false;                // the result, of the map of the coarse levels
-  int level_shown_ = -1;                  // that of the map in the result
-  std::size_t told_ = 0;                  // of the log
-  bool is_changed_ = false;               // it goes on from the map of another run,
+  std::unique_ptr<CoarseToFine> coarse_;  // runs before the optimizer
+  bool is_behind_ = false;                // the result lags behind the map of the coarse levels
+  int level_shown_ = -1;                  // of the map in the result
+  std::size_t told_ = 0;                  // entries of the log that were reported
+  bool is_changed_ = false;               // continues from the map of another run,
   double omega_before_ = kInfinity;       // with this ω_L
-  Array<int> pulled_;                     // landmarks to be brought together if they are apart
+  Array<int> pulled_;                     // to be pulled together if apart
   std::unique_ptr<LandmarkPuller> puller_;
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding joining_;
   SurfacePair pair_before_;
-  bool has_reason_ = false;  // the message of the result says more than its status
-  bool is_judged_ = false;   // the map at the end
+  bool has_reason_ = false;  // the message says more than the status
+  bool is_judged_ = false;   // warn_of_distortion() has judged the final map
 };
 
-// ---- what a SurfaceMap is made of ----
+// ---- data of a SurfaceMap ----
 
 inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origin origin_a,
                                                Origin origin_b, const Points2& f, const Points2& g,
@@ -14100,8 +14075,8 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   return data;
 }
 
-/// The seam of two closed surfaces, where a map of them was closed: there are copies in the same
-/// order on A and B. A surface that is open only has copies as well.
+/// Returns the seam of a closed map of two closed surfaces, empty for other maps. Copies have the
+/// same order on A and B. A surface that was only opened has copies as well.
 inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Points2& g) {
   struct Copy {
     int original, id;
