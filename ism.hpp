@@ -8705,11 +8705,11 @@ class Embedder {
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
-// Purpose:    Φ and Φ⁻¹ at points and along edges of the surfaces; the meta mesh lifted to both;
-//             how Φ stretches.
+// Purpose:    evaluates Φ and Φ⁻¹ at points and along edges, lifts the meta mesh to both surfaces,
+//             and measures the distortion of Φ.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
-//             of A with one of B; that key, never coordinates, identifies it.
-// Fails:      points outside the overlap are not covered.
+//             of A with an edge of B; this key identifies it, never coordinates.
+// Fails:      points outside the overlap have no image.
 
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
@@ -8718,7 +8718,7 @@ inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
 
-/// Barycentric coordinates, and how far below 0 rounding may put those of a point in the triangle.
+/// Barycentric coordinates; rounding may put those of a point in the triangle down to -slack.
 struct Barycentric {
   Vec3 weights;
   double slack = 0;
@@ -8733,8 +8733,8 @@ inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, V
   return {barycentric(p, a, b, c), (std::max)(kLeastSlack, rounding / height)};
 }
 
-/// The same for a point that may lie outside by rounding; a point of the triangle. What a corner
-/// has less than nothing of is taken from the nearest one, which moves the point least.
+/// Returns the point of face f at p, which may lie outside by rounding: a negative coordinate is
+/// set to 0 and added to that of the nearer corner, which moves the point least.
 inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   Vec3 b = barycentric(m, x, f, p).weights;
   const auto squared_length = [&](int k, int l) {
@@ -8752,7 +8752,7 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
   return surface_point(f, is_sound ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
 }
 
-/// Of several faces, the one that a point lies deepest in: its least barycentric coordinate counts.
+/// The face with the largest depth of a point, which is its least barycentric coordinate.
 struct DeepestFace {
   double least = -kInfinity;
   int face = -1;
@@ -8764,27 +8764,27 @@ struct DeepestFace {
   }
 };
 
-/// What a corner of a polygon is, and which one: {kAtVertex, vertex, 0}, {kCrossing, edge, edge},
-/// an edge being the smaller of its half-edges, or {kOnSeam, index along the seam, 0}.
+/// Identifies a corner of a polygon: {kAtVertex, vertex, 0}, {kCrossing, edge, edge}, where the
+/// smaller half-edge stands for an edge, or {kOnSeam, index along the seam, 0}.
 using CornerKey = std::array<int, 3>;
 enum CornerKind { kAtVertex, kCrossing, kOnSeam };
 
-/// A vertex of the seam of two closed surfaces, which is four vertices at one point: of A and of B,
-/// and their copies beyond the seam.
+/// Four vertices at one point of the seam of two closed surfaces: one of A, one of B, and their
+/// copies on the other side of the seam.
 struct SeamVertex {
   int a, copy_a, b, copy_b;
 };
 
-/// Two embedded meshes and their overlay. Vertices and faces have their ids in A ⊔ B, so that Φ and
-/// Φ⁻¹ are one function: from the faces of either mesh to those of the other one.
+/// Two embedded meshes and their overlay. Ids are those of A ⊔ B, so one function evaluates Φ and
+/// Φ⁻¹: it maps faces of either mesh to faces of the other.
 struct EmbeddedPair {
   JointSurface s;
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
-  double extent = 0;       // of the plane, from the origin
-  Array<int> seam_index;   // per vertex, along the seam; or -1
-  bool is_closed = false;  // there is a seam
+  double extent = 0;       // largest absolute coordinate in the plane
+  Array<int> seam_index;   // per vertex, its index along the seam, or -1
+  bool is_closed = false;  // true if the pair has a seam
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
@@ -8795,8 +8795,8 @@ struct EmbeddedPair {
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
 
-  /// What corner i of a polygon is. At the seam, vertices of A and B coincide; what the symbolic
-  /// perturbation has between them is no corner of its own.
+  /// Returns the key of corner i of a polygon. At the seam, vertices of A and B coincide; corners
+  /// that the symbolic perturbation puts between them share one key.
   CornerKey corner_key(const OverlayPolygon& p, int i) const {
     const HalfEdgeMesh& m = s.mesh;
     const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
@@ -8816,19 +8816,19 @@ struct EmbeddedPair {
     return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
-  /// Of the half-edges of an edge, the smaller one.
+  /// Returns the smaller half-edge of an edge.
   int first_half_edge(int h) const {
     return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
   }
 
-  /// The corner of a face that has an index along the seam, or -1.
+  /// Returns the corner of a face with this index along the seam, or -1.
   int corner_on_seam(int face, int index) const {
     for (int k = 0; k < 3; ++k)
       if (seam_index[s.mesh.corner(face, k)] == index) return k;
     return -1;
   }
 
-  /// Takes out what the perturbation has put between vertices of the seam, which has no area.
+  /// Removes polygons without area, which the perturbation puts between vertices of the seam.
   void sew(const Array<SeamVertex>& seam) {
     is_closed = !seam.empty();
     seam_index.assign(s.mesh.n_vertices, -1);
@@ -8855,15 +8855,15 @@ struct EmbeddedPair {
     }
   }
 
-  /// Where a point of a surface lies in the plane.
+  /// Returns the planar position of a point of a surface.
   Vec2 planar_position(const SurfacePoint& p) const {
     Vec2 sum;
     for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row2(x, s.mesh.corner(p.face, k));
     return sum;
   }
 
-  /// Rounding may put a point on an edge outside both its faces; of closed surfaces, every point
-  /// has an image.
+  /// Considers the faces over `face`. Rounding may put a point on an edge outside both its faces;
+  /// on closed surfaces, which map every point, any depth is accepted.
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
     for_each_target(face, [&](int t) {
       const Barycentric b = barycentric(s.mesh, x, t, p);
@@ -8890,9 +8890,9 @@ struct EmbeddedPair {
   }
 };
 
-// ---- the meshes given, and as they were embedded ----
+// ---- given and embedded meshes ----
 
-/// Barycentric coordinates of the point on the sides of a triangle that is closest to p.
+/// Returns barycentric coordinates of the point closest to p on the sides of a triangle.
 inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
   Vec3 weights;
   double least = kInfinity;
@@ -8908,7 +8908,7 @@ inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
   return weights;
 }
 
-/// The same of a point in the triangle or on its sides.
+/// Returns barycentric coordinates of the point closest to p in a triangle or on its sides.
 inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
   const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
   const Vec3 normal = cross(b - a, c - a);
@@ -8918,25 +8918,25 @@ inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
   return (std::min)({weights.x, weights.y, weights.z}) >= 0 ? weights : closest_on_sides(p, corner);
 }
 
-/// The corners of a triangle, in a unit in which squares neither over- nor underflow.
+/// Returns the corners of a triangle, in a unit in which squares neither over- nor underflow.
 inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double unit) {
   const auto corner = [&](int k) { return unit * row3(mesh.vertices, mesh.triangles(f, k)); };
   return {corner(0), corner(1), corner(2)};
 }
 
-/// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
+/// Places the triangles and vertices of a prepared, cut and refined mesh in the given mesh.
 struct Origin {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;         // those of the prepared mesh, by vertices given
-  Array<int> face;             // per triangle, the one given that it is a part of,
-  Array<Vec3> corner_weights;  // and per corner its barycentric coordinates there
+  Triangles triangles;         // of the prepared mesh, by given vertices
+  Array<int> face;             // per triangle, the given one that contains it,
+  Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
   /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
   Array<int> first, part;
-  Array<int> vertex;  // per vertex given, where it is, or -1
-  /// Where else: a vertex of the embedded mesh and a copy of it, sorted.
+  Array<int> vertex;  // per given vertex, its embedded one, or -1
+  /// Pairs of a vertex of the embedded mesh and a copy of it, sorted.
   Array<std::array<int, 2>> copies;
   std::vector<int> same;  // see MetaMesh::same_a
-  Array<EdgeUse> edges;   // of the triangles given
+  Array<EdgeUse> edges;   // of the given triangles
 
   SurfacePoint to_given(const SurfacePoint& p) const {
     Vec3 weights;
@@ -8944,14 +8944,14 @@ struct Origin {
     return surface_point(face[p.face], weights);
   }
 
-  /// Its face is -1 if there is no such triangle, or it was dropped.
+  /// Returns a point with face -1 if the triangle does not exist or was dropped.
   SurfacePoint from_given(const SurfacePoint& p) const {
     constexpr double kRounding = 1e-12, kBeside = 1e-6;
     if (p.face < 0 || p.face + 1 >= first.size()) return {};
     const Vec3 at = weights_of(p);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
     SurfacePoint best;
-    double least = -kBeside;  // else it is in a part that was dropped
+    double least = -kBeside;  // deeper outside, it is in a dropped part
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
       const Vec3* const corner = &corner_weights[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
@@ -8966,8 +8966,8 @@ struct Origin {
     return best;
   }
 
-  /// The half-edges along the edge from u to v of a triangle given, in order; ~h if one runs the
-  /// other way. None if there is no such edge.
+  /// Returns the half-edges along the given edge from u to v, in order; ~h if one runs from v to u.
+  /// Empty if the edge does not exist.
   Array<int> along(int u, int v) const {
     const EdgeUse edge = {(std::min)(u, v), (std::max)(u, v), -1};
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
@@ -8991,7 +8991,7 @@ struct Origin {
 
   bool is_dropped(int given_face) const { return first[given_face] == first[given_face + 1]; }
 
-  /// True if a triangle is all of the one given.
+  /// Returns true if a triangle is a whole given triangle.
   bool is_whole(int f) const {
     double sum = 0;
     for (int k = 0; k < 3; ++k)
@@ -9001,8 +9001,8 @@ struct Origin {
   }
 };
 
-/// Adds vertices once more to the mesh of an origin. Tells per vertex which one it is, or is a copy
-/// of; false if the edge or triangle of one is not there.
+/// Adds vertices again to the mesh of an origin; `vertex` maps each one to itself or to the one it
+/// copies. Returns false if the edge or triangle of a vertex is missing.
 inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Array<int>& vertex,
                       Origin& o) {
   for (int v = 0; v < m.n_vertices; ++v) vertex.push_back(v);
@@ -9041,7 +9041,7 @@ inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Ar
   return true;
 }
 
-/// Groups parts and lists edges, once all else is known.
+/// Fills first, part and edges; all other members have to be set.
 inline void index_parts(Origin& o) {
   const int n = static_cast<int>(o.given->triangles.rows());
   o.first.assign(n + 1, 0);
@@ -9053,7 +9053,7 @@ inline void index_parts(Origin& o) {
   o.edges = sorted_edges(o.given->triangles);
 }
 
-/// Of a mesh that is as it was given.
+/// Returns the origin of a mesh that equals the given one.
 inline Origin same_origin(const SharedMesh& mesh) {
   Origin o;
   o.given = mesh;
@@ -9067,8 +9067,8 @@ inline Origin same_origin(const SharedMesh& mesh) {
   return o;
 }
 
-/// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
-/// side that was cut in two for a degenerate neighbour.
+/// Returns the place of a prepared corner in its given triangle: at a corner, or on the side that
+/// was split for a degenerate neighbour.
 inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
   if (given / 3 == f) return unit3(given % 3);
@@ -9076,7 +9076,7 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
-/// Of a prepared mesh; m is its connectivity.
+/// Returns the origin of a prepared mesh.
 inline Origin origin_of(const Prepared& p) {
   Origin o;
   o.given = p.given;
@@ -9100,7 +9100,7 @@ inline Origin origin_of(const Prepared& p) {
   return o;
 }
 
-/// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
+/// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
 inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
   if (!p.problems.empty()) return same_origin(embedded);
@@ -9124,22 +9124,21 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
 
 // ---- paths ----
 
-/// The part of a segment of the plane in one triangle, from parameter s to t.
+/// The part of a planar segment in one triangle, from parameter s to t.
 struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
   bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
-/// Maps paths along edges of one mesh to the other: straight in the plane, each edge is clipped by
-/// the triangles that have a polygon beside it, and covered by the parts that reach farthest.
-/// Triangles are taken a little larger than they are, so that neither rounding nor running along an
-/// edge interrupts a path.
+/// Maps paths along edges of one mesh to the other. The triangles over both faces beside an edge
+/// clip its segment in the plane; the parts that reach farthest cover it. Triangles are enlarged a
+/// little, so that neither rounding nor a path along an edge leaves gaps.
 class PathMapper {
  public:
   explicit PathMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
-  /// The image of a path along edges of a mesh given, whose first face in A ⊔ B is `first_face`.
+  /// Returns the image of a path along given edges; the mesh starts at `first_face` in A ⊔ B.
   std::vector<Polyline> map(const Origin& origin, int first_face,
                             const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
@@ -9158,9 +9157,9 @@ class PathMapper {
   }
 
  private:
-  static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
+  static constexpr double kTouch = 1e-12;  // ignores gaps below this part of a segment
 
-  /// What the edge pq of half-edge h passes through in the other mesh.
+  /// Returns the parts of the edge pq of half-edge h in the triangles of the other mesh.
   Array<SegmentPart> parts_along(int h, Vec2 p, Vec2 q) const {
     Array<SegmentPart> parts;
     for (int side : {h, m_.twin[h]}) {
@@ -9175,9 +9174,9 @@ class PathMapper {
     return parts;
   }
 
-  /// Narrows a part of pq to its triangle; false if nothing is left.
+  /// Narrows a part of pq to its triangle; returns false if nothing is left.
   bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
-    constexpr double kRounding = 1e-14;  // of the size of the plane
+    constexpr double kRounding = 1e-14;  // relative to the extent of the plane
     for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
       const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
       const double slack = kRounding * pair_.extent * norm(edge);
@@ -9224,10 +9223,10 @@ class PathMapper {
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   std::vector<Polyline> polylines_;
-  bool is_open_ = false;  // the last polyline goes on
+  bool is_open_ = false;  // true if the next part extends the last polyline
 };
 
-// ---- what a SurfaceMap holds ----
+// ---- data of a SurfaceMap ----
 
 inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
   Vec3 sum;
@@ -9235,8 +9234,8 @@ inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
   return sum;
 }
 
-struct MapData : Outcome {                                 // kDone if the pair is there
-  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
+struct MapData : Outcome {                                 // kDone if the pair is valid
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
   Origin origin_a, origin_b;
   EmbeddedPair pair;
 
@@ -9247,14 +9246,14 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
 
-  /// A point of a mesh given in the ids of A ⊔ B; its face is -1 if there is none.
+  /// Returns a point of a given mesh in ids of A ⊔ B; its face is -1 if it has none there.
   SurfacePoint joint(const SurfacePoint& p, Side side) const {
     SurfacePoint joint = ok() ? origin(side).from_given(p) : SurfacePoint();
     if (joint.face >= 0) joint.face += first_face(side);
     return joint;
   }
 
-  /// And back.
+  /// Returns a point in ids of A ⊔ B as a point of its given mesh.
   SurfacePoint own(SurfacePoint p) const {
     if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
@@ -9335,10 +9334,10 @@ class MetaMeshBuilder {
  private:
   struct Corner {
     CornerKey key;
-    SurfacePoint on_a, on_b;  // in the ids of the meshes
+    SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
 
-  /// The first corner with a key stands for its vertex.
+  /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
     Array<int> order(corners_.size()), first;
     for (int i = 0; i < order.size(); ++i) order[i] = i;
@@ -9391,8 +9390,8 @@ class MetaMeshBuilder {
     return {{}, of_a ? here : there, of_a ? there : here};
   }
 
-  /// Where two edges cross, from the same half-edges in all polygons around it: edges that are
-  /// nearly parallel cross at a place along them that is as good as unknown, but it must be one.
+  /// Returns the crossing of two edges, from the same half-edges in all polygons around it: nearly
+  /// parallel edges hardly determine its position, but all polygons must agree on it.
   Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
     const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
@@ -9409,7 +9408,7 @@ class MetaMeshBuilder {
   Array<Corner> corners_;
 };
 
-/// Triangles and corners of one side of a meta mesh, as those of the mesh given.
+/// Converts triangles and corners of one side of a meta mesh to those of the given mesh.
 inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
                            std::vector<int>& face, const std::vector<int>& offsets,
                            Points3& corner) {
@@ -9426,14 +9425,14 @@ inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<i
 
 // ---- distortion ----
 
-/// The largest singular value of J [Blinn 1996].
+/// Returns the largest singular value of J [Blinn 1996].
 inline double largest_stretch(const Mat2& J) {
   return 0.5 * (norm(Vec2{J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)}) +
                 norm(Vec2{J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)}));
 }
 
-/// The Jacobian of an embedding in one triangle, and its determinant, which is positive of a sliver
-/// as well, where that of the rounded Jacobian may have any sign.
+/// The Jacobian of an embedding in one triangle. Its determinant, kept apart, is positive even for
+/// a sliver, where the determinant of the rounded Jacobian may have any sign.
 struct TriangleMap {
   Mat2 J;
   double determinant;
@@ -9445,7 +9444,7 @@ inline TriangleMap triangle_map(const JointSurface& s, const Points2& x, int f, 
   return {scale * triangle_jacobian(s, x, f), scale * scale * twice_area / (2 * s.area[f])};
 }
 
-/// Φ of one polygon, J = J_g⁻¹ J_f. The smaller singular value comes from the determinant, as the
+/// Returns the distortion of Φ in one polygon, J = J_g⁻¹ J_f. The determinant gives σ_min: the
 /// difference of two nearly equal numbers would not have a correct digit.
 inline PolygonDistortion polygon_distortion(const TriangleMap& f, const TriangleMap& g,
                                             double planar_area) {
@@ -9557,26 +9556,25 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
 
 // ==== HALF I ENDS HERE ===========================================================================
 //
-// What is above is the paper. What follows makes it a tool: a scaffold that keeps boundaries apart,
-// checks and mends of meshes, coarse levels, maps of closed surfaces, uses of maps, a proof, the
-// entry points and their threads.
+// The parts above are the paper. The parts below make it a tool: a scaffold that keeps boundaries
+// apart, checked and prepared meshes, coarse levels, applications, closed surfaces, verification,
+// threads and entry points.
 
 namespace detail {
 
 // ==== [16] SCAFFOLD (paper §4.4) =================================================================
 //
-// Purpose:    keeps the boundary of an embedding from meeting itself [Jiang, Schaefer and Panozzo
-//             2017]: the space between it and a box is triangulated, and the triangles resist
-//             deformation a little. Their energy is least where they are built, so a step that
-//             lowers the sum of both energies lowers E; built anew in every iteration, they yield
-//             where the boundary wants to go, but never to a collision.
-// Invariants: the triangles are positive, exactly; while they are, the boundary is simple.
-// Fails:      where rounding leaves a triangle no area, it is left out; there, only the exact test
-//             of the boundary guards.
+// Purpose:    keeps the boundary of an embedding simple [Jiang, Schaefer and Panozzo 2017]:
+//             triangles fill the space between it and a box and resist deformation a little. Their
+//             energy is least as built, so a step that lowers the sum of both energies lowers E.
+//             Every iteration rebuilds them, so they let the boundary move, but never collide.
+// Invariants: all triangles are positive, exactly; this implies that the boundary is simple.
+// Fails:      leaves out triangles without area after rounding; there, only the exact test of the
+//             boundary prevents collisions.
 
-/// The space that a surface leaves at a loop, as one polygon, counter-clockwise. For an opening
-/// that is its inside. Around an outer loop, a box is put with room on all sides: a bridge leads
-/// from its second corner to the rightmost vertex of the loop, which sees it, and back.
+/// Returns the space outside the surface at a loop as one counter-clockwise polygon: the inside of
+/// an opening, or the space between an outer loop and a box around it. There, a bridge joins the
+/// second corner of the box to the rightmost vertex of the loop, which is visible from it.
 inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
@@ -9603,16 +9601,16 @@ inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Sc
   return polygon;
 }
 
-/// True if a box lies to the right of p → q, exactly.
+/// Returns true if a box lies to the right of p → q, exactly.
 inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
   const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
   return orient2d(p, q, leftmost) < 0;
 }
 
-/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
-/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
-/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
-/// but for spirals, where one vertex may block many.
+/// Triangulates a polygon by clipping ears from a queue, in rounds. No round clips two neighbours:
+/// that would make fans, which take n² flips to become Delaunay. A vertex that is no ear is tested
+/// again once a neighbour or the vertex that blocks it is clipped. About O(n log n), except for
+/// spirals, where one vertex may block many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -9633,7 +9631,7 @@ class EarClipper {
     tree_.join();
   }
 
-  /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
+  /// Returns the corners of the triangles, fewer than n - 2 triangles if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
     int left = polygon_.size();
@@ -9654,9 +9652,9 @@ class EarClipper {
   }
 
  private:
-  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
+  enum State : char { kIdle, kQueued, kWaits };  // kWaits: moves to the end of the queue
 
-  /// A vertex that another one blocked, and the entry before of the same one.
+  /// Entry of a linked list per vertex: a vertex that it blocks, and the entry before.
   struct Blocked {
     int vertex, before;
   };
@@ -9679,7 +9677,7 @@ class EarClipper {
 
   bool is_gone(int i) const { return next_[prev_[i]] != i; }
 
-  /// True if the triangle at i is positive and empty of all other vertices that are left.
+  /// Returns true if the triangle at i is positive and contains no other remaining vertex.
   bool is_ear(int i) {
     const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
     const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
@@ -9690,23 +9688,23 @@ class EarClipper {
              !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
     };
     const auto blocks = [&](int k) {
-      const int v = polygon_[k];  // the ends of the bridge are there twice
+      const int v = polygon_[k];  // the ends of the bridge occur twice
       if (v == a || v == b || v == c) return false;
       blocked_.push_back({i, last_blocked_[k]});
       last_blocked_[k] = blocked_.size() - 1;
       return true;
     };
-    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
+    return !tree_.find(may_contain_some, blocks);  // the box of a point is inside or outside
   }
 
   const Array<int>& polygon_;
   Array<Vec2> point_;
   Array<int> next_, prev_;
-  Array<int> queue_;  // all that was ever in it
+  Array<int> queue_;  // with all past entries
   Array<State> state_;
-  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
+  Array<int> last_blocked_;  // per vertex, its last entry in `blocked_`, or -1
   Array<Blocked> blocked_;
-  BoxTree tree_;  // of the vertices that are left
+  BoxTree tree_;  // of the remaining vertices
 };
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
@@ -9724,9 +9722,9 @@ inline void flip(HalfEdgeMesh& m, int h) {
   set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
 }
 
-/// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
+/// Returns true if a flip of an edge is valid and the angles opposite it add up to more than π.
 inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
-  constexpr double kClear = 1e-9;  // by which it should, so that rounding does not flip for ever
+  constexpr double kClear = 1e-9;  // margin, so that rounding cannot cause endless flips
   const int t = m.twin[h];
   const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
   const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
@@ -9754,16 +9752,16 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
   }
 }
 
-/// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
+/// Returns the height of a triangle with edges p and q over its longest edge.
 inline double height(Vec2 p, Vec2 q) {
   return cross(p, q) /
          std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
 }
 
-/// Triangulates the space at the loops; `weight` is that of all triangles together. Those in
-/// gaps that are next to closed get less, or they would be too stiff for the linear solver.
+/// Triangulates the space at the loops; `weight` is the total weight of all triangles. Triangles in
+/// nearly closed gaps get less: otherwise they are too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
-  constexpr double kNarrow = 1e-10;  // of the size of the first box
+  constexpr double kNarrow = 1e-10;  // relative to the diagonal of the first box
   Scaffold s;
   s.n_vertices = m.n_vertices;
   Array<int> corners;
@@ -9787,8 +9785,8 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
   return s;
 }
 
-/// The energy above the least, which it has where the scaffold was built; infinite where a triangle
-/// is not positive.
+/// Returns the energy above its minimum, which the scaffold has as built; infinite if a triangle is
+/// not positive.
 inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   double energy = 0;
   for (int t = 0; t < s.triangle.size(); ++t) {
@@ -9800,7 +9798,7 @@ inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   return energy;
 }
 
-/// The s at which the first triangle of the scaffold degenerates.
+/// Returns the step length s at which the first triangle of the scaffold degenerates.
 inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
   double least = kInfinity;
   for (const std::array<int, 3>& v : s.triangle) {
@@ -9812,7 +9810,7 @@ inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d
   return least;
 }
 
-/// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
+/// Adds the Hessian of the scaffold as built; its gradient is zero there.
 inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
   const double identity[4] = {1, 0, 0, 1};
   const TriangleDensity<double> w = triangle_density(identity);
@@ -9830,12 +9828,11 @@ inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
 
 // ==== [17] CHECKED AND PREPARED MESHES ===========================================================
 //
-// Purpose:    says why a mesh cannot be mapped, find_problems(), and makes a surface of it,
-//             Preparer.
-// Invariants: what is sound stays as it is, and so do ids where nothing was mended.
-// Fails:      with problems, each with a sentence and ids.
+// Purpose:    find_problems() reports why a mesh cannot be mapped; Preparer repairs it.
+// Invariants: sound parts stay unchanged, and so do ids where nothing is repaired.
+// Fails:      returns problems, each with a sentence and ids.
 
-/// Masks floating-point traps of the caller's while it lives: unused lanes of vectors may divide by
+/// Masks the caller's floating-point traps during its lifetime: unused SIMD lanes may divide by
 /// zero, and some formulas over- or underflow by intent.
 class NoTraps {
  public:
@@ -9848,7 +9845,7 @@ class NoTraps {
   std::fenv_t environment_;
 };
 
-/// Nothing is promised where the predicates are not exact.
+/// Fails if arithmetic is not IEEE's: then the predicates are not exact, and nothing is guaranteed.
 inline bool check_arithmetic(Outcome& outcome) {
   return arithmetic_is_sound() ||
          fail(outcome, Status::kNumericalFailure,
@@ -9858,8 +9855,8 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
-/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
-/// mesh was prepared from it.
+/// Collects at most kMostOfAKind problems of each kind, in ids of the given mesh if `prepared` is
+/// not null.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
@@ -9871,7 +9868,7 @@ class ProblemList {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
-  /// "vertex 3 is ...", "triangle 5 has ..."
+  /// Adds "vertex 3 is ...", "triangle 5 has ..."
   void add_vertex(Problem::Kind kind, int v, Words what) {
     add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
   }
@@ -9900,9 +9897,9 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
                         {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
-/// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
-/// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
-/// fourth powers of the ratio have to exist.
+/// Returns the defect of each triangle, or null. A triangle is degenerate if a vertex repeats, if
+/// its height is below 1e-12 of its longest edge, or if its extent is below 1e-30 of the largest
+/// one: fourth powers of the ratio must not underflow.
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
   const int n = static_cast<int>(F.rows());
@@ -9918,7 +9915,7 @@ inline Array<const char*> triangle_defects(const Points3& vertices, const Triang
     }
   Array<const char*> defects(n, nullptr);
   for (int f = 0; f < n; ++f) {
-    const double unit = unit_scale(extent[f]);  // so that squares exist
+    const double unit = unit_scale(extent[f]);  // so that squares neither over- nor underflow
     const Vec3 u = unit * edge(3 * f), v = unit * edge(3 * f + 1), w = unit * edge(3 * f + 2);
     const double longest2 = (std::max)({squared_norm(u), squared_norm(v), squared_norm(w)});
     const char*& defect = defects[f];
@@ -10010,9 +10007,9 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
-/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
-/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
-/// triangle of both meshes.
+/// Copies a buffer to a matrix; numbers beyond an int are clamped. The copy has no rows if the
+/// buffer has no data or more than kMost rows: internal lists have up to some 50 items per triangle
+/// of both meshes.
 template <class T, bool are_ids>
 Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -10034,8 +10031,8 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
-/// `prepared`: ids of problems are those of the mesh given.
+/// Finds the problems of a mesh, in ids of the given mesh if `prepared` is not null. If there are
+/// none, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
                                           const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
@@ -10062,26 +10059,25 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
 
 // ---- preparation ----
 //
-// Purpose:    makes a clean surface of a mesh with problems.
-// Method:     Vertices become one place where parts of the mesh are sewn together: along boundary
-//             edges of different parts at equal coordinates. Triangles are glued along edges: first
-//             where two of them lie at one place; of more, two of a component, or else those that
-//             bend least. Corners that are glued around a place are one vertex; so what is not
-//             glued is cut.
-// Invariants: triangles keep their order; a component has one orientation, unless it has one side;
-//             a boundary that meets itself alone, as closed lips do, stays apart.
-// Fails:      with the problems that are left.
+// Purpose:    repairs a mesh into a clean surface.
+// Method:     Boundary edges of different parts at equal coordinates are sewn: their vertices get
+//             one place. Triangles are glued along edges: first where exactly two meet; where more
+//             meet, pairs of one component, then pairs that bend least. Corners glued around a
+//             place become one vertex, so edges that are not glued are cut.
+// Invariants: triangles keep their order; a component has one orientation, unless it is one-sided;
+//             a boundary that meets only itself, as closed lips do, is not sewn.
+// Fails:      returns the remaining problems.
 
-/// "1 vertex", "2 vertices".
+/// Returns "1 vertex", "2 vertices".
 inline std::string counted(int n, const char* one, const char* many = nullptr) {
   return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
                          : sentence({n, " ", n == 1 ? one : many});
 }
 
-/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
+/// Returns true if a closed surface encloses a negative volume: the sum of signed tetrahedra
 /// between a point and its triangles. A volume close to zero does not count.
 inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
-  constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
+  constexpr double kLeast = 1e-10;  // relative to area^(3/2)
   if (!m.boundary.empty()) return false;
   const double unit = unit_scale(mesh.vertices);
   const Vec3 origin = row3(mesh.vertices, m.tail[0]);
@@ -10097,7 +10093,7 @@ inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
 
 class Preparer {
  public:
-  /// welds: vertices at one place may become one.
+  /// `welds`: vertices with equal coordinates may become one.
   Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
            Prepared& result)
       : given_(given),
@@ -10144,7 +10140,7 @@ class Preparer {
   }
 
  private:
-  /// Gives the reason why the mesh stays as it is.
+  /// Reports why the mesh cannot be repaired.
   void add_problem(Problem::Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
   }
@@ -10157,14 +10153,14 @@ class Preparer {
   double length(int h) const { return norm(point(next(h)) - point(h)); }
   int n_triangles() const { return source_.size(); }
 
-  /// Normal of a triangle; its length is twice the area.
+  /// Returns the normal of a triangle; its length is twice the area.
   Vec3 normal(int f) const {
     const int h = 3 * f;
     return cross(point(h + 1) - point(h), point(h + 2) - point(h));
   }
   double double_area(int f) const { return norm(normal(f)); }
 
-  /// The spot of a vertex is the first vertex with its coordinates.
+  /// Finds the spot of each vertex: the first vertex with the same coordinates.
   void find_spots() {
     Array<std::pair<std::array<double, 3>, int>> order;
     for (int v = 0; v < n_vertices_; ++v) {
@@ -10177,12 +10173,12 @@ class Preparer {
       if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
   }
 
-  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
-  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
+  /// Finds the parts of the given mesh, connected by common vertices, and ranks them by landmarks,
+  /// then triangles: of parts that lie on each other, the first one stays.
   void find_parts() {
     DisjointSets sets(n_vertices_);
     for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
-    Array<Three> order;  // by fewer landmarks, fewer triangles, vertex
+    Array<Three> order;  // negative counts of landmarks and triangles, vertex
     for (int v = 0; v < n_vertices_; ++v) order.push_back({0, 0, v});
     for (int f = 0; f < n_given_; ++f) --order[sets.find(F_(f, 0))][1];
     for (int i = 0; i < has_landmark_.size(); ++i)
@@ -10194,7 +10190,7 @@ class Preparer {
     for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
   }
 
-  /// Takes all triangles but repeated and degenerate ones.
+  /// Takes all triangles except repeated and degenerate ones; sews the parts.
   void take_triangles() {
     source_ = numbers_below(n_given_);
     corner_ = numbers_below(3 * n_given_);
@@ -10207,7 +10203,7 @@ class Preparer {
     sort_unique(repeated_);
   }
 
-  /// Drops the triangles of which is_dropped(f) is true.
+  /// Drops the triangles for which is_dropped(f) is true.
   template <class IsDropped>
   void drop(const IsDropped& is_dropped) {
     int n = 0;
@@ -10228,8 +10224,8 @@ class Preparer {
     });
   }
 
-  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
-  /// that lie on each other without a common vertex, as closed lips may, all stay.
+  /// Keeps one of several triangles with the same corners in `at`, that of the first part. If they
+  /// are of one part and have no common vertex, as at closed lips, all stay.
   void drop_repeated(const Array<int>& at) {
     const auto corners = [&](const Array<int>& a, int f) {
       return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
@@ -10254,9 +10250,9 @@ class Preparer {
     drop([&](int f) { return is_dropped[f] != 0; });
   }
 
-  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
-  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
-  /// part as well. A loop that meets no other part stays apart.
+  /// Unites places of vertices where edges of different parts have the same spots. A boundary loop
+  /// with such an edge is a seam; edges of seams with the same spots are sewn, too, even within one
+  /// part. A loop that meets no other part is not sewn.
   void sew() {
     DisjointSets loops(n_vertices_);
     Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
@@ -10301,8 +10297,7 @@ class Preparer {
 
   // ---- degenerate triangles ----
 
-  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
-  /// degenerate, too.
+  /// Removes degenerate triangles without leaving gaps, in rounds: repairs may create new ones.
   void mend_flat() {
     constexpr int kRounds = 50;
     for (int round = 0; round < kRounds; ++round) {
@@ -10335,8 +10330,8 @@ class Preparer {
     return flat;
   }
 
-  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
-  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
+  /// Unites the ends of the shortest edge of a triangle if it is short relative to the longest one,
+  /// or if the triangle has a height, and so is tiny relative to the mesh. Returns true if it did.
   bool unite_short_edge(int f) {
     constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
     int shortest = 3 * f;
@@ -10351,8 +10346,8 @@ class Preparer {
     return true;
   }
 
-  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
-  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
+  /// Splits the triangle behind the longest edge of a flat one, at the corner that lies on that
+  /// edge. Returns false unless exactly one is there: otherwise the flat one leaves no gap.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
@@ -10390,7 +10385,7 @@ class Preparer {
 
   // ---- gluing ----
 
-  /// The half-edges at one place.
+  /// The half-edges between the same two places.
   using Uses = Array<int>;
 
   void glue_all() {
@@ -10407,8 +10402,8 @@ class Preparer {
     for (const Uses& here : crowded_) glue_crowded(here);
   }
 
-  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
-  /// those sides from which they run through the edge in opposite directions.
+  /// Glues two triangles along an edge: their corners there become common vertices, and those of
+  /// their sides that traverse the edge in opposite directions become one side of a component.
   void glue(int h, int t) {
     const int n = n_triangles(), f = h / 3, g = t / 3;
     const bool runs_along = place(h) == place(t);
@@ -10419,7 +10414,7 @@ class Preparer {
     sides_.unite(f + n, runs_along ? g : g + n);
   }
 
-  /// The first triangle of a component stands for it, and for its orientation.
+  /// Returns the first triangle of a component, which also defines its orientation.
   int component(int f) { return (std::min)(sides_.find(f), sides_.find(f + n_triangles())); }
   bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
 
@@ -10428,10 +10423,10 @@ class Preparer {
     return (u == w && v == z) || (u == z && v == w);
   }
 
-  /// Glues pairs of several triangles at an edge: those within a component first, then those with
-  /// the same vertices of the mesh given, then those that bend least.
+  /// Glues triangles at an edge with more than two in pairs: pairs within a component first, then
+  /// pairs with the same given vertices, then pairs that bend least.
   void glue_crowded(const Uses& here) {
-    if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
+    if (here.size() > kHub) return;  // repeated comparison of all pairs would take too long
     for (int left = here.size(); left >= 2; left -= 2) {
       int best_h = -1, best_t = -1;
       double least = kInfinity;
@@ -10444,9 +10439,9 @@ class Preparer {
     }
   }
 
-  /// Infinite if one is glued already, or if gluing would leave a component with one side.
+  /// Returns infinity if one is glued already, or if gluing would make a component one-sided.
   double cost_to_glue(int h, int t) {
-    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
+    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is in [-1, 1]
     if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
     const int f = h / 3, g = t / 3;
     const bool is_other = component(f) != component(g), runs_along = place(h) == place(t);
@@ -10457,12 +10452,12 @@ class Preparer {
            (runs_along ? bend : -bend);
   }
 
-  // ---- what is kept ----
+  // ---- the kept component ----
 
-  /// Keeps the component with most landmarks, of several the largest, and the orientation of most
-  /// of its area.
+  /// Chooses the component with most landmarks, then the largest, and the orientation that most of
+  /// its area has.
   void choose_component() {
-    Array<std::array<int, 2>> found;  // landmarks in components
+    Array<std::array<int, 2>> found;  // component, landmark
     for (int h = 0; h < corner_.size(); ++h)
       for (int at : {vertex(h), n_vertices_ + source_[h / 3]})
         if (has_landmark_[at]) found.push_back({component(h / 3), at});
@@ -10482,8 +10477,8 @@ class Preparer {
   }
 
   void build() {
-    Array<int> source(corner_.size(), n_vertices_);  // of corners that are one vertex
-    Array<std::array<int, 2>> order;                 // vertices by the first one that became it
+    Array<int> source(corner_.size(), n_vertices_);  // per vertex, the first one that became it
+    Array<std::array<int, 2>> order;                 // the same, sorted by it
     for (int f : members_)
       for (int h = 3 * f; h < 3 * f + 3; ++h) {
         int& first = source[corners_.find(h)];
@@ -10527,16 +10522,16 @@ class Preparer {
     sort_unique(cut_);
   }
 
-  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
+  /// Maps vertices that were dropped with repeated triangles to those of the kept triangles.
   void place_copies() {
     for (int v = 0; v < n_vertices_; ++v)
       if (result_.new_vertex.data()[v] < 0)
         result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
-  // ---- what was done ----
+  // ---- reports ----
 
-  /// `is_turned`: the surface was inside out.
+  /// Reports all repairs; `is_turned`: the surface was inside out.
   void note_all(bool is_turned) {
     note_dropped();
     note_welded();
@@ -10601,7 +10596,7 @@ class Preparer {
          {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
   }
 
-  /// True if one of some triangles at an edge is kept and another one was cut off it.
+  /// Returns true if a kept triangle at an edge was cut from another one.
   bool is_cut(const Uses& here) {
     for (int h : here) {
       if (component(h / 3) != kept_) continue;
@@ -10632,27 +10627,27 @@ class Preparer {
   const int n_vertices_, n_given_;  // vertices and triangles given
   const bool welds_;
   Prepared& result_;
-  double unit_ = 1;           // of lengths
-  Array<char> is_used_;       // per vertex given, by a triangle
-  Array<char> has_landmark_;  // vertices given, then triangles
-  Array<int> spot_;           // per vertex given, the first one at its coordinates
-  Array<int> part_;           // per vertex given, its part of the mesh; the first is kept first
-  Array<int> kept_copy_;      // per vertex given, that of the triangle that was kept instead
-  DisjointSets places_;       // of vertices given that are at one place,
-  Array<int> place_;          // and per vertex the first one of its
-  Array<int> source_;         // per triangle that is left, the one given that it is a part of
-  Array<int> corner_;         // per corner of those, the one given
-  Array<int> twin_;           // per half-edge of those, the one it is glued to, or -1
-  DisjointSets corners_;      // those of one vertex
-  DisjointSets sides_;        // those of one side of a component: triangles, then their backs
-  int kept_ = -1;             // the component that is,
-  Array<int> members_;        // its triangles,
-  bool turns_ = false;        // and the orientation it gets, true for that of the backs
-  Array<Uses> crowded_;       // places of more than two half-edges
-  Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
+  double unit_ = 1;                   // scale of lengths
+  Array<char> is_used_;               // per given vertex, true if a triangle uses it
+  Array<char> has_landmark_;          // given vertices, then given triangles
+  Array<int> spot_;                   // per given vertex, the first one at its coordinates
+  Array<int> part_;                   // per given vertex, the rank of its part; 0 is kept first
+  Array<int> kept_copy_;              // per given vertex, its copy in the triangle kept instead
+  DisjointSets places_;               // sets of given vertices at one place,
+  Array<int> place_;                  // and per vertex, the first one of its set
+  Array<int> source_;                 // per remaining triangle, the given one that contains it
+  Array<int> corner_;                 // per corner of these, the given one
+  Array<int> twin_;                   // per half-edge of these, the one it is glued to, or -1
+  DisjointSets corners_;              // sets of corners that are one vertex
+  DisjointSets sides_;                // sides of components: sets of triangles' fronts and backs
+  int kept_ = -1;                     // the kept component,
+  Array<int> members_;                // its triangles,
+  bool turns_ = false;                // and its orientation, true for that of the backs
+  Array<Uses> crowded_;               // edges with more than two half-edges
+  Array<int> repeated_, over_, cut_;  // given triangles dropped or turned, vertices cut
 };
 
-/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
+/// Returns a mesh unchanged, with its problems; if there are none, m is its connectivity.
 inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   const auto identity = [](Eigen::Index n) {
     const Array<int> ids = numbers_below(static_cast<int>(n));
@@ -10667,7 +10662,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   return result;
 }
 
-/// True if all ids are in range and all vertices in use are finite.
+/// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
     if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
@@ -10676,8 +10671,8 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
   return true;
 }
 
-/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
-/// there are none, nothing is welded.
+/// Prepares a mesh. Nothing is welded if only welding leaves problems: it may undo cuts along
+/// handles.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -10999,14 +10994,14 @@ class CoarseToFine {
 
 // ==== [19] APPLICATIONS (paper §1, §6.3) =========================================================
 //
-// Purpose:    attributes carried between the surfaces, remeshing.
-// Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
-//             exactly; what one mesh gives to the meta mesh it gets back.
-// Fails:      by no rows where attributes do not fit a mesh.
+// Purpose:    transfers attributes between the surfaces; gives one mesh the geometry of the other.
+// Invariants: attributes pass through corners of the meta mesh, whose places in both meshes are
+//             known exactly; a mesh gets back the attributes that it gives to the meta mesh.
+// Fails:      returns no rows if attributes do not fit the mesh.
 
 namespace detail {
 
-/// What a meta mesh says of one of its two meshes.
+/// One of the two meshes of a meta mesh, and the places of polygons and corners in it.
 struct MetaSide {
   const TriangleMesh& mesh;
   const std::vector<int>& same;  // per vertex
@@ -11024,7 +11019,7 @@ inline int element_count(const TriangleMesh& mesh, Element element) {
   return (element == Element::kFace ? 1 : 3) * static_cast<int>(mesh.triangles.rows());
 }
 
-/// The row of the attribute at corner k of face f.
+/// Returns the row of the attribute at corner k of face f.
 inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) {
   if (element == Element::kVertex) return mesh.triangles(f, k);
   return element == Element::kFace ? f : 3 * f + k;
@@ -11037,7 +11032,7 @@ struct Triplet {
   bool operator<(const Triplet& o) const { return row != o.row ? row < o.row : source < o.source; }
 };
 
-/// The matrix of some triplets; those of one row and source are added in their order.
+/// Builds a matrix from triplets; those of one row and source are summed in their order.
 inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
   std::stable_sort(triplets.begin(), triplets.end());
   Transfer result;
@@ -11055,7 +11050,7 @@ inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
   return result;
 }
 
-/// The product of two matrices: what applies `first`, then `second`.
+/// Returns the product of two matrices, which applies `first`, then `second`.
 inline Transfer product(const Transfer& second, const Transfer& first) {
   Array<Triplet> triplets;
   for (int row = 0; row < second.rows(); ++row)
@@ -11068,7 +11063,7 @@ inline Transfer product(const Transfer& second, const Transfer& first) {
   return transfer_of(second.rows(), first.n_sources, std::move(triplets));
 }
 
-/// What a place in a face, in barycentric coordinates, has of the attributes of elements.
+/// Adds the weights of elements at a place in a face, given in barycentric coordinates.
 inline void add_point(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
                       Array<Triplet>& triplets) {
   if (element == Element::kFace) return triplets.push_back({row, f, 1});
@@ -11083,7 +11078,7 @@ inline void normalize_rows(int rows, Array<Triplet>& triplets) {
   for (Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
 }
 
-/// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
+/// Adds a weight 1 for each corner of a polygon, first to last - 1, at a vertex of its face.
 inline void add_corners(const MetaSide& side, Element element, int f, int first, int last,
                         Array<Triplet>& triplets) {
   for (int c = first; c < last; ++c)
@@ -11095,7 +11090,7 @@ inline void add_corners(const MetaSide& side, Element element, int f, int first,
       }
 }
 
-/// Gives every vertex the row of the one that it is the same as.
+/// Returns rows in which every copy of a vertex has the row of that vertex.
 inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
   Array<Triplet> triplets;
   for (int v = 0; v < rows.rows(); ++v)
