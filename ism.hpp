@@ -1787,24 +1787,24 @@ inline JointSurface join(const SurfacePair& pair) {
 
 // ==== [7] OVERLAY (paper §3.1, §4.4, §5.2) =======================================================
 //
-// Purpose:    the meta mesh of two planar embeddings as polygons ρ = f(t_A) ∩ g(t_B), and the exact
-//             decision whether an embedding is injective.
+// Purpose:    computes the meta mesh of two planar embeddings as polygons ρ = f(t_A) ∩ g(t_B), and
+//             decides exactly whether an embedding is injective.
 // Invariants: every decision is the sign of orient2d of three input vertices, mixed triples under
-//             the symbolic perturbation; so neighbouring polygons agree on their common corners and
-//             no polygon has fewer than 3 or more than 6 corners.
-// Fails:      on injective embeddings only if there are more than kMostPolygons; cost is linear in
-//             the number of polygons, unless a triangle of A meets B in many separate pieces, plus
-//             O((a + b + crossings) log(a b)) for boundaries of a and b edges, unless many boxes
-//             of edges meet that do not, and O(#F log a b) where loops are left without polygons.
+//             the symbolic perturbation. So neighbouring polygons agree on their common corners,
+//             and every polygon has 3 to 6 corners.
+// Fails:      on injective embeddings only above kMostPolygons polygons. Cost: linear in the
+//             polygons, unless a triangle of A meets B in many separate pieces; O((a + b +
+//             crossings) log(a b)) for boundaries of a and b edges, unless boxes of many disjoint
+//             edges meet; O(#F log a b) where loops are left without polygons.
 
-/// Those of a map between meshes of some five million triangles. Where two vertices of m and n
-/// edges lie over each other, there are m n / 4, so that small meshes can have as many.
+/// The limit of an overlay. Meshes of five million triangles reach it; small ones can, too: two
+/// vertices of m and n edges that lie over each other have m n / 4 polygons around them.
 inline constexpr int kMostPolygons = 1 << 24;
 
-/// One polygon of the meta mesh. Its boundary is a cycle of pieces, each on an edge of t_A
-/// (0, 1, 2) or of t_B (3, 4, 5), three bits per piece, counter-clockwise. Corner i is where
-/// piece i starts: the first vertex of its edge if piece i-1 lies on the same triangle, else the
-/// crossing of the two edges. So the code alone holds the combinatorics.
+/// One polygon of the meta mesh. Its boundary is a counter-clockwise cycle of pieces, each on an
+/// edge of t_A (0, 1, 2) or t_B (3, 4, 5), three bits per piece. Piece i starts at corner i: the
+/// first vertex of its edge if piece i-1 lies on the same triangle, else the crossing of both
+/// edges. So the code alone holds the combinatorics.
 struct OverlayPolygon {
   int ta = 0;  // ids in A ⊔ B
   int tb = 0;
@@ -1824,18 +1824,18 @@ inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
   return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
 }
 
-/// Axis-parallel boxes of items, and of runs of 2^k consecutive ones, as a binary tree. The box of
-/// an item that is not there is empty.
+/// A bounding volume hierarchy: axis-parallel boxes of items, and of runs of 2^k consecutive items,
+/// as a binary tree. Absent items have empty boxes.
 class BoxTree {
  public:
-  /// Of n items, none of which is there. Memory of an earlier tree is used again.
+  /// Clears the tree for n items, all absent; reuses its memory.
   void reset(int n) {
     for (leaves_ = 1; leaves_ < n;) leaves_ *= 2;
     lo_.assign(2 * leaves_, {kInfinity, kInfinity});
     hi_.assign(2 * leaves_, {-kInfinity, -kInfinity});
   }
 
-  /// Sets the box of an item; once all are set, join() finds those of runs.
+  /// Sets the box of an item. Once all are set, join() computes the boxes of runs.
   void set(int i, Vec2 lo, Vec2 hi) {
     lo_[leaves_ + i] = lo;
     hi_[leaves_ + i] = hi;
@@ -1844,14 +1844,14 @@ class BoxTree {
     for (int i = leaves_ - 1; i >= 1; --i) join_children(i);
   }
 
-  /// Changes the box of an item, and those of its runs.
+  /// Changes the box of an item and of the runs that contain it.
   void change(int i, Vec2 lo, Vec2 hi) {
     set(i, lo, hi);
     for (int k = (leaves_ + i) / 2; k >= 1; k /= 2) join_children(k);
   }
   void remove(int i) { change(i, {kInfinity, kInfinity}, {-kInfinity, -kInfinity}); }
 
-  /// True if is_it(i) is, for one of the items in whose boxes, and those of their runs, it may be.
+  /// Returns true if is_it(i) holds for an item; skips boxes for which may_be_in(lo, hi) is false.
   template <class MayBeIn, class IsIt>
   bool find(const MayBeIn& may_be_in, const IsIt& is_it, int node = 1) const {
     if (!(lo_[node].x <= hi_[node].x) || !may_be_in(lo_[node], hi_[node])) return false;
@@ -1859,7 +1859,7 @@ class BoxTree {
     return find(may_be_in, is_it, 2 * node) || find(may_be_in, is_it, 2 * node + 1);
   }
 
-  /// Calls visit(i, j) for all items i of this and j of the other tree whose boxes meet.
+  /// Calls visit(i, j) for all items i of this tree and j of the other one whose boxes meet.
   template <class Visit>
   void for_each_pair(const BoxTree& other, Visit visit) const {
     descend(1, other, 1, visit);
@@ -1889,7 +1889,7 @@ class BoxTree {
   Array<Vec2> lo_, hi_;
 };
 
-/// Makes a tree of the segments begin to end - 1 of m.boundary.
+/// Builds the tree of the segments begin to end - 1 of m.boundary.
 inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int end, BoxTree& tree) {
   tree.reset(end - begin);
   for (int i = begin; i < end; ++i) {
@@ -1902,7 +1902,7 @@ inline void build_tree(const HalfEdgeMesh& m, const Points2& x, int begin, int e
 
 // ---- injectivity of one embedding (§4.4) ----
 
-/// True if closed segments pq and rs have a point in common, exactly.
+/// Returns true if the closed segments pq and rs have a common point; exact.
 inline bool segments_touch(Vec2 p, Vec2 q, Vec2 r, Vec2 s) {
   const double r_side = orient2d(p, q, r), s_side = orient2d(p, q, s);
   const double p_side = orient2d(r, s, p), q_side = orient2d(r, s, q);
@@ -1912,8 +1912,7 @@ inline bool segments_touch(Vec2 p, Vec2 q, Vec2 r, Vec2 s) {
   return straddles(r_side, s_side) && straddles(p_side, q_side);
 }
 
-/// True if consecutive segments pq and qr fold back onto each other, so that they share more than
-/// q.
+/// Returns true if consecutive segments pq and qr fold back, so that they share more than q.
 inline bool turns_back(Vec2 p, Vec2 q, Vec2 r) {
   return orient2d(p, q, r) == 0 && dot(p - q, r - q) > 0;
 }
@@ -1925,9 +1924,9 @@ inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
   return true;
 }
 
-/// True if the angles around every interior vertex add up to 2π, given positive triangles. A fan
-/// of positive triangles turns by less than π per step, so it turns once around exactly if it
-/// passes once from the lower into the upper half-plane; comparisons decide that exactly.
+/// Returns true if the angles around every interior vertex add up to 2π, given positive triangles.
+/// A fan of positive triangles turns by less than π per step, so it turns once exactly if it passes
+/// once from the lower into the upper half-plane; comparisons decide that exactly.
 inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
   for (int v = 0; v < m.n_vertices; ++v) {
     if (m.on_boundary(v)) continue;
@@ -1950,7 +1949,7 @@ inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
   return true;
 }
 
-/// True if some boundary loops meet neither themselves nor each other.
+/// Returns true if loops first_loop to last_loop - 1 intersect neither themselves nor each other.
 inline bool loops_are_simple(const HalfEdgeMesh& m, const Points2& x, int first_loop,
                              int last_loop) {
   const int begin = m.loop[first_loop];
@@ -1972,8 +1971,7 @@ inline bool loops_are_simple(const HalfEdgeMesh& m, const Points2& x, int first_
   return simple;
 }
 
-/// True if a loop, which is simple, runs counter-clockwise: its leftmost vertex, the lowest if
-/// there are several, is convex.
+/// Returns true if a simple loop runs counter-clockwise: convex at its leftmost, lowest vertex.
 inline bool runs_counter_clockwise(const HalfEdgeMesh& m, const Points2& x, int loop) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto p = [&](int i) { return row2(x, m.tail[m.boundary[begin + i % n]]); };
@@ -1983,8 +1981,8 @@ inline bool runs_counter_clockwise(const HalfEdgeMesh& m, const Points2& x, int 
   return orient2d(p(least + n - 1), p(least), p(least + 1)) > 0;
 }
 
-/// True if the loops of every connected surface are simple and apart, one around the others, which
-/// run the other way.
+/// Returns true if the loops of every component are simple and disjoint, and of several loops at
+/// most one, the outline, runs counter-clockwise.
 inline bool boundaries_are_simple(const HalfEdgeMesh& m, const Points2& x) {
   for (int c = 0; c + 1 < m.component.size(); ++c) {
     const int first = m.component[c], last = m.component[c + 1];
@@ -2004,11 +2002,11 @@ inline bool coordinates_are_usable(const Points2& x) {
   return true;
 }
 
-/// The promise of the library (§4.4): every triangle positive, angle sums 2π, boundaries simple.
-/// A positively oriented piecewise affine map of a disk with a simple boundary is injective
-/// [Lipman 2014]. With openings, a point has as many preimages as loops wind around it in all: one
-/// inside of the outer loop but outside of the others, which wind the other way, none elsewhere. Of
-/// A ⊔ B, f and g are injective, each.
+/// Returns true if an embedding is injective, the guarantee of the library (§4.4): triangles
+/// positive, angle sums 2π, boundaries simple. A positively oriented piecewise affine map of a disk
+/// with a simple boundary is injective [Lipman 2014]. With openings, the winding numbers of all
+/// loops around a point add up to its number of preimages: one inside the outline and outside the
+/// openings, which wind the other way, else none. On A ⊔ B, f and g are injective separately.
 inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
   return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
          boundaries_are_simple(m, x);
@@ -2016,7 +2014,7 @@ inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
 
 // ---- intersection of two triangles ----
 
-/// A triangle with the labels of its corners, which are ids in A ⊔ B.
+/// A triangle with labelled corners; labels are vertex ids in A ⊔ B.
 struct LabelledTriangle {
   LabelledPoint corner[3];
   const LabelledPoint& operator[](int k) const { return corner[k]; }
@@ -2027,13 +2025,13 @@ inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f)
   return {{{row2(x, i), i}, {row2(x, j), j}, {row2(x, k), k}}};
 }
 
-/// left[i][k]: does corner i of the one triangle lie left of edge k of the other?
+/// left[i][k]: corner i of one triangle lies left of edge k of the other.
 struct Sides {
   bool left[3][3];
   bool inside(int i) const { return left[i][0] && left[i][1] && left[i][2]; }
 };
 
-/// What oriented() says of each; differences are shared among the three edges.
+/// Evaluates oriented() for all corners and edges; the three edges share coordinate differences.
 inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edges) {
   Sides side;
   for (int i = 0; i < 3; ++i) {
@@ -2049,15 +2047,14 @@ inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edge
   return side;
 }
 
-/// The part of one edge of a triangle inside the other triangle: whether there is one, and the
-/// edge of the other triangle through which it leaves, or -1 if it ends at its vertex.
+/// The part of an edge inside the other triangle; leaves_through is -1 if it ends at its vertex.
 struct EdgePiece {
   bool exists = false;
   int leaves_through = -1;
 };
 
-/// Edge i of the triangle whose corners have sides `own` (with respect to the other triangle's
-/// edges); `other` are the sides of the other triangle's corners with respect to this one's edges.
+/// Clips edge i of a triangle by another triangle. `own`: sides of its corners against the other's
+/// edges; `other`: sides of the other's corners against its edges.
 inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
   const int j = i == 2 ? 0 : i + 1;
   EdgePiece piece;
@@ -2076,7 +2073,7 @@ inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
   return piece;
 }
 
-/// The intersection of two triangles; count 0 if they do not overlap.
+/// Intersects two triangles; count is 0 if they do not overlap.
 inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangle& b) {
   const Sides a_side = sides(a, b), b_side = sides(b, a);
   EdgePiece piece[6];
@@ -2099,23 +2096,23 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 
 // ---- the overlay of two embeddings ----
 
-/// Triangles of A and B that meet.
+/// A triangle of A and a triangle of B that overlap.
 struct Seed {
   int ta, tb;
 };
 
-/// The polygons of an overlay, and the memory to compute the next one without allocating.
+/// The polygons of an overlay, and memory that the next overlay reuses.
 struct Overlay {
   Array<OverlayPolygon> polygons;
-  bool is_too_large = false;  // some are missing
-  Array<int> newest;          // per triangle of A: the polygon found last, or -1
-  Array<int> older;           // per polygon: the one found before in the same triangle of A, or -1
-  Array<int> mark;            // per triangle of B: the triangle of A that is known to meet it
+  bool is_too_large = false;  // some polygons are missing
+  Array<int> newest;          // per triangle of A: its last polygon, or -1
+  Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
+  Array<int> mark;  // per triangle of B: the last triangle of A that it was tested against
   Array<Seed> seeds;
-  Array<char> is_crossed;  // per boundary loop: by one of the other mesh
-  /// Loops that are not: the loop, its first half-edge, the triangle this begins in or -1.
+  Array<char> is_crossed;  // per boundary loop: it crosses a loop of the other mesh
+  /// Uncrossed loops: the loop, its first half-edge, the triangle that contains its start, or -1.
   Array<std::array<int, 3>> uncrossed;
-  BoxTree boundary_a, boundary_b, starts;  // of edges; of where those of `uncrossed` begin
+  BoxTree boundary_a, boundary_b, starts;  // of edges, and of the starts of `uncrossed`
 };
 
 class OverlayBuilder {
@@ -2147,8 +2144,8 @@ class OverlayBuilder {
     }
   }
 
-  /// Finds the polygons of one triangle of A that are connected to the one in tb within it; those
-  /// across its edges become seeds, edge by edge, so that they come back together.
+  /// Finds the polygons of triangle ta that are connected to (ta, tb) within ta. Polygons across
+  /// its edges become seeds, edge by edge, so that they are taken together.
   void flood(int ta, int tb) {
     if (ta != marked_) mark_known(ta);
     if (overlay_.mark[tb] == ta) return;
@@ -2189,8 +2186,8 @@ class OverlayBuilder {
     overlay_.polygons.push_back(p);
   }
 
-  /// Every component of the overlap whose boundary has parts of loops has a crossing of a boundary
-  /// edge of A with one of B; the triangles at these edges overlap there.
+  /// Seeds the components of the overlap that parts of loops bound: each has a crossing of a
+  /// boundary edge of A with one of B, and the triangles at these edges overlap there.
   void seed_boundary_crossings() {
     overlay_.is_crossed.assign(m_.loops(), 0);
     build_tree(m_, x_, 0, s_.boundary_a, overlay_.boundary_a);
@@ -2211,8 +2208,8 @@ class OverlayBuilder {
            1;
   }
 
-  /// Other components are bounded by whole loops, each inside of the other embedding or outside of
-  /// it: the triangle is looked for that each begins in, in one pass over all.
+  /// Seeds the other components. Whole loops bound them, each inside or outside the other
+  /// embedding; one pass over all triangles locates the start of each loop.
   void seed_other_loops() {
     for (int i = 0; i < m_.loops(); ++i)
       if (!overlay_.is_crossed[i]) overlay_.uncrossed.push_back({i, m_.boundary[m_.loop[i]], -1});
@@ -2227,7 +2224,7 @@ class OverlayBuilder {
     }
   }
 
-  /// Finds the loops that begin in triangle t of the other mesh.
+  /// Finds the loops that start in triangle t of the other mesh.
   void locate_starts(int t) {
     const LabelledTriangle f = labelled(m_, x_, t);
     const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
@@ -2243,7 +2240,7 @@ class OverlayBuilder {
     });
   }
 
-  /// In strips by x, by y within them, so that runs of loops begin close together.
+  /// Builds the tree of starts, sorted in strips by x and by y within them: its runs are compact.
   void build_tree_of_starts() {
     const int n = overlay_.uncrossed.size(), width = static_cast<int>(std::sqrt(n)) + 1;
     std::array<int, 3>* const loop = overlay_.uncrossed.data();
@@ -2274,7 +2271,7 @@ inline void compute_overlay(const JointSurface& s, const Points2& x, Overlay& ov
   OverlayBuilder(s, x, overlay).build();
 }
 
-/// Polygons by face, of A and of B: those of face f are item[start[f]] .. item[start[f + 1] - 1].
+/// Polygons by face of A and of B: face f has item[start[f]] .. item[start[f + 1] - 1].
 struct FaceGroups {
   Array<int> start, item;
 };
@@ -2294,16 +2291,16 @@ inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_fa
 
 // ==== [8] ENERGIES (paper §3.2, §4.1, §4.2, §4.4, §5.1) ==========================================
 //
-// Purpose:    value, gradient and Hessian of the distortion of one meta mesh polygon and of one
-//             parametrised triangle in closed form, and the projection of Hessians to s.p.d. ones.
-// Method:     E_ρ = a w(F, G), where w depends on K, det F and det G only; so three numbers carry
-//             all that differs between measures, and the chain rule leads from them to the entries
-//             of F and G and on to the six points. Formulas are written for one polygon, Real being
-//             double; with Lanes for Real, the same ones differentiate several polygons at once.
-// Invariants: six planar points, two rest frames and a corner code are the whole input; values are
-//             finite whenever both triangles are positive, also for polygons without area.
-// Fails:      never; triangles that are not positive, or too thin for rounded determinants to be,
-//             have energy +infinity.
+// Purpose:    computes value, gradient and Hessian of the distortion of a polygon and of a
+//             parametrised triangle in closed form, and projects Hessians to s.p.d. ones.
+// Method:     E_ρ = a w(F, G), where w depends on K, det F and det G only. So three numbers carry
+//             all differences between measures; the chain rule leads from them to the entries of F
+//             and G and on to the six points. With Real = double the formulas differentiate one
+//             polygon, with Real = Lanes several at once.
+// Invariants: the input is six planar points, two rest frames and a corner code. Values are finite
+//             if both triangles are positive, also for polygons without area.
+// Fails:      never; triangles that are not positive, or too thin for a positive rounded
+//             determinant, have energy +infinity.
 
 // ---- geometry of a polygon ----
 
@@ -2314,8 +2311,7 @@ struct SixPoints {
   Vec2 operator[](int i) const { return p[i]; }
 };
 
-/// One piece of a polygon's boundary: edge `e` (0-5 as in OverlayPolygon), from its parameter s to
-/// t, 0 ≤ s ≤ t ≤ 1 up to rounding.
+/// A boundary piece: edge `e` (0-5 as in OverlayPolygon), 0 ≤ s ≤ t ≤ 1 up to rounding.
 struct Piece {
   int e = 0;
   double s = 0;
@@ -2336,13 +2332,13 @@ inline bool same_triangle(int e, int other) { return (e < 3) == (other < 3); }
 
 inline double clamp01(double x) { return (std::min)((std::max)(x, 0.0), 1.0); }
 
-/// Where u + t d = c + μ w (Eq. 6).
+/// The crossing u + t d = c + μ w of two edges (Eq. 6).
 struct Crossing {
   double t, mu;
 };
 
-/// For edges that are parallel to rounding, the middle of the common part stands for the crossing,
-/// which then has no influence on the area.
+/// Computes a crossing. For edges parallel up to rounding, returns the midpoint of their common
+/// part, which does not influence the area.
 inline Crossing crossing(Vec2 u, Vec2 d, Vec2 c, Vec2 w) {
   const double D = cross(d, w), dd = squared_norm(d), ww = squared_norm(w);
   const double sine = std::abs(D) / std::sqrt(dd * ww);
@@ -2376,7 +2372,7 @@ inline PolygonShape polygon_shape(const OverlayPolygon& p, const SixPoints& x) {
   return shape;
 }
 
-/// a = ½ Σ (t - s) (u × v) over the pieces, on edges u → v.
+/// Returns a = ½ Σ (t - s) (u × v) over the pieces, on edges u → v.
 inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
   double twice = 0;
   for (int i = 0; i < shape.count; ++i) {
@@ -2387,15 +2383,14 @@ inline double polygon_area(const PolygonShape& shape, const SixPoints& x) {
   return 0.5 * twice;
 }
 
-/// A polygon whose area drowns in rounding errors of its triangles' coordinates. It weighs nothing
-/// in E, and its derivatives would be those of the noise.
+/// Returns true if rounding dominates the area: it adds nothing to E, and noise to derivatives.
 inline bool is_negligible(double area, const SixPoints& x) {
   constexpr double kNoise = 1e-12;
   const double a = cross(x[1] - x[0], x[2] - x[0]), b = cross(x[4] - x[3], x[5] - x[3]);
   return !(area > kNoise * (std::min)(a, b));
 }
 
-/// J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2).
+/// Returns J = [p1 - p0, p2 - p0] R⁻¹ (Eq. 2).
 inline Mat2 jacobian(Vec2 p0, Vec2 p1, Vec2 p2, const Mat2& rest_inverse) {
   return columns(p1 - p0, p2 - p0) * rest_inverse;
 }
@@ -2413,14 +2408,14 @@ Real cross(const Real& ax, const Real& ay, const Real& bx, const Real& by) {
 inline double larger(double x, double y) { return (std::max)(x, y); }
 inline double is_positive(double x) { return x > 0 ? 1 : 0; }
 
-/// w with its derivatives in K and in the determinants of F and G.
+/// The density w and its derivatives in K, det F and det G.
 template <class Real>
 struct InvariantDensity {
   Real value, K, F, G;
   Real KK, KF, FF, KG, FG, GG;
 };
 
-/// w = K (1 / det³ F + 1 / det³ G), the density of the symmetric Dirichlet energy (Eq. 4).
+/// Returns w = K (1 / det³ F + 1 / det³ G), the density of the symmetric Dirichlet energy (Eq. 4).
 template <class Real>
 InvariantDensity<Real> dirichlet_density(const Real& K, const Real& det_f, const Real& det_g) {
   const Real i = 1 / det_f, j = 1 / det_g, i3 = i * i * i, j3 = j * j * j;
@@ -2434,14 +2429,13 @@ InvariantDensity<Real> dirichlet_density(const Real& K, const Real& det_f, const
   return w;
 }
 
-/// Derivatives of D(S, d).
+/// D(S, d) and its derivatives.
 template <class Real>
 struct Stretch {
   Real value, S, d, SS, Sd, dd;
 };
 
-/// w = D(S, d) (on_a / det F + on_b / det G), by the chain rule from S = K / det² G and
-/// d = det F / det G.
+/// Returns w = D(S, d) (on_a / det F + on_b / det G), with S = K / det² G and d = det F / det G.
 template <class Real>
 InvariantDensity<Real> stretch_density(const Stretch<Real>& D, double on_a, double on_b,
                                        const Real& K, const Real& det_f, const Real& det_g) {
@@ -2467,7 +2461,7 @@ InvariantDensity<Real> stretch_density(const Stretch<Real>& D, double on_a, doub
   return w;
 }
 
-/// Takes κ (1 / det F + 1 / det G), the density of the covered areas, off w.
+/// Subtracts κ (1 / det F + 1 / det G), the density of the covered areas, from w.
 template <class Real>
 void add_coverage(double kappa, const Real& det_f, const Real& det_g, InvariantDensity<Real>& w) {
   const Real i = 1 / det_f, j = 1 / det_g, i2 = kappa * i * i, j2 = kappa * j * j;
@@ -2478,7 +2472,7 @@ void add_coverage(double kappa, const Real& det_f, const Real& det_g, InvariantD
   w.GG = w.GG - 2 * j2 * j;
 }
 
-/// w of a measure at Jacobians F and G, without coverage; +∞ unless both determinants are positive.
+/// Returns w at Jacobians F and G, without coverage; +∞ unless both determinants are positive.
 inline double density_value(const DistortionMeasure& measure, const Mat2& F, const Mat2& G) {
   const double det_f = determinant(F), det_g = determinant(G);
   if (!(det_f > 0) || !(det_g > 0)) return kInfinity;
@@ -2486,11 +2480,11 @@ inline double density_value(const DistortionMeasure& measure, const Mat2& F, con
   if (measure.is_symmetric_dirichlet())
     return K * (1 / (det_f * det_f * det_f) + 1 / (det_g * det_g * det_g));
   const double d = det_f / det_g;
-  const double S = (std::max)(K / (det_g * det_g), 2 * d);  // rounding could take it below
+  const double S = (std::max)(K / (det_g * det_g), 2 * d);  // rounding can make it smaller
   return measure.density(S, d).value * (measure.on_a() / det_f + measure.on_b() / det_g);
 }
 
-/// S (1 + 1 / d³), of which Eq. 3 is the integral over B'.
+/// S (1 + 1 / d³); its integral over B' is Eq. 3.
 inline StretchDensity dirichlet_stretch(double S, double d) {
   const double i = 1 / d, i3 = i * i * i;
   return {S * (1 + i3), 1 + i3, -3 * S * i3 * i, 0, -3 * i3 * i, 12 * S * i3 * i * i};
@@ -2505,8 +2499,7 @@ inline StretchDensity arap_stretch(double S, double d) {
 /// (σ_max - σ_min)² = S - 2 d.
 inline StretchDensity asap_stretch(double S, double d) { return {S - 2 * d, 1, -2, 0, 0, 0}; }
 
-/// (1 - 1/σ_min)² + (1 - σ_max)² with σ = (p ± q) / 2, q = √(S - 2 d + δ S). Without δ, q has a
-/// kink where it is 0.
+/// (1 - 1/σ_min)² + (1 - σ_max)², σ = (p ± q) / 2, q = √(S - 2 d + δ S); δ smooths q's kink at 0.
 inline StretchDensity sarap_stretch(double S, double d) {
   constexpr double kDelta = 1e-12;
   const double p = std::sqrt(S + 2 * d), q = std::sqrt((std::max)(S - 2 * d, 0.0) + kDelta * S);
@@ -2551,14 +2544,13 @@ namespace detail {
 
 // ---- one parametrised triangle: E_f and E_g (§4.4) ----
 
-/// Symmetric Dirichlet energy A (‖J‖² + ‖J‖²/det² J) of one triangle.
+/// Returns the symmetric Dirichlet energy A (‖J‖² + ‖J‖²/det² J) of one triangle.
 inline double triangle_energy(const Mat2& J, double area) {
   const double f = determinant(J);
   return f > 0 ? area * squared_norm(J) * (1 + 1 / (f * f)) : kInfinity;
 }
 
-/// ‖J‖² + ‖J‖²/det² J with its derivatives in the entries of J, by columns; of the Hessian the
-/// lower triangle counts.
+/// ‖J‖² + ‖J‖²/det² J, its derivatives in the entries of J by columns (Hessian: lower triangle).
 template <class Real>
 struct TriangleDensity {
   Real value, gradient[4], hessian[4][4];
@@ -2596,28 +2588,27 @@ struct CornerWeights {
   }
 };
 
-/// The gradient in point i of a triangle, and the block (i, j) of the Hessian in its points.
+/// Returns the gradient in point i of a triangle.
 inline Vec2 point_gradient(const TriangleDensity<double>& w, const CornerWeights<double>& B,
                            int i) {
   return {B.weight[i][0] * w.gradient[0] + B.weight[i][1] * w.gradient[2],
           B.weight[i][0] * w.gradient[1] + B.weight[i][1] * w.gradient[3]};
 }
-/// A symmetric matrix, of which the lower triangle counts.
+/// A symmetric matrix; only its lower triangle is used.
 template <int N, class Real>
 struct Symmetric {
   Real entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
   Real& operator()(int i, int j) { return entry[i][j]; }
   const Real& operator()(int i, int j) const { return entry[i][j]; }
   const Real& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
-  /// The 2×2 block (i, j) of one lane.
+  /// Returns the 2×2 block (i, j) of one lane.
   Mat2 block(int i, int j, int lane) const {
     return {{symmetric(2 * i, 2 * j)[lane], symmetric(2 * i + 1, 2 * j)[lane],
              symmetric(2 * i, 2 * j + 1)[lane], symmetric(2 * i + 1, 2 * j + 1)[lane]}};
   }
 };
 
-/// A triangle: its points, two coordinates each, its R⁻¹ and its area; and what differentiate()
-/// finds.
+/// A triangle: coordinates of its points, R⁻¹ and area; differentiate() sets the rest.
 template <class Real>
 struct TriangleElement {
   Real x[6], rest_inverse[4], area;
@@ -2625,7 +2616,7 @@ struct TriangleElement {
   Symmetric<6, Real> hessian;
 };
 
-/// The Jacobian of the triangle with its coordinates from x on.
+/// Computes the Jacobian of the triangle whose coordinates start at x.
 template <class Real>
 void jacobian(const CornerWeights<Real>& B, const Real* x, Real* J) {
   for (int k = 0; k < 4; ++k) {
@@ -2645,7 +2636,7 @@ void differentiate(TriangleElement<Real>& element) {
     const int r = i % 2;
     const Real b0 = element.area * B.weight[i / 2][0], b1 = element.area * B.weight[i / 2][1];
     element.gradient[i] = b0 * w.gradient[r] + b1 * w.gradient[2 + r];
-    Real half[4];  // a row of the Hessian with its columns in J
+    Real half[4];  // row i of the Hessian, columns in J
     for (int k = 0; k < 4; ++k) half[k] = b0 * second(r, k) + b1 * second(2 + r, k);
     for (int j = 0; j <= i; ++j)
       element.hessian(i, j) =
@@ -2672,14 +2663,14 @@ InvariantDensity<Real> invariant_density(const DistortionMeasure& measure, doubl
   return w;
 }
 
-/// Entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
+/// Returns entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
 template <class Real>
 Real perp_of(const Real* J, int column, int r) {
   return r == 0 ? J[2 * column + 1] : -J[2 * column];
 }
 
-/// Adds scale · ∇²K. K is the sum of X_cd², X_cd = cross(F_c, G_d) of the columns of F and G, and
-/// ∂X_cd/∂F_c = perp(G_d), ∂X_cd/∂G_d = -perp(F_c).
+/// Adds scale · ∇²K. K = Σ X_cd² with X_cd = cross(F_c, G_d) for the columns of F and G; ∂X_cd/∂F_c
+/// = perp(G_d), ∂X_cd/∂G_d = -perp(F_c).
 template <class Real>
 void add_norm_hessian(const Real* J, const Real (&X)[2][2], const Real& scale,
                       Symmetric<8, Real>& H) {
@@ -2703,21 +2694,20 @@ void add_norm_hessian(const Real* J, const Real (&X)[2][2], const Real& scale,
         }
 }
 
-/// Adds scale · ∇² det for the four entries from `first` on.
+/// Adds scale · ∇² det to the four entries from `first` on.
 template <class Real>
 void add_det_hessian(const Real& scale, int first, Symmetric<8, Real>& H) {
   H(first + 3, first) += scale;
   H(first + 2, first + 1) -= scale;
 }
 
-/// w, less the density of coverage, at Jacobians with the entries J = f11 f21 f12 f22 g11 g21 g12
-/// g22, and what its derivatives in them are made of.
+/// The density w minus coverage at J = f11 f21 f12 f22 g11 g21 g12 g22, and its derivatives' parts.
 template <class Real>
 struct DensityParts {
   Real X[2][2];
   InvariantDensity<Real> w;
-  Real dK[8], ddet[8];  // ∇K, and ∇ det F or ∇ det G, whichever is not zero
-  /// Σ w_m ∇m over m = K, det F, det G.
+  Real dK[8], ddet[8];  // ∇K; ∇ det F (entries 0 to 3) and ∇ det G (4 to 7)
+  /// Returns entry i of Σ w_m ∇m over m = K, det F, det G.
   Real gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
 };
 
@@ -2744,7 +2734,7 @@ DensityParts<Real> density_parts(const DistortionMeasure& measure, double kappa,
   return p;
 }
 
-/// Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ over m, n = K, det F, det G.
+/// Computes Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ over m, n = K, det F, det G.
 template <class Real>
 void density_hessian(const Real* J, const DensityParts<Real>& p, Symmetric<8, Real>& H) {
   const InvariantDensity<Real>& w = p.w;
@@ -2760,26 +2750,26 @@ void density_hessian(const Real* J, const DensityParts<Real>& p, Symmetric<8, Re
   add_det_hessian(w.G, 4, H);
 }
 
-/// A polygon: what differentiate() needs, and what it finds.
+/// A polygon: the input of differentiate(), then its output.
 template <class Real>
 struct PolygonElement {
   Real x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
   Real rest_inverse[8];
-  Real s[6], t[6];  // of the pieces; both 0 on edges without one
+  Real s[6], t[6];  // of the pieces; both 0 on edges without a piece
   struct Corner {
     Real is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
   };
   Corner corner[3][3];  // where an edge of t_A meets one of t_B
   Real area;
-  Real is_negligible;  // 1 or 0; then the rest means nothing
+  Real is_negligible;  // 1 or 0; if 1, the derivatives are meaningless
 
   Real value, gradient[12];
   Symmetric<12, Real> hessian;  // not set by differentiate_once()
 };
 
-/// ∂a/∂u = Σ α perp(d), ∂a/∂v = Σ β perp(d) over the pieces on edges d = v - u, β = (t² - s²)/2,
-/// α = (t - s) - β: a boundary piece moves outward by the interpolated motion of its edge, its ends
-/// move along the boundary.
+/// Computes ∂a/∂u = Σ α perp(d) and ∂a/∂v = Σ β perp(d) over the pieces of edges d = v - u, where β
+/// = (t² - s²)/2 and α = (t - s) - β: pieces move with their edges, and their ends along the
+/// boundary.
 template <class Real>
 void area_gradient(const PolygonElement<Real>& element, Real* gradient) {
   for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
@@ -2793,7 +2783,7 @@ void area_gradient(const PolygonElement<Real>& element, Real* gradient) {
   }
 }
 
-/// An edge of a triangle: where the coordinates of its ends are, and its normal.
+/// An edge of a triangle: the offsets of its end points in the coordinates, and its normal.
 template <class Real>
 struct EdgeOfElement {
   int end[2];
@@ -2804,11 +2794,11 @@ struct EdgeOfElement {
   }
 };
 
-/// Adds the part of weight · ∇²a that comes from the corner of edges i of t_A and j of t_B. With
-/// d, w the edges, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing point as
-/// a point of either edge, δ²a has the part
+/// Adds the part of weight · ∇²a from the corner of edges i of t_A and j of t_B. With edges d and
+/// w, m_d = perp(d), m_w = perp(w), and Z_d, Z_w the motions of the crossing as a point of either
+/// edge, it is
 ///   -(1 / |d × w|) [(m_d·Z_d)(m_w·Z_d) - 2 (m_d·Z_d)(m_w·Z_w) + (m_w·Z_w)(m_d·Z_w)].
-/// |d × w| is kept from vanishing relative to the edges, so that near-parallel edges stay finite.
+/// A lower bound on |d × w| relative to the edges keeps near-parallel edges finite.
 template <class Real>
 void add_corner_hessian(const PolygonElement<Real>& element, int i, int j, const Real& weight,
                         Symmetric<12, Real>& H) {
@@ -2845,7 +2835,7 @@ void add_corner_hessian(const PolygonElement<Real>& element, int i, int j, const
     }
 }
 
-/// H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
+/// Sets H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
 template <class Real>
 void set_area_hessian(const PolygonElement<Real>& element, const Real& weight,
                       Symmetric<12, Real>& H) {
@@ -2862,7 +2852,7 @@ void set_area_hessian(const PolygonElement<Real>& element, const Real& weight,
     for (int j = 0; j < 3; ++j) add_corner_hessian(element, i, j, weight, H);
 }
 
-/// What the first and the second derivatives of E_ρ have in common.
+/// Intermediate results of the first derivatives of E_ρ that the second ones reuse.
 template <class Real>
 struct PolygonParts {
   CornerWeights<Real> B[2];
@@ -2870,7 +2860,7 @@ struct PolygonParts {
   DensityParts<Real> density;
 };
 
-/// E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
+/// Computes E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
 template <class Real>
 PolygonParts<Real> differentiate_once(const DistortionMeasure& measure, double kappa,
                                       PolygonElement<Real>& element) {
@@ -2894,13 +2884,13 @@ PolygonParts<Real> differentiate_once(const DistortionMeasure& measure, double k
   return p;
 }
 
-/// The same, with the Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
+/// Computes E_ρ, its gradient, and its Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
 template <class Real>
 void differentiate(const DistortionMeasure& measure, double kappa, PolygonElement<Real>& element) {
   const PolygonParts<Real> p = differentiate_once(measure, kappa, element);
   Symmetric<8, Real> second;
   density_hessian(p.J, p.density, second);
-  Real half[12][8];  // the Hessian of w with its rows in x, its columns in J, times a
+  Real half[12][8];  // a ∇²w with rows in x, columns in J
   for (int i = 0; i < 12; ++i) {
     const int m = i / 6, first = 4 * m + i % 2;
     const Real(&b)[2] = p.B[m].weight[i % 6 / 2];
@@ -2920,12 +2910,11 @@ void differentiate(const DistortionMeasure& measure, double kappa, PolygonElemen
 
 // ---- lanes: many polygons side by side ----
 
-/// Numbers of different polygons, on which every operation acts at once, by the widest vectors that
-/// the compiler may use. Lanes do not mix, so results depend neither on their number nor on what
-/// else is in them. There are two vectors: the second one fills the pauses of the first; more do
-/// not fit the registers.
+/// Numbers of different polygons, processed at once by the widest vectors that the compiler may
+/// use. Lanes do not mix, so results depend neither on their number nor on the content of other
+/// lanes. The second of two vectors hides the latency of the first; more do not fit the registers.
 struct Lanes {
-  using Vector = Eigen::internal::packet_traits<double>::type;  // double where Eigen knows none
+  using Vector = Eigen::internal::packet_traits<double>::type;  // double without SIMD
   static constexpr int kHalf = Eigen::internal::packet_traits<double>::size, kSize = 2 * kHalf;
 
   Vector a, b;
@@ -2940,7 +2929,7 @@ struct Lanes {
     Eigen::internal::pstoreu(to + kHalf, b);
   }
 
-  struct Lane {  // a number among the bytes of vectors, where no double is
+  struct Lane {  // a number within a vector, accessed by memcpy (aliasing)
     void* at;
     operator double() const { return number_at<double>(at); }
     double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
@@ -2968,7 +2957,7 @@ inline Lanes operator-(const Lanes& x) {
   return {Eigen::internal::pnegate(x.a), Eigen::internal::pnegate(x.b)};
 }
 
-/// x + y z; fused in builds that ask for it.
+/// Returns x + y z; fused in builds with FMA enabled.
 inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
 #ifdef __FMA__
   return {Eigen::internal::pmadd(y.a, z.a, x.a), Eigen::internal::pmadd(y.b, z.b, x.b)};
@@ -2993,8 +2982,7 @@ inline Lanes smaller(const Lanes& x, const Lanes& y) {
 }
 inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
 
-/// 1 where x is above 0, else 0: selects without branches. The factors make 1 of any positive
-/// double.
+/// Returns 1 where x > 0, else 0, without branches; the factors raise positive doubles above 1.
 inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
 inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
   return which * one + (1 - which) * zero;
@@ -3010,7 +2998,7 @@ using LaneMatrix = Symmetric<N, Lanes>;
 using TriangleBatch = TriangleElement<Lanes>;
 using PolygonBatch = PolygonElement<Lanes>;
 
-/// A measure of the user's is asked lane by lane.
+/// Evaluates a user-defined measure lane by lane.
 inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
   Stretch<Lanes> D;
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -3056,15 +3044,14 @@ inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_i
 // ---- projection to s.p.d. matrices (§5.1) ----
 
 /// Eigenvalues and eigenvectors of small symmetric matrices by Householder tridiagonalisation and
-/// implicit QL iteration [Bowdler, Martin, Reinsch, Wilkinson 1968]. Lanes that are done wait for
-/// the others.
+/// implicit QL [Bowdler, Martin, Reinsch, Wilkinson 1968]. Converged lanes wait for the others.
 template <int N>
 struct LaneEigen {
   Lanes value[static_cast<std::size_t>(N)];
   Lanes vector[static_cast<std::size_t>(N)]
               [static_cast<std::size_t>(N)];  // row i belongs to value[i]
 
-  void decompose(LaneMatrix<N>& a) {  // which is lost
+  void decompose(LaneMatrix<N>& a) {  // a is destroyed
     tridiagonalize(a);
     for (int l = 0; l + 1 < N; ++l) isolate(l);
   }
@@ -3072,7 +3059,7 @@ struct LaneEigen {
  private:
   Lanes below[static_cast<std::size_t>(N)];  // subdiagonal of the tridiagonal matrix
 
-  /// a = Q T Qᵀ by reflections I - β v vᵀ, v kept in the columns of a; `vector` becomes Qᵀ.
+  /// Computes a = Q T Qᵀ by reflections I - β v vᵀ; a keeps v in its columns, `vector` is Qᵀ.
   void tridiagonalize(LaneMatrix<N>& a) {
     Lanes beta[static_cast<std::size_t>(N)];
     for (int k = 0; k + 1 < N; ++k) {
@@ -3080,7 +3067,7 @@ struct LaneEigen {
       Lanes tail = 0.0;
       for (int i = k + 2; i < N; ++i) tail += square(a(i, k));
       const Lanes head = a(k + 1, k), norm = sqrt(square(head) + tail);
-      const Lanes some = is_positive(tail - 1e-290);  // squares of less have lost their digits
+      const Lanes some = is_positive(tail - 1e-290);  // below, squares have lost digits
       const Lanes signed_norm = select(is_positive(head), norm, -norm);
       below[k] = select(some, -signed_norm, head);
       a(k + 1, k) = some * (head + signed_norm);
@@ -3092,7 +3079,7 @@ struct LaneEigen {
     accumulate(a, beta);
   }
 
-  /// a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns behind k.
+  /// Computes a ← (I - β v vᵀ) a (I - β v vᵀ) on the rows and columns after k.
   static void reflect(LaneMatrix<N>& a, int k, const Lanes& beta) {
     Lanes w[static_cast<std::size_t>(N)];
     for (int i = k + 1; i < N; ++i) w[i] = 0.0;
@@ -3114,7 +3101,7 @@ struct LaneEigen {
       for (int i = j; i < N; ++i) a(i, j) -= a(i, k) * w[j] + w[i] * a(j, k);
   }
 
-  /// vector = Qᵀ, the product of the reflections.
+  /// Computes vector = Qᵀ, the product of the reflections.
   void accumulate(const LaneMatrix<N>& v, const Lanes* beta) {
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j) vector[i][j] = i == j ? 1.0 : 0.0;
@@ -3127,10 +3114,10 @@ struct LaneEigen {
       }
   }
 
-  /// 1 in the lanes whose sweep, which starts at m, has passed place i.
+  /// Returns 1 in the lanes whose sweep, which starts at m, has passed row i.
   static Lanes is_above(const Lanes& m, int i) { return clamp01(m - static_cast<double>(i)); }
 
-  /// The first negligible subdiagonal entry from l on.
+  /// Returns the index of the first negligible subdiagonal entry from l on.
   Lanes split(int l) const {
     constexpr double kNegligible = std::numeric_limits<double>::epsilon();
     Lanes m = static_cast<double>(N - 1);
@@ -3141,12 +3128,12 @@ struct LaneEigen {
     return m;
   }
 
-  /// QL sweeps with Wilkinson's shift until value[l] stands alone.
+  /// Runs QL sweeps with Wilkinson's shift until value[l] is decoupled.
   void isolate(int l) {
     constexpr int kMostSweeps = 50;
     for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
       const Lanes m = split(l);
-      int last = l;  // NaN does not count
+      int last = l;  // ignores NaN
       for (int k = 0; k < kLanes; ++k)
         if (m[k] > last) last = static_cast<int>(m[k]);
       if (last == l) return;
@@ -3168,13 +3155,13 @@ struct LaneEigen {
     Lanes g, s = 1.0, c = 1.0, p = 0.0;
   };
 
-  /// One rotation of a sweep, in the lanes that have started.
+  /// Applies one rotation of a sweep in the lanes that have started.
   void rotate(int i, const Lanes& m, Sweep& state) {
-    constexpr double kTiny = 1e-150;  // keeps 0/0 away: then c = 1 and s = 0
+    constexpr double kTiny = 1e-150;  // avoids 0/0: then c = 1 and s = 0
     const Lanes on = is_above(m, i), off = 1 - on;
     const Lanes f = state.s * below[i], b = state.c * below[i], g = state.g + kTiny;
     const Lanes r2 = square(f) + square(g), r = sqrt(r2);
-    const Lanes inverse = r * (1 / r2);  // beside the root, not after it
+    const Lanes inverse = r * (1 / r2);  // in parallel with the root
     const Lanes s = f * inverse, c = g * inverse;
     const Lanes h = value[i + 1] - state.p;
     const Lanes t = (value[i] - h) * s + 2 * c * b, p = s * t;
@@ -3193,10 +3180,10 @@ struct LaneEigen {
   }
 };
 
-/// Raises the eigenvalues of the Hessian of a function of P planar points, which does not change
-/// when all of them are moved, to at least ε [Teran et al. 2005]; with ε = -∞ to none. With γ = 1 /
-/// (1 + √P), the vectors e_i - γ e_0 - const, i ≥ 1, are orthonormal and span all but the
-/// translations; there, H is H_ij - γ (H_i0 + H_0j) + γ² H_00.
+/// Raises the eigenvalues of the Hessian of a translation-invariant function of P planar points to
+/// at least ε [Teran et al. 2005]; ε = -∞ changes none. With γ = 1 / (1 + √P), the vectors e_i - γ
+/// e_0 - const, i ≥ 1, are an orthonormal basis of the complement of the translations, in which H
+/// is H_ij - γ (H_i0 + H_0j) + γ² H_00.
 template <int P>
 void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
   constexpr int N = 2 * (P - 1);
@@ -3231,49 +3218,48 @@ void project_spd(LaneMatrix<2 * P>& H, double epsilon) {
 
 // ==== [9] OBJECTIVE AND ITS QUADRATIC MODEL (paper §4.1-4.4, §5.1, §5.3, §5.4) ===================
 //
-// Purpose:    E(x) of Eq. 4 and §5 at one iterate; its gradient and projected Hessian; their blend
-//             with earlier ones; the squared Laplacian.
-// Invariants: block matrices are built row by row, each from the faces around a vertex; so rows are
+// Purpose:    computes E(x) of Eq. 4 and §5 at one iterate, its gradient and projected Hessian,
+//             their blend with earlier ones, and the squared Laplacian.
+// Invariants: each row of a block matrix is built from the faces around its vertex. So rows are
 //             independent, and sums run in the order of polygons and faces, never of threads.
 // Fails:      never on injective embeddings.
 
-/// The constants of the optimisation. They were chosen on real pairs.
+/// Constants of the optimisation, tuned on real pairs.
 struct Tuning {
   /// ω_R of §5. With the paper's 1e-8, triangles outside the overlap may degenerate to slivers, and
-  /// E_Φ meets a wall where the overlap would have to grow into them.
+  /// E_Φ hits a barrier where the overlap would have to grow into them.
   double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;   // ε of §5.1, the least eigenvalue of a polygon's Hessian
-  double history_decay = 0.8;  // of §5.3: the next older Hessian weighs so much less
-  /// Once ω_L is small, up to so many quasi-Newton steps follow each iteration, as long as they
-  /// pay. Their gradients join the memory.
+  double history_decay = 0.8;  // of §5.3: weight of a Hessian relative to the next newer one
+  /// The most quasi-Newton steps per iteration, once ω_L is small and as long as they pay. The
+  /// memory keeps their gradients.
   int quasi_newton_steps = 6;
   /// α of §5.4, by which an iteration may change ω_L, and the value below which ω_L hardly acts and
-  /// is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long, one
-  /// of animals 2.5 times; with 2 an ear and a horn of another pair stay apart.
+  /// is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long, a
+  /// pair of animals 2.5 times; with 2 an ear and a horn of another pair stay apart.
   double omega_factor = 3;
   double omega_least = 1e-4;
-  /// The longest way of a vertex in a step, in radii of the domain, and the most covered area that
-  /// a step may lose, as a fraction of the area of either mesh.
+  /// The longest displacement of a vertex per step, in radii of the domain, and the largest loss of
+  /// covered area per step, as a fraction of the area of either mesh.
   double max_displacement = 0.2;
   double max_coverage_loss = 0.05;
-  /// The share of the area covered at the start that stays covered. Many steps, each within
-  /// max_coverage_loss, could otherwise give up the overlap of a pair that fits badly.
+  /// The share of the area covered at the start that stays covered. Else many steps, each within
+  /// max_coverage_loss, could give up the overlap of a badly fitting pair.
   double least_coverage = 0.5;
-  /// The line search tries the steps 0.8^ℓ of every so many ℓ, then those next to the best.
+  /// The line search tries every search_stride-th step 0.8^ℓ, then the neighbours of the best.
   int search_stride = 3;
-  /// Relative error of the directions for ω_L / α and α ω_L, which conjugate gradients find with
-  /// the factor for ω_L. 1e-6 neither costs nor gains anything.
+  /// Relative error of the directions for ω_L / α and α ω_L by conjugate gradients, preconditioned
+  /// by the factor for ω_L. 1e-6 neither costs nor gains anything.
   double solve_tolerance = 1e-3;
-  /// The iterations over which Options::tolerance is averaged, half as many after coarse levels. It
-  /// bridges the pauses before E falls again; while ω_L comes down and is above 1e-3, nothing
-  /// stops.
+  /// The iterations over which Options::tolerance is averaged, half as many after coarse levels: a
+  /// bridge over pauses before E falls again. No run stops while ω_L decreases above 1e-3.
   int window = 20;
-  /// Keeps the boundaries of f(A) and of g(B) from themselves by a scaffold (§4.4), from the first
-  /// step on that would make one meet itself. Without, a run stalls there.
+  /// Adds a scaffold (§4.4) from the first step on that would make a boundary of f(A) or g(B)
+  /// intersect itself. Without a scaffold, a run stalls there.
   bool scaffold = true;
 };
 
-/// What a run has from Options, with the constants that follow from them.
+/// The options of a run and the constants that follow from them.
 struct RunOptions : Options {
   Tuning tuning;
   explicit RunOptions(const Options& options = {}) : Options(options) {
@@ -3292,7 +3278,7 @@ struct RunOptions : Options {
   }
 };
 
-/// The parts of the objective that Options weigh.
+/// The weights of the objective that Options determine.
 struct Weights {
   double kappa;    // κ
   double barrier;  // ω_R
@@ -3300,7 +3286,7 @@ struct Weights {
   const DistortionMeasure* measure;
 };
 
-/// κ of Options::coverage_weight.
+/// Returns κ of Options::coverage_weight.
 inline double coverage_reward(const Options& options) {
   return (std::max)(0.0, options.coverage_weight + options.measure.isometry());
 }
@@ -3312,7 +3298,7 @@ inline Weights weights_of(const RunOptions& options) {
 
 // ---- linear systems; part [13] solves them ----
 
-/// Upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
+/// The upper triangle of a symmetric matrix of 2×2 blocks; columns ascend within a row.
 struct BlockMatrix {
   Array<int> start;   // #rows + 1
   Array<int> column;  // per block
@@ -3321,7 +3307,7 @@ struct BlockMatrix {
   int blocks() const { return column.size(); }
 };
 
-/// One matrix of a family H + ω Q, both of one pattern.
+/// A matrix H + ω Q; H and Q have the same pattern.
 struct ShiftedMatrix {
   const BlockMatrix* H;
   const BlockMatrix* Q;  // may be null
@@ -3346,28 +3332,28 @@ inline Array<Vec2> negated(const Array<Vec2>& a) {
 
 struct LdltData;
 
-/// A factor L D Lᵀ. Its memory serves again for the next one.
+/// A factor L D Lᵀ; the next factorisation reuses its memory.
 struct LdltFactor {
   bool ok = false;   // no zero or non-finite pivot
   int negative = 0;  // number of negative pivots; without any, the matrix is positive definite
   std::shared_ptr<LdltData> data;
 };
 
-/// Factorises a matrix whose rows belong to vertices at some positions.
+/// Factorises a matrix whose rows belong to vertices at the given positions.
 inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
                            const Executor& executor, LdltFactor& factor);
 
-/// Solves with a factor.
+/// Solves A x = b with the factor of A.
 inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b);
 
-/// Solves A x = b with the factor of a matrix close to A, to a relative error.
+/// Solves A x = b with the factor of a matrix close to A, up to a relative error.
 inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
                                         const Array<Vec2>& b, double tolerance,
                                         const Executor& executor);
 
 // ---- value ----
 
-/// One iterate with everything that is known about it.
+/// An iterate and all values computed at it.
 struct Iterate {
   Points2 x;
   Overlay overlay;
@@ -3383,8 +3369,7 @@ inline Mat2 triangle_jacobian(const Surface& s, const Points2& x, int f) {
                   row2(x, s.mesh.corner(f, 2)), s.rest_inverse[f]);
 }
 
-/// Sum of the symmetric Dirichlet energies of triangles begin to end - 1; their Jacobians, too, if
-/// wanted.
+/// Returns E_f or E_g over triangles begin to end - 1; optionally sets their Jacobians.
 inline double embedding_energy(const Surface& s, const Points2& x, int begin, int end,
                                Array<Mat2>* jacobians = nullptr) {
   double energy = 0;
@@ -3405,8 +3390,7 @@ inline SixPoints six_points(const HalfEdgeMesh& m, const Points2& x, const Overl
   return points;
 }
 
-/// E_Φ and the covered areas over the polygons of x.overlay; false, and a part of them only, if E_Φ
-/// exceeds `most`.
+/// Adds E_Φ and the covered areas over x.overlay; returns false once E_Φ exceeds `most`.
 inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measure, double most,
                            Iterate& x) {
   for (const OverlayPolygon& p : x.overlay.polygons) {
@@ -3422,9 +3406,8 @@ inline bool add_map_energy(const JointSurface& s, const DistortionMeasure& measu
   return true;
 }
 
-/// Computes the overlay and E at the positions x.x (§5). Gives up, with an infinite E, if the
-/// overlay is too large, or as soon as E would exceed `limit` even if the rest of the surfaces was
-/// covered without distortion.
+/// Computes the overlay and E at x.x (§5). Gives up with E = ∞ if the overlay is too large, or once
+/// E would exceed `limit` even if the rest was covered without distortion.
 inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
                      double limit = kInfinity) {
   x.energy = kInfinity;
@@ -3442,8 +3425,7 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
 
 // ---- block matrices, row by row ----
 
-/// Consecutive rows of a block matrix. The summands of a row are added twice: the first time finds
-/// its columns, the second time sums the blocks.
+/// Rows of a block matrix. Summands are added twice: first to find columns, then to sum blocks.
 class RowWriter {
  public:
   explicit RowWriter(int columns = 0) : place_(columns, -1) {}
@@ -3482,11 +3464,11 @@ class RowWriter {
   }
 
  private:
-  int row_ = 0;  // where the row begins that is being written
+  int row_ = 0;  // start of the current row
   bool is_ordered_ = false;
   Array<int> column_, end_;
   Array<Mat2> value_;
-  Array<int> place_;  // per column, of its block if that is in the row
+  Array<int> place_;  // per column: its block, if at least row_
 };
 
 /// Builds a matrix: fill(r, row) adds the summands of row r, the same ones at every call.
@@ -3520,7 +3502,6 @@ struct Block {
   Mat2 value;
 };
 
-/// The sum of single blocks.
 inline BlockMatrix sum_of_blocks(int rows, const Array<Block>& blocks, const Executor& executor) {
   Array<int> first(rows, -1), next(blocks.size());
   for (int i = blocks.size() - 1; i >= 0; --i) {
@@ -3532,13 +3513,12 @@ inline BlockMatrix sum_of_blocks(int rows, const Array<Block>& blocks, const Exe
   });
 }
 
-/// A summand of a matrix.
 struct Term {
   const BlockMatrix* matrix;
   double weight;
 };
 
-/// Σ weight · matrix, on the union of their patterns.
+/// Returns Σ weight · matrix, on the union of the patterns.
 inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& executor) {
   return build_rows(terms[0].matrix->rows(), executor, [&](int r, RowWriter& row) {
     for (const Term& term : terms) {
@@ -3557,11 +3537,11 @@ inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executo
 
 // ---- gradient and projected Hessian ----
 
-/// Gradient and projected Hessian at one iterate, the memory of §5.3.
+/// Gradient and projected Hessian at one iterate: an entry of the memory of §5.3.
 struct QuadraticModel {
-  Points2 x;             // where it was made
+  Points2 x;             // the iterate
   Array<Vec2> gradient;  // per vertex
-  BlockMatrix H;         // empty where the gradient alone was wanted
+  BlockMatrix H;         // empty if only the gradient was computed
   bool has_hessian() const { return !H.start.empty(); }
 };
 
@@ -3571,14 +3551,14 @@ struct FaceTerm {
   Vec2 gradient[3];
 };
 
-/// Second derivatives of the polygons in a triangle of A, by its vertices and one of B.
+/// Mixed second derivatives of the polygons in a triangle of A, in its vertices and one of B.
 struct Coupling {
   int vertex;
   Mat2 hessian[3];
 };
 
-/// The symmetric Dirichlet energies, times a weight, of triangles begin to end - 1 of an embedding,
-/// with Hessians that are projected first (§4.4, §5.1).
+/// Computes weighted derivatives of the symmetric Dirichlet energies of triangles begin to end - 1,
+/// with Hessians projected first (§4.4, §5.1).
 inline void embedding_terms(const Surface& s, const Points2& x, int begin, int end, double epsilon,
                             double weight, Array<FaceTerm>& terms) {
   TriangleBatch batch;
@@ -3611,8 +3591,7 @@ inline Array<Vec2> sum_gradients(const HalfEdgeMesh& m, const Array<FaceTerm>& t
   return gradient;
 }
 
-/// Sums the terms of triangles, vertex by vertex. add_others(h, row) adds what else the corner at
-/// which half-edge h starts is coupled to.
+/// Sums the terms of triangles by vertex; add_others(h, row) adds couplings of h's tail.
 inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& terms,
                                 const Executor& executor,
                                 const Callback<int, RowWriter&>& add_others) {
@@ -3634,8 +3613,8 @@ class ModelBuilder {
   ModelBuilder(const JointSurface& s, const Weights& weights, const Executor& executor)
       : s_(s), weights_(weights), executor_(executor) {}
 
-  /// Derivatives of all polygons and triangles (Algorithm 1, lines 4 to 7): gradients, which cost a
-  /// fraction, and Hessians, projected one by one.
+  /// Differentiates all polygons and triangles (Algorithm 1, lines 4 to 7): Hessians are projected
+  /// one by one; gradients alone cost a fraction.
   void differentiate_elements(const Iterate& x, bool with_hessians = true) {
     with_hessians_ = with_hessians;
     by_face_ = group_polygons(x.overlay.polygons, s_.mesh.n_faces);
@@ -3669,8 +3648,7 @@ class ModelBuilder {
   }
 
  private:
-  /// task(begin, end) over blocks of faces with about as many elements each: a face of a coarse
-  /// mesh has many polygons in it.
+  /// Runs task(begin, end) over blocks of about equal work: a coarse face contains many polygons.
   void run_by_work(int begin, int end, const Callback<int, int>& task) const {
     constexpr int kBlock = 256;  // elements per task
     const auto elements_before = [&](int f) { return by_face_.start[f] + f; };
@@ -3690,8 +3668,7 @@ class ModelBuilder {
     }
   }
 
-  /// Fills a batch with polygons, from number `begin` of those grouped by face; repeats the last
-  /// one to fill the lanes.
+  /// Loads polygons from number `begin` of the order by face; the last one fills spare lanes.
   void load_polygons(const Iterate& x, int begin, int end, PolygonBatch& batch) const {
     for (int lane = 0; lane < kLanes; ++lane) {
       const OverlayPolygon& p =
@@ -3701,7 +3678,7 @@ class ModelBuilder {
     }
   }
 
-  /// Polygons begin to end - 1 of those grouped by face.
+  /// Differentiates polygons begin to end - 1 of the order by face.
   void differentiate_polygons(const Iterate& x, int begin, int end) {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
@@ -3751,7 +3728,7 @@ class ModelBuilder {
     }
   }
 
-  /// The coupling with a vertex, if it is one of the last 16, else a new one.
+  /// Returns the coupling with a vertex if it is one of the last 16, else a new one.
   static Coupling& coupling_with(int vertex, Array<Coupling>& couplings) {
     constexpr int kLast = 16;
     const int n = couplings.size();
@@ -3773,15 +3750,15 @@ class ModelBuilder {
 
 // ---- squared Laplacian (§5.4; Algorithm 1, line 1) ----
 
-/// Cotangent of the angle at p between q and r, kept within ±100: angles below 0.6 degrees say
-/// more about the triangulation than about the surface.
+/// Returns the cotangent of the angle at p between q and r, clamped to ±100: angles below 0.6
+/// degrees reflect the triangulation, not the surface.
 inline double cotangent(const Vec3& p, const Vec3& q, const Vec3& r) {
   const Vec3 u = q - p, v = r - p;
   const double sine = norm(cross(u, v));
   return std::clamp(dot(u, v) / (std::max)(sine, 1e-300), -100.0, 100.0);
 }
 
-/// Voronoi areas of the vertices, safe for obtuse triangles [Meyer et al. 2003].
+/// Returns the Voronoi areas of the vertices, safe for obtuse triangles [Meyer et al. 2003].
 inline Array<double> vertex_areas(const Surface& s) {
   Array<double> mass(s.mesh.n_vertices, 0);
   for (int f = 0; f < s.mesh.n_faces; ++f) {
@@ -3799,19 +3776,18 @@ inline Array<double> vertex_areas(const Surface& s) {
   return mass;
 }
 
-/// An entry of a sparse row.
 struct RowEntry {
   int column;
   double value;
 };
 
-/// Row u of the cotangent Laplacian C, without the division by areas; its sum is zero.
+/// Computes row u of the cotangent Laplacian C, not divided by areas; its sum is zero.
 inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   row.clear();
   row.push_back({u, 0});
   const auto add = [&](int v, double weight) {
     row[0].value += weight;
-    // Each neighbour comes twice: in a row, but for the first one, which also comes last.
+    // Each neighbour occurs twice in succession, but for the first one, which also occurs last.
     if (row.back().column == v) return void(row.back().value -= weight);
     if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
     row.push_back({v, -weight});
@@ -3824,9 +3800,9 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   });
 }
 
-/// Lᵀ M L = C M⁻¹ C, which treats both coordinates alike. Scaled by the mean area, so that ω_L has
-/// no unit. A row of C couples all its vertices, so rows with very many are left out: such a vertex
-/// is smoothed by the rows of its neighbours, as vertices of the boundary are.
+/// Returns Lᵀ M L = C M⁻¹ C, equal for both coordinates, scaled by the mean area so that ω_L has no
+/// unit. A row of C couples all its vertices, so rows of hubs are left out: the rows of its
+/// neighbours smooth a hub, like a boundary vertex.
 inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
   const Array<double> mass = vertex_areas(s);
   const Array<RowEntry> none;
@@ -3843,7 +3819,7 @@ inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& exec
 
 // ---- the blended system (§5.3) ----
 
-/// H_+, Q of the preconditioner on the same pattern, and the right-hand side.
+/// The blended Hessian H_+, the preconditioner Q on the same pattern, and the gradient.
 struct LinearSystem {
   BlockMatrix H, Q;  // Q is empty without a preconditioner
   Array<Vec2> gradient;
@@ -3852,7 +3828,7 @@ struct LinearSystem {
   ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
 
-/// Scales the blocks of the diagonal, which are the first of their rows.
+/// Scales the diagonal blocks, the first ones of their rows.
 inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   for (int r = 0; r < matrix.rows(); ++r) {
     Mat2& block = matrix.value[matrix.start[r]];
@@ -3860,7 +3836,7 @@ inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   }
 }
 
-/// The same matrix with explicit zeros on a larger pattern.
+/// Returns the matrix on a larger pattern, with explicit zeros.
 inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
   BlockMatrix result;
   result.start = pattern.start;
@@ -3874,7 +3850,7 @@ inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& patter
   return result;
 }
 
-/// The mean of the gradients in the memory, newest first, with weights decay^k (§5.3).
+/// Returns the mean of the gradients in the memory, newest first, with weights decay^k (§5.3).
 inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double decay) {
   Array<Vec2> gradient(history[0].gradient.size());
   double sum = 0;
@@ -3887,8 +3863,8 @@ inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double
   return gradient;
 }
 
-/// Blends the Hessians in the memory, newest first, with weights decay^k (normalised), and joins
-/// what else is to be minimised and, if it is not empty, the preconditioner (Algorithm 1, line 9).
+/// Blends the Hessians in the memory, newest first, with normalised weights decay^k; adds `others`
+/// and, unless empty, the preconditioner (Algorithm 1, line 9).
 inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
                           const BlockMatrix& others, const BlockMatrix& laplacian,
                           const Executor& executor) {
@@ -3911,25 +3887,24 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
 
 // ==== [10] CONSTRAINTS (paper §4.5, §4.6) ========================================================
 //
-// Purpose:    constraints of vertices, as a reduction of the linear system: a follower is a fixed
+// Purpose:    reduces the linear system by constraints of vertices: a follower is a fixed
 //             combination of vertices of the other mesh (pins and exact landmarks, §4.5); a fixed
 //             coordinate does not move (held boundaries, fixed vertices, rigid motions, §4.6).
 // Invariants: with P the linear map from the unknowns to all coordinates, the system becomes
-//             Pᵀ H P, Pᵀ Q P, Pᵀ g, exactly. Coordinates that are no unknowns keep a unit row, so
-//             rows keep their numbers.
-// Fails:      never; entry points refuse constraints that contradict each other.
+//             exactly Pᵀ H P, Pᵀ Q P, Pᵀ g. Eliminated coordinates keep a unit row, so rows keep
+//             their numbers.
+// Fails:      never; entry points reject contradictory constraints.
 
 // ---- followers ----
 
-/// Barycentric coordinates of p in a planar triangle of positive area, be it a sliver.
+/// Returns the barycentric coordinates of p in a triangle of positive area, even a sliver.
 inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
   const double area = accurate_area(a, b, c);
   return {accurate_area(b, c, p) / area, accurate_area(c, a, p) / area,
           accurate_area(a, b, p) / area};
 }
 
-/// A vertex held at a point of the other surface: x_row = Σ_k weight_k x_master_k. Masters do not
-/// follow others themselves.
+/// A vertex held on the other surface: x_row = Σ_k weight_k x_master_k. No master is a follower.
 struct Follower {
   int row;
   int master[3];
@@ -3940,7 +3915,7 @@ struct Follower {
     for (int k = 0; k < 3; ++k)
       if (weight[k] != 0) visit(master[k], weight[k]);
   }
-  /// Σ_k weight_k at(master_k).
+  /// Returns Σ_k weight_k at(master_k).
   template <class At>
   Vec2 mean(const At& at) const {
     Vec2 sum;
@@ -3949,24 +3924,24 @@ struct Follower {
   }
 };
 
-/// A vertex in a triangle.
+/// Returns a follower held at barycentric coordinates in a triangle.
 inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight) {
   return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
 }
 
-/// P d: sets the directions of followers from those of their masters.
+/// Computes P d: interpolates the directions of followers from their masters.
 inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
   for (const Follower& follower : followers)
     d[follower.row] = follower.mean([&](int v) { return d[v]; });
 }
 
-/// Sets the positions of followers from those of their masters.
+/// Interpolates the positions of followers from their masters.
 inline void place_followers(const Array<Follower>& followers, Points2& x) {
   for (const Follower& follower : followers)
     set_row(x, follower.row, flush_tiny(follower.mean([&](int v) { return row2(x, v); })));
 }
 
-/// The largest distance, on the surfaces, between a follower and the point at which it is held.
+/// Returns the largest distance, on the surfaces, between a follower and its prescribed point.
 inline double pin_residual(const Surface& s, const Array<Follower>& followers, const Points2& x) {
   double largest = 0;
   for (const Follower& follower : followers) {
@@ -3993,8 +3968,8 @@ struct FixedCoordinates {
   bool any() const { return std::find(flag.begin(), flag.end(), 1) != flag.end(); }
 };
 
-/// Fixes the coordinates of held boundaries. With Boundary::kSlide, a vertex in line with both
-/// neighbours, parallel to an axis, may move along it.
+/// Fixes the coordinates of held boundaries. With Boundary::kSlide, a vertex on an axis-parallel
+/// line with both neighbours may move along it.
 inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary boundary,
                            FixedCoordinates& is_fixed) {
   if (boundary == Boundary::kFree) return;
@@ -4012,7 +3987,7 @@ inline void fix_boundaries(const HalfEdgeMesh& m, const Points2& x, Boundary bou
 
 // ---- the system of the unknowns ----
 
-/// Pᵀ A P, with `unit` on the diagonal of coordinates that are no unknowns.
+/// Returns Pᵀ A P, with `unit` on the diagonal of eliminated coordinates.
 inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
                            BlockMatrix A, double unit, const Executor& executor) {
   Array<const Follower*> follower_of(A.rows(), nullptr);
@@ -4051,7 +4026,7 @@ inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordina
   return A;
 }
 
-/// Pᵀ g.
+/// Computes Pᵀ g.
 inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
                    Array<Vec2>& gradient) {
   for (const Follower& follower : followers) {
@@ -4065,8 +4040,7 @@ inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_
   }
 }
 
-/// Reduces a system to the unknowns. In its solution other coordinates are 0, until
-/// expand_direction() sets those of followers.
+/// Reduces a system to the unknowns; expand_direction() then sets followers in its solution.
 inline void reduce(const Array<Follower>& followers, const FixedCoordinates& is_fixed,
                    const Executor& executor, LinearSystem& system) {
   system.H = reduced(followers, is_fixed, std::move(system.H), 1, executor);
@@ -4081,14 +4055,14 @@ struct RigidMotion {
   Vec2 translation;
 };
 
-/// The rotation of the x axis into a direction; none for the null vector.
+/// Returns the rotation of the x axis into a direction; the identity for the null vector.
 inline Mat2 rotation_to(Vec2 direction) {
   const double length = norm(direction);
   const Vec2 d = length > 0 ? 1 / length * direction : Vec2{1, 0};
   return {{d.x, d.y, -d.y, d.x}};
 }
 
-/// The rotation into a direction that takes one point to another.
+/// Returns the motion that turns the x axis into a direction and maps `from` to `to`.
 inline RigidMotion rigid_motion(Vec2 direction, Vec2 from, Vec2 to) {
   const Mat2 R = rotation_to(direction);
   return {R, to - R * from};
@@ -4101,8 +4075,8 @@ inline Points2 transformed(const Points2& x, const RigidMotion& motion) {
   return y;
 }
 
-/// Vertices of B that are held to remove rigid motions: the most central one at the origin, a
-/// boundary vertex far from it on the x-axis. The choice depends on the surface, not on positions.
+/// Vertices of B that fix rigid motions: the most central one at the origin, a boundary vertex far
+/// from it on the x-axis. The choice depends on the surface, not on positions.
 struct Anchors {
   int center = 0;
   int rim = 0;
@@ -4127,8 +4101,7 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
   return anchors;
 }
 
-/// Moves both planes rigidly so that the anchors are where they belong, unless rounding would make
-/// the embedding of thin triangles lose its injectivity.
+/// Moves both planes to put the anchors in place, unless rounding would invert thin triangles.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
   Points2 y = transformed(x, rigid_motion({axis.x, -axis.y}, origin, Vec2()));
@@ -4139,16 +4112,15 @@ inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Point
 
 // ==== [11] STEP BOUND AND LINE SEARCH (paper §5.2) ===============================================
 //
-// Purpose:    the largest feasible step of a direction, and the best of the steps below it.
+// Purpose:    computes the largest feasible step of a direction and the best step below it.
 // Invariants: an accepted trial is injective, decided exactly on the rounded positions.
-// Fails:      with no acceptable trial, if the direction does not descend, or if the boundaries are
-//             in each other's way.
+// Fails:      without an acceptable trial: no descent, or colliding boundaries.
 
 // ---- step bound [Smith and Schaefer 2015] ----
 
-/// Smallest s > 0 at which the triangle p + s d loses its area: first root of
-/// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv). Of a sliver that is positive,
-/// the rounded area may be 0 or less; it is then about as small as its rounding.
+/// Returns the smallest s > 0 at which the triangle p + s d loses its area: the first root of
+/// cross(u, v) + s (cross(u, dv) + cross(du, v)) + s² cross(du, dv). The rounded area of a positive
+/// sliver may be 0 or less; its rounding error then replaces it.
 inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
   const double rounding = DBL_EPSILON * (std::abs(u.x * v.y) + std::abs(u.y * v.x));
   const double c = (std::max)({cross(u, v), rounding, DBL_MIN});
@@ -4160,7 +4132,7 @@ inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
   return a < 0 ? -(b + root) / (2 * a) : kInfinity;
 }
 
-/// s_max over all triangles of a mesh.
+/// Returns s_max over all triangles of a mesh.
 inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d) {
   double s = kInfinity;
   for (int f = 0; f < m.n_faces; ++f) {
@@ -4171,7 +4143,7 @@ inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2
   return s;
 }
 
-/// x + s d with tiny coordinates made zero, as the predicates want them.
+/// Returns x + s d with tiny coordinates set to zero, as the predicates require.
 inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
   Points2 y(x.rows(), 2);
   for (int i = 0; i < x.rows(); ++i) set_row(y, i, flush_tiny(row2(x, i) + s * d[i]));
@@ -4180,15 +4152,14 @@ inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
 
 // ---- hook: a scaffold keeps boundaries apart (part [16]) ----
 
-/// The space that embeddings leave, in triangles, around each as if it were alone: inside of every
-/// opening, and between the outer loop and a box. Vertex n + 4 i + k, for n vertices of the mesh,
-/// is corner k of the i-th box.
+/// Triangles around each embedding as if it were alone: inside every opening, and between the outer
+/// loop and a box. With n vertices in the mesh, vertex n + 4 i + k is corner k of the i-th box.
 struct Scaffold {
   int n_vertices = 0;
   Array<Vec2> box;
   Array<std::array<int, 3>> triangle;
-  Array<Mat2> rest_inverse;  // of the triangles as they were built
-  Array<double> weight;      // of the triangles, in place of their areas
+  Array<Mat2> rest_inverse;  // of the triangles at construction
+  Array<double> weight;      // per triangle, replaces its area
 
   Vec2 point(const Points2& x, int v) const {
     return v < n_vertices ? row2(x, v) : box[v - n_vertices];
@@ -4196,13 +4167,13 @@ struct Scaffold {
   Vec2 displacement(const Array<Vec2>& d, int v) const { return v < n_vertices ? d[v] : Vec2(); }
 };
 
-/// Builds the scaffold at x; `weight` is that of its energy.
+/// Builds the scaffold at x; `weight` scales its energy.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight);
-/// By how much its energy exceeds that where it was built.
+/// Returns the scaffold's energy minus its energy at construction.
 inline double scaffold_energy(const Scaffold& s, const Points2& x);
-/// The largest step without a scaffold triangle turned over.
+/// Returns the largest step that inverts no scaffold triangle.
 inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d);
-/// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
+/// Adds the scaffold's Hessian at construction; its gradient is zero there.
 inline void add_scaffold(const Scaffold& s, Array<Block>& blocks);
 
 // ---- hook: springs between vertices (parts [14] and [22]) ----
@@ -4213,7 +4184,6 @@ struct Spring {
   double weight;
 };
 
-/// `energy` and that of the springs.
 inline double with_springs(double energy, const Array<Spring>& springs, const Points2& x) {
   for (const Spring& s : springs) energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
   return energy;
@@ -4239,40 +4209,40 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
 
 // ---- line search ----
 
-/// A direction of descent for one ω_L.
+/// A descent direction for one ω_L.
 struct Direction {
   double omega = 0;
   Array<Vec2> d;
-  double slope = kInfinity;  // gᵀd; below 0 unless x is stationary, infinite without a solution
+  double slope = kInfinity;  // gᵀd; negative unless x is stationary, infinite without a solution
   double max_step = 0;       // s_max
   double first_step = 0;     // where backtracking starts
 };
 
-/// A step to try, along one of several directions.
+/// A trial step along one of several directions.
 struct TrialStep {
   int direction = 0;
   double length = 0;
 };
 
-/// What a trial step leads to.
+/// The result of a trial step.
 struct Trial {
   TrialStep step;
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
-  bool collides = false;  // rejected because a boundary meets itself
-  double resistance = 0;  // of the scaffold
-  double pull = 0;        // by which the energy of the springs grows
+  bool collides = false;  // rejected because a boundary intersects itself
+  double resistance = 0;  // energy of the scaffold
+  double pull = 0;        // increase of the springs' energy
   Iterate x;
   double value() const { return x.energy + resistance + pull; }
 };
 
-/// What a trial must satisfy besides injectivity.
+/// Conditions on a trial besides injectivity.
 struct StepRules {
-  double max_area_loss_a, max_area_loss_b;  // of the covered area, in one step
-  double least_area_a, least_area_b;        // that stays covered; less must not shrink
+  double max_area_loss_a, max_area_loss_b;  // of covered area, per step
+  double least_area_a, least_area_b;        // of covered area; less than this must not shrink
 };
 
-/// The largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
+/// Returns the largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
   return from.energy + kArmijo * t.step.length * d.slope - (std::max)(t.resistance, 0.0) - t.pull;
@@ -4285,7 +4255,7 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
     return area > least || area >= before;
   };
   return std::isfinite(to.energy) && to.energy <= largest_energy(from, d, t) &&
-         t.value() < from.energy &&  // a step of nothing is none
+         t.value() < from.energy &&  // rejects steps without effect
          from.area_a - to.area_a <= rules.max_area_loss_a &&
          from.area_b - to.area_b <= rules.max_area_loss_b &&
          is_enough(to.area_a, rules.least_area_a, from.area_a) &&
@@ -4294,26 +4264,26 @@ inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Dir
 
 inline constexpr double kShrink = 0.8;  // line 22
 
-/// True if triangles are positive, but a boundary meets itself.
+/// Returns true if all triangles are positive but a boundary intersects itself.
 inline bool collides(const HalfEdgeMesh& m, const Points2& x) {
   return all_triangles_positive(m, x) && !boundaries_are_simple(m, x);
 }
 
-/// What the trials of one line search have in common.
+/// The data shared by the trials of one line search.
 struct SearchProblem {
   const JointSurface& s;
   const Weights& weights;
   const StepRules& rules;
   const Array<Follower>& followers;
-  const Scaffold& scaffold;  // without triangles where there is none
+  const Scaffold& scaffold;  // may be empty
   const Array<Spring>& springs;
   const Iterate& from;
   const Array<Direction>& directions;
   int stride;  // Tuning::search_stride
 };
 
-/// Takes the step of a trial and decides whether it is acceptable (lines 18 to 21). A trial gives
-/// up as soon as it cannot be, or cannot have a value below `best`.
+/// Takes a trial step and decides whether it is acceptable (lines 18 to 21). Stops early once it
+/// cannot be accepted or cannot have a value below `best`.
 inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
   const HalfEdgeMesh& m = problem.s.mesh;
   const Direction& d = problem.directions[t.step.direction];
@@ -4332,18 +4302,17 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
-/// The line search (lines 17 to 23). Of its trials the best one is kept; the memory of the others
-/// serves again.
+/// The line search (lines 17 to 23): keeps the best trial, reuses the memory of the others.
 class LineSearch {
  public:
-  bool found = false;     // an acceptable one
-  bool collided = false;  // one failed because a boundary meets itself
-  Trial best;             // if found
+  bool found = false;     // an acceptable trial
+  bool collided = false;  // a trial failed because a boundary intersects itself
+  Trial best;             // valid if found
 
-  /// Tries all directions, block by block of eight steps 0.8^ℓ (§5.2); or, with a stride of three,
-  /// of nine, each third one, and then the neighbours of the best one.
+  /// Tries all directions in blocks of eight steps 0.8^ℓ (§5.2); with a stride of three, every
+  /// third of nine, then the neighbours of the best one.
   void run(const SearchProblem& problem, const Executor& executor) {
-    constexpr int kMost = 80;  // ℓ; later steps are below 2e-8 of the first
+    constexpr int kMost = 80;  // bound on ℓ; later steps are below 2e-8 of the first
     const int stride = problem.stride, block = (7 / stride + 1) * stride;
     clear();
     for (int first = 0; first < kMost && !found && !executor.is_stopped(); first += block) {
@@ -4370,10 +4339,10 @@ class LineSearch {
     tried_ = 0;
   }
 
-  /// Tries steps side by side. Of trials of one value the first one is the best.
+  /// Tries steps in parallel. Among trials of equal value, the first one is the best.
   void add(const SearchProblem& problem, const Executor& executor, const Array<TrialStep>& steps) {
     const double least = found ? best.value() : kInfinity;
-    spare_.reserve(spare_.size() + steps.size());  // nothing is allocated while it is locked
+    spare_.reserve(spare_.size() + steps.size());  // no allocation while locked
     executor.run(steps.size(), [&](int i) {
       if (executor.is_stopped()) return;
       Trial t = take();
@@ -4415,10 +4384,10 @@ class LineSearch {
 // ==== [12] THE LOOP (paper §5, Algorithm 1) ======================================================
 //
 // Purpose:    minimises E from an injective start: Optimizer::iterate() is Algorithm 1, with its
-//             line numbers; the functions of its lines follow it in their order, then everything
-//             beyond the paper under one heading.
+//             line numbers. Functions for its lines follow in order, then everything beyond the
+//             paper under one heading.
 // Invariants: every iterate is injective, decided exactly; E never grows.
-// Fails:      stalls where no step along any direction is acceptable; the status says so.
+// Fails:      stalls if no step along any direction is acceptable; the status says so.
 
 inline void describe(const JointSurface& s, const Array<Follower>& followers, const Iterate& x,
                      IterationLog& log) {
@@ -4434,26 +4403,25 @@ inline void describe(const JointSurface& s, const Array<Follower>& followers, co
   log.pin_residual = pin_residual(s, followers, x.x);
 }
 
-/// Half the diagonal of the box around both embeddings.
+/// Returns half the diagonal of the bounding box of both embeddings.
 inline double domain_radius(const Points2& x) {
   const std::array<Vec2, 2> box = bounding_box(x);
   return 0.5 * norm(box[1] - box[0]);
 }
 
-/// The longest move of a vertex.
 inline double longest_move(const Array<Vec2>& d) {
   double longest = 0;
   for (Vec2 move : d) longest = (std::max)(longest, squared_norm(move));
   return std::sqrt(longest);
 }
 
-/// A step that was taken, and by what it changed the gradient.
+/// A step and the change of the gradient along it.
 struct Secant {
   Array<Vec2> step, change;
 };
 
-/// -B g, where B is the inverse Hessian of a factor, updated by secants, newest first, of positive
-/// curvature: two loops over them [Nocedal 1980].
+/// Returns -B g, where B is the inverse of a factorised Hessian, updated by secants of positive
+/// curvature, newest first: the two-loop recursion [Nocedal 1980].
 inline Array<Vec2> quasi_newton_direction(const LdltFactor& factor, const Array<Secant>& secants,
                                           Array<Vec2> gradient) {
   Array<double> along(secants.size());
@@ -4485,13 +4453,13 @@ class Optimizer {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
-  /// Begins at an injective x.
+  /// Starts at an injective x.
   void start(const Points2& x, Result& result) {
     x_.x = x;
     fix_unknowns(x_.x);
     place_followers(followers_, x_.x);
     radius_ = domain_radius(x_.x);
-    evaluate(s_, weights_, x_);  // line 3; from here on, lines 19 and 20 do it
+    evaluate(s_, weights_, x_);  // line 3; later, lines 19 and 20
     rules_ = {options_.tuning.max_coverage_loss * s_.area_a,
               options_.tuning.max_coverage_loss * s_.area_b,
               options_.tuning.least_coverage * x_.area_a,
@@ -4506,8 +4474,8 @@ class Optimizer {
     if (!followers_.empty() && !is_injective(s_.mesh, x_.x)) result.status = Status::kInvalidPins;
   }
 
-  /// Iteration i of line 2; true if another one is to follow. If the caller stops it, x stays, and
-  /// the next call repeats the iteration.
+  /// Runs iteration i of line 2; returns true if another one follows. If the caller stops it, x
+  /// stays, and the next call repeats the iteration.
   bool iterate(Result& result) {
     if (!may_iterate(result)) return false;
     bool found = take_quasi_newton_step();  // beyond the paper
@@ -4535,9 +4503,9 @@ class Optimizer {
   const Points2& positions() const { return x_.x; }
   double omega() const { return omega_; }
 
-  // -- hooks of the callers in Half II --
+  // -- hooks for Half II --
 
-  /// Begins at another injective x, if E is not higher there by more than `most`; false if it is.
+  /// Restarts at another x if it is injective and raises E by less than `most`; else returns false.
   bool begin_at(const Points2& x, double most, Result& result) {
     Iterate other;
     other.x = x;
@@ -4551,31 +4519,31 @@ class Optimizer {
     return true;
   }
 
-  /// What one step may do; `least_area_a` and `_b` are a share of what the start covers.
+  /// Returns the step rules; least_area_a and _b are shares of the area covered at the start.
   const StepRules& rules() const { return rules_; }
-  /// What has to stay covered, where a start covers less than one before it did.
+  /// Keeps the least covered areas of an earlier start that covered more.
   void keep_covered(const StepRules& before) {
     rules_.least_area_a = before.least_area_a;
     rules_.least_area_b = before.least_area_b;
   }
 
-  /// Begins with a smaller ω_L.
+  /// Lowers ω_L to at most `omega`, but not below Tuning::omega_least.
   void lower_omega(double omega) {
     omega_ = (std::min)(omega_, (std::max)(omega, options_.tuning.omega_least));
   }
 
-  /// Adds springs to what is minimised, in place of those there were.
+  /// Replaces the springs in the objective.
   void set_springs(Array<Spring> springs) {
     springs_ = std::move(springs);
     quick_ = QuickSteps();
     sum_others();
   }
 
-  /// How far a run has come, an estimate: E falls the slower the closer to the end it is, which
+  /// Estimates the finished fraction of a run: E falls the slower the closer the end is, which
   /// comes after a window of iterations at the earliest.
   double fraction(const Result& result) const {
-    constexpr double kAtFirst = 0.1;  // the relative fall of E in an early iteration
-    constexpr double kMost = 0.99;    // of a run that is not over
+    constexpr double kAtFirst = 0.1;  // relative fall of E in an early iteration
+    constexpr double kMost = 0.99;    // of an unfinished run
     const double n = static_cast<double>(result.log.size());
     const int most = window(result);
     const Stretch last = last_stretch(result, most);
@@ -4589,14 +4557,13 @@ class Optimizer {
  private:
   static constexpr double kHardlyActs = 1e-3;  // ω_L below which the preconditioner hardly acts
 
-  /// Removes from the unknowns what the constraints hold, or else rigid motions (§4.6), for which
-  /// both planes are moved.
+  /// Removes constrained coordinates from the unknowns, or else rigid motions, moving x (§4.6).
   void fix_unknowns(Points2& x) {
     is_fixed_ = FixedCoordinates(s_.mesh.n_vertices);
     fix_boundaries(s_.mesh, x, options_.boundary, is_fixed_);
     for (int v : options_.fixed_a) is_fixed_.fix(v);
     for (int v : options_.fixed_b) is_fixed_.fix(s_.n_a + v);
-    for (const Follower& follower : followers_)  // what holds a landmark of A holds that of B
+    for (const Follower& follower : followers_)  // a fixed landmark of A fixes its partner on B
       for (int k = 0; k < 3; ++k)
         for (int c = 0; c < 2; ++c)
           if (follower.weight[k] == 1 && is_fixed_(follower.row, c))
@@ -4613,7 +4580,7 @@ class Optimizer {
 
   bool has_hessian_here() const { return is_remembered_ && history_[0].has_hessian(); }
 
-  /// Lines 4 to 8, or the gradient alone; false if the caller stops.
+  /// Runs lines 4 to 8, or computes the gradient alone; returns false if the caller stops.
   bool differentiate(bool with_hessian) {
     log_ = IterationLog();
     Timer timer;
@@ -4632,8 +4599,7 @@ class Optimizer {
     return true;
   }
 
-  /// Adds the newest derivatives to the memory (§5.3), where they take the place of a gradient
-  /// alone at x. It ends with the oldest Hessian it has room for.
+  /// Adds derivatives to the memory (§5.3), in place of a gradient alone at x; drops old ones.
   void remember(QuadraticModel model) {
     constexpr int kGradientsPerHessian = 4;
     const int most_hessians = options_.history_length;
@@ -4652,7 +4618,7 @@ class Optimizer {
     history_.resize(keep);
   }
 
-  /// The system of the memory (line 9), without what is held.
+  /// Returns the system of the memory (line 9), reduced to the unknowns.
   LinearSystem blended_system() {
     Timer timer;
     LinearSystem system =
@@ -4663,7 +4629,7 @@ class Optimizer {
     return system;
   }
 
-  /// ω, ω/α and α ω (line 11). Where ω_L hardly acts, more of it helps only after a short step.
+  /// Returns ω, ω/α and α ω (line 11). Once ω is small, tries a larger one only after a short step.
   Array<double> omegas_to_try(const LinearSystem& system) const {
     constexpr double kShort = 0.1;
     Array<double> omegas(1, omega_);
@@ -4679,13 +4645,13 @@ class Optimizer {
     ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
   }
 
-  /// (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). One matrix is factorised; conjugate
-  /// gradients use its factor for the other ω.
+  /// Solves (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). Factorises one matrix; its factor
+  /// preconditions conjugate gradients for the other ω.
   Array<Direction> solve(const LinearSystem& system) {
     Timer timer;
     Array<double> omegas = omegas_to_try(system);
     factorize(system);
-    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need definite ones
+    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need s.p.d. ones
     const Array<Vec2> right = negated(system.gradient);
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
@@ -4700,8 +4666,7 @@ class Optimizer {
     return directions;
   }
 
-  /// The direction of all vertices for that of the unknowns. Its slope is that of the newest
-  /// gradient (line 13), so that E never grows.
+  /// Extends d to all vertices; the slope uses the newest gradient (line 13), so E never grows.
   void set_direction(Array<Vec2> d, Direction& direction) const {
     expand_direction(followers_, d);
     Array<Vec2> gradient = history_[0].gradient;
@@ -4710,22 +4675,21 @@ class Optimizer {
     direction.d = std::move(d);
   }
 
-  /// True if one of the directions does not descend (line 13).
+  /// Returns true if a direction does not descend (line 13).
   static bool climbs(const Array<Direction>& directions) {
     for (const Direction& d : directions)
       if (!(d.slope < 0)) return true;
     return false;
   }
 
-  /// Line 14; false if there is nothing to discard.
+  /// Discards older derivatives (line 14); returns false if there are none.
   bool reset_history() {
     if (history_.size() == 1) return false;
     history_.resize(1);
     return log_.history_reset = true;
   }
 
-  /// Lines 15 and 16, for the directions that descend; the others are left out. Beyond the paper,
-  /// no vertex moves far in one step.
+  /// Runs lines 15 and 16, drops directions that climb and, beyond the paper, bounds displacements.
   void set_largest_steps(Array<Direction>& directions) {
     Timer timer;
     Array<Direction> descending;
@@ -4786,17 +4750,17 @@ class Optimizer {
     return true;
   }
 
-  /// True if a fall of E is less than a fraction of its parts.
+  /// Returns true if a decrease of E is at most a fraction of its parts.
   bool is_little(double fall, double fraction) const {
     return fall <= fraction * (x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b));
   }
 
-  /// True if ω_L makes steps short, and may come down.
+  /// Returns true if ω_L shortens steps and can still decrease.
   bool holds_back() const {
     return omega_ > (std::max)(double{kHardlyActs}, options_.tuning.omega_least);
   }
 
-  /// True if all directions promise no more than rounding.
+  /// Returns true if no direction promises a decrease beyond rounding.
   bool promise_nothing(const Array<Direction>& directions) const {
     constexpr double kRounding = 1e-14;
     for (const Direction& d : directions)
@@ -4806,8 +4770,8 @@ class Optimizer {
 
   // -- where no step is found --
 
-  /// Changes one thing: the scaffold comes in, the memory is emptied, or ω_L is lowered at once,
-  /// as a direction that is smoothed too much may climb. False if nothing is left to change.
+  /// Changes one thing: adds the scaffold, clears the memory, or lowers ω_L at once, as an
+  /// oversmoothed direction may ascend. Returns false if nothing is left to change.
   bool recover() {
     constexpr double kDrop = 16;
     if (executor_.is_stopped()) return false;
@@ -4818,7 +4782,7 @@ class Optimizer {
     return true;
   }
 
-  /// The space around both embeddings, with the weight of E_f and E_g.
+  /// Builds the scaffold around both embeddings, with the weight of E_f and E_g.
   void build_scaffold_here() {
     scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
     has_scaffold_ = true;
@@ -4832,11 +4796,10 @@ class Optimizer {
     others_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
 
-  /// Where edges of A lie along edges of B, as everywhere on two equal planes, the slope of E
-  /// jumps, and E may climb along a direction at whose beginning it falls. The gradient g there and
-  /// one a little ahead give their shortest convex combination, whose direction is the next one,
-  /// until E falls or promises so little that x is stationary [Kiwiel 1985]. True if there is a
-  /// step.
+  /// Leaves a kink. Where edges of A lie along edges of B, as everywhere on two equal planes, the
+  /// slope of E jumps, and E may rise along a direction of negative slope. The shortest convex
+  /// combination of the gradient g and one slightly ahead gives the next direction, until E falls,
+  /// or promises so little that x is stationary [Kiwiel 1985]. Returns true if a step is found.
   bool leave_kink() {
     constexpr int kMost = 24;
     if (!make_factor_positive()) return false;
@@ -4861,8 +4824,7 @@ class Optimizer {
     return false;
   }
 
-  /// Rounding may have made a factor indefinite; with more on the diagonal, as little as is enough,
-  /// it is not.
+  /// Enlarges the diagonal until the factor is positive definite (rounding); false if it fails.
   bool make_factor_positive() {
     constexpr double kLeast = 1e-14, kMost = 1, kMore = 100;
     for (double share = kLeast; factor_.negative > 0 && share <= kMost; share *= kMore) {
@@ -4882,7 +4844,7 @@ class Optimizer {
     return direction;
   }
 
-  /// The gradient of the unknowns a little along a direction; empty if there is no map there.
+  /// Returns the gradient of the unknowns slightly ahead; empty if there is no map.
   Array<Vec2> gradient_along(const Direction& direction) {
     constexpr double kLittle = 1e-5;
     Iterate y;
@@ -4894,21 +4856,20 @@ class Optimizer {
     return of_unknowns(models_.gradient(y), y.x);
   }
 
-  // -- quasi-Newton steps: once ω_L is small, with the factor there is --
+  // -- quasi-Newton steps: once ω_L is small, with the last factor --
 
-  /// How to go on by them.
+  /// The plan for the next quasi-Newton steps.
   struct QuickSteps {
     int left = 0;
-    double least_gain = 0;  // of E, by a step after which another one follows
-    double step = 1;        // the first that is tried
+    double least_gain = 0;  // decrease of E, by a step after which another one follows
+    double step = 1;        // length of the first trial
   };
 
-  /// After a step of some length: E bends from here on as it did there. As long as ω_L comes down,
-  /// and where short steps make it rise, quasi-Newton steps would only delay that. After one of
-  /// them, the next ones have to pay, too.
+  /// Plans quasi-Newton steps once a long step shows that the quadratic model holds. While ω_L
+  /// decreases, or short steps raise it, they would only delay that. Each must pay for the next.
   void plan_quasi_newton_steps(const Trial& best) {
     constexpr double kLargestOmega = 0.01, kLeastStep = 0.1;
-    constexpr double kShare = 0.1;  // of the time of an iteration is what such a step takes
+    constexpr double kShare = 0.1;  // time of such a step, relative to an iteration
     const double gain = x_.energy - best.x.energy;
     if (log_.quasi_newton) {
       quick_.left = gain >= quick_.least_gain ? quick_.left - 1 : 0;
@@ -4921,8 +4882,8 @@ class Optimizer {
     quick_.step = (std::min)(1.0, 2 * best.step.length);
   }
 
-  /// A step with the factor there is, the mean of the gradients in the memory and what they say of
-  /// the curvature; false if none is found, and then there are no more.
+  /// Takes a step with the last factor, the mean gradient and the secants of the memory. Returns
+  /// false if none is found; then no more follow.
   bool take_quasi_newton_step() {
     if (quick_.left <= 0 || (!is_remembered_ && !differentiate(false))) return false;
     Timer timer;
@@ -4937,7 +4898,7 @@ class Optimizer {
     return log_.quasi_newton = found;
   }
 
-  /// Tries steps two by two, each half as long as the one before.
+  /// Tries steps in pairs, each half as long as the one before.
   bool search_back(const Array<Direction>& directions) {
     constexpr double kShortest = 1e-3;
     Timer timer;
@@ -4953,7 +4914,7 @@ class Optimizer {
     return trials_.found;
   }
 
-  /// A gradient at y, with that of the springs, in the unknowns.
+  /// Returns a gradient at y plus the springs' gradient, in the unknowns.
   Array<Vec2> of_unknowns(Array<Vec2> gradient, const Points2& y) const {
     add_spring_gradient(springs_, y, gradient);
     reduce(followers_, is_fixed_, gradient);
@@ -4962,7 +4923,7 @@ class Optimizer {
 
   Array<Vec2> gradient_at(int k) const { return of_unknowns(history_[k].gradient, history_[k].x); }
 
-  /// Those of the newest steps in the memory along which E bends upwards.
+  /// Returns the newest secants in the memory along which E has positive curvature.
   Array<Secant> secants() const {
     constexpr int kMost = 8;
     constexpr double kLeastCosine = 1e-10;
@@ -4984,8 +4945,7 @@ class Optimizer {
 
   // -- the end --
 
-  /// The last entries of the log, and to how many iterations they amount: a quasi-Newton step to a
-  /// fifth of one, of whose time it takes as much.
+  /// The last log entries and their number in iterations; a quasi-Newton step counts as a fifth.
   struct Stretch {
     int entries = 0;
     double iterations = 0;
@@ -5000,33 +4960,33 @@ class Optimizer {
     return {entries, static_cast<double>(steps) / kStepsPerIteration};
   }
 
-  /// By how much E fell, as a fraction of E + κ (area A + area B).
+  /// Returns the fall of E as a fraction of E + κ (area A + area B).
   double fall_over(const Result& result, const Stretch& last) const {
     const IterationLog &now = result.final_state(), &before = entry_before(result, last.entries);
     return (before.energy - now.energy) / (now.energy + weights_.kappa * s_.total_area);
   }
 
-  /// That of the last iteration but quasi-Newton ones; 1 before there is any.
+  /// Returns the length of the last step that was no quasi-Newton step; 1 before any.
   static double last_full_step(const Result& result) {
     for (std::size_t i = result.log.size(); i > 0; --i)
       if (!result.log[i - 1].quasi_newton) return result.log[i - 1].step;
     return 1;
   }
 
-  /// What the log says of so many entries ago.
+  /// Returns the log entry of the given number of entries ago.
   static const IterationLog& entry_before(const Result& result, int entries) {
     const int n = static_cast<int>(result.log.size());
     return n == entries ? result.log_begin : result.log[static_cast<std::size_t>(n - 1 - entries)];
   }
 
-  /// That of the stopping rule; a run that begins near its end, after coarse levels, pauses less.
+  /// Returns the window of the stopping rule; after coarse levels, a run starts near its end.
   int window(const Result& result) const {
     const int window = options_.tuning.window;
     return result.coarse.empty() ? window : (std::max)(1, window / 2);
   }
 
-  /// The stopping rule of Options::tolerance: over this many last iterations, E fell by less than
-  /// what it would have to fall over a whole window.
+  /// Applies the stopping rule of Options::tolerance: returns true if E fell over the last
+  /// iterations by less than required over a whole window.
   bool has_settled(const Result& result, int iterations) const {
     const Stretch last = last_stretch(result, iterations);
     if (last.iterations < iterations) return false;
@@ -5039,15 +4999,14 @@ class Optimizer {
     return has_settled(result, window(result)) ? Status::kConverged : Status::kUnfinished;
   }
 
-  /// True if all of both surfaces is mapped without distortion: no map has less.
+  /// Returns true if both surfaces are covered without distortion: no map is better.
   bool is_isometry() const {
     const double area = x_.area_a + x_.area_b, tolerance = options_.tolerance;
     return x_.map_energy <= (options_.measure.isometry() + tolerance) * area &&
            area >= (1 - tolerance) * s_.total_area;
   }
 
-  /// An iteration without a step counts as one in which E did not fall: if it hardly fell before
-  /// either, the run has converged.
+  /// Without a step, a run has converged if E hardly fell before either, else it has stalled.
   Status status_without_step(const Result& result) const {
     if (is_stationary_ || is_isometry()) return Status::kConverged;
     const bool is_first = result.log.empty() && result.coarse.empty();
@@ -5067,18 +5026,18 @@ class Optimizer {
   double omega_;
   double radius_ = 1;
   bool is_stationary_ = false;
-  double last_step_ = 1;  // of the last iteration that was no quasi-Newton step
+  double last_step_ = 1;  // of the last step that was no quasi-Newton step
   FixedCoordinates is_fixed_;
-  bool is_held_ = false;  // else rigid motions are removed by the anchors
+  bool is_held_ = false;  // else anchors remove rigid motions
   Anchors anchors_;
   Iterate x_;
-  IterationLog log_;               // of the iteration that is on
-  bool is_remembered_ = false;     // derivatives at x are in the memory
+  IterationLog log_;               // of the current iteration
+  bool is_remembered_ = false;     // the memory has derivatives at x
   Array<QuadraticModel> history_;  // newest first
   LdltFactor factor_;
   QuickSteps quick_;
   LineSearch trials_;
-  bool is_scaffolded_ = false;  // from the first trial on that made a boundary meet itself
+  bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
   bool has_scaffold_ = false;
   Scaffold scaffold_;
   Array<Spring> springs_;
@@ -5087,15 +5046,13 @@ class Optimizer {
 
 // ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
 //
-// Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by
-//             nested dissection of the vertices' positions and the multifrontal method.
-// Invariants: block (r, c), r ≤ c, of the pattern couples vertices r and c; diagonal blocks are
-//             present and come first in their row. The same bits for any number of threads.
-// Fails:      a zero or non-finite pivot ends the factorisation; negative pivots are counted, and
-//             mean that the matrix is not positive definite.
+// Purpose:    factorises H + ω Lᵀ M L, symmetric with one 2×2 block per pair of vertices, by nested
+//             dissection of the vertex positions and the multifrontal method.
+// Invariants: block (r, c), r ≤ c, of the pattern couples vertices r and c; each row starts with
+//             its diagonal block. The bits do not depend on the number of threads.
+// Fails:      at a zero or non-finite pivot; counts negative ones (matrix not positive definite).
 
-/// The point of the unit circle at an angle in [-2π, 2π]: from tan(angle / 128) by its series, the
-/// angle doubled six times.
+/// Returns the unit vector at an angle in [-2π, 2π]: series of tan(angle / 128), doubled 6 times.
 inline Vec2 on_circle(double angle) {
   const double h = angle / 128, h2 = h * h;
   const double t =
@@ -5105,19 +5062,19 @@ inline Vec2 on_circle(double angle) {
   return p;
 }
 
-/// A front of the elimination tree: the vertices eliminated together, and the later vertices their
-/// elimination touches. Vertices are meant by their place in the elimination order.
+/// A front of the elimination tree: the vertices eliminated together, and the later vertices that
+/// their elimination updates. Vertices are numbered in the elimination order.
 struct Front {
   int begin = 0, end = 0;  // own vertices
   Array<int> rows;         // later vertices, ascending
-  Array<int> parent_row;   // for every row, its place in the parent's front, own vertices first
-  std::int64_t panel = 0;  // where its part of LdltFactor::panels starts
+  Array<int> parent_row;   // per row: its place in the parent's front, own vertices first
+  std::int64_t panel = 0;  // offset of its panel in LdltData::panels
   int parent = -1;
   int depth = 0;
   Array<int> children;
   struct OwnBlock {
-    int block;        // of the pattern
-    int row, column;  // local place of the block in the front's lower triangle
+    int block;        // its index in the pattern
+    int row, column;  // local position in the front's lower triangle
     bool transposed;
   };
   Array<OwnBlock> blocks;
@@ -5125,18 +5082,18 @@ struct Front {
   int size() const { return own() + rows.size(); }
 };
 
-/// The elimination order and the fronts; depends on the pattern and the positions only.
+/// The elimination order and the fronts; they depend on the pattern and the positions only.
 struct LdltSymbolic {
-  Array<int> order;     // order[i] is the vertex eliminated as the i-th
+  Array<int> order;     // order[i] is the i-th vertex eliminated
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
   std::int64_t panels_size = 0;
-  /// Per stage groups of fronts that can be eliminated side by side: first whole subtrees below a
+  /// Per stage, groups of fronts that can be eliminated in parallel: first whole subtrees below a
   /// fixed depth, children before parents, then the fronts above it, level by level.
   Array<Array<Array<int>>> stages;
 };
 
-/// A line or circle with a fraction of some points below it, or inside.
+/// A line or circle with a fraction of the points below or inside it.
 struct PlanarCut {
   bool is_circle = false;
   Vec2 vector;  // center of the circle, or normal of the line
@@ -5144,24 +5101,23 @@ struct PlanarCut {
   double key(Vec2 p) const { return is_circle ? squared_norm(p - vector) : dot(vector, p); }
 };
 
-/// Finds the line or circle that cuts a set of coupled points in two parts with the fewest
-/// couplings between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which
-/// an embedding crowds into a spot, beats all lines. Some couplings of every point stand for all,
-/// and single precision is enough to count them.
+/// Finds the line or circle that splits coupled points into two parts with the fewest couplings
+/// between them [Miller, Teng, Thurston and Vavasis 1997]. A circle around a limb, which an
+/// embedding crowds into a spot, beats all lines. Some couplings and single precision suffice.
 class CutFinder {
  public:
   static constexpr int kCouplings = 8;
 
   explicit CutFinder(int n) : n_(n), x_(n, kCouplings + 1), y_(n, kCouplings + 1) {}
 
-  /// The k-th point that point i is coupled to; the 0-th is itself.
+  /// Sets the k-th point that point i is coupled to; the 0-th is itself.
   void set(int i, int k, Vec2 p) {
     x_(i, k) = static_cast<float>(p.x);
     y_(i, k) = static_cast<float>(p.y);
   }
 
   PlanarCut best() {
-    constexpr int kSmall = 1000;  // points; below, a better cut hardly saves arithmetic
+    constexpr int kSmall = 1000;  // points; below, better cuts hardly save arithmetic
     const int lines = n_ < kSmall ? 2 : 8, circles = n_ < kSmall ? 2 : 16;
     PlanarCut best;
     double least = kInfinity;
@@ -5189,7 +5145,7 @@ class CutFinder {
  private:
   using Points = Eigen::Array<float, Eigen::Dynamic, kCouplings + 1>;
 
-  /// The keys of the points, and the least and largest key of each and what it is coupled to.
+  /// Computes the key of each point, and the least and largest key of it and its neighbours.
   void measure(const PlanarCut& cut) {
     constexpr int kSamples = 64;
     const float vx = static_cast<float>(cut.vector.x), vy = static_cast<float>(cut.vector.y);
@@ -5212,8 +5168,8 @@ class CutFinder {
     std::sort(sample_.begin(), sample_.end());
   }
 
-  /// Points of the side with fewer of them that are coupled to the other side; more if one side is
-  /// larger.
+  /// Returns the size of the separator, the smaller number of points coupled to the other side,
+  /// times a penalty for unequal sides.
   double cost(float level, double fraction) const {
     int below = 0, above = 0;
     for (int i = 0; i < n_; ++i) {  // without branches, so that compilers vectorise it
@@ -5229,10 +5185,9 @@ class CutFinder {
   Array<float> sample_;  // of the keys, ascending
 };
 
-/// Builds an LdltSymbolic by nested dissection: a cut divides a set of vertices; of the side that
-/// has fewer of them, the vertices coupled to the other side separate the rest; the separator is
-/// thinned, its vertices are eliminated last, and both sides are divided again. Sets of one level
-/// are not coupled, so they are divided side by side.
+/// Builds an LdltSymbolic by nested dissection. A cut divides a set of vertices; on the side with
+/// fewer of them, vertices coupled to the other side form the separator, which is thinned and
+/// eliminated last. Both sides are divided again; sets of one level, in parallel.
 class NestedDissection {
  public:
   NestedDissection(const BlockMatrix& pattern, const Points2& positions, const Executor& executor)
@@ -5256,7 +5211,7 @@ class NestedDissection {
 
  private:
   static constexpr int kLargestLeaf = 12;       // smaller leaves cost more in bookkeeping
-  static constexpr double kLargestPart = 0.65;  // of a set that one side may have
+  static constexpr double kLargestPart = 0.65;  // share of a set on one side
 
   enum Part : std::uint8_t { kLeft, kRight, kSeparator, kOutside };
 
@@ -5266,12 +5221,11 @@ class NestedDissection {
     bool transposed;  // the block is stored as (neighbour, vertex)
   };
 
-  /// The vertices order[begin, end). Once divided, those of the left side come first, then those of
-  /// the right side, then the separator.
+  /// The vertices order[begin, end). Once divided: the left side, the right side, the separator.
   struct Set {
     int begin, end, depth;
     int left_end = 0, right_end = 0;
-    int child = -1;  // its left side in sets_; the right side is the next
+    int child = -1;  // index of the left side in sets_; the right side follows
     int size() const { return end - begin; }
   };
 
@@ -5318,8 +5272,8 @@ class NestedDissection {
     }
   }
 
-  /// Vertices coupled to more others than separators have, in the plane, come into none of them:
-  /// they are eliminated last. False if there are none.
+  /// Separates hubs, with more neighbours than a planar separator has vertices; no separator
+  /// contains them, and they are eliminated last. Returns false if there are none.
   bool set_hubs_apart() {
     constexpr int kLeast = 1000;
     const int n = pattern_.rows();
@@ -5355,13 +5309,13 @@ class NestedDissection {
     set.right_end = set.left_end + members[kRight].size();
   }
 
-  /// Puts every vertex of a set on one of two sides.
+  /// Assigns every vertex of a set to one of two sides.
   void divide(const Set& set) {
     const int n = set.size();
     const Vec2 origin = row2(positions_, vertex(set.begin));
     double extent = 0;
     for (int i = set.begin; i < set.end; ++i) {
-      part_[vertex(i)] = kLeft;  // for now: it is in the set
+      part_[vertex(i)] = kLeft;  // provisional: marks members of the set
       const Vec2 p = row2(positions_, vertex(i)) - origin;
       extent = (std::max)({extent, std::abs(p.x), std::abs(p.y)});
     }
@@ -5384,7 +5338,7 @@ class NestedDissection {
     for (int i = left; i < n; ++i) part_[key[i].second] = kRight;
   }
 
-  /// One of kCouplings neighbours evenly spread over the list of v.
+  /// Returns one of kCouplings neighbours, spread evenly over the list of v.
   int spread_neighbour(int v, int k) const {
     const int degree = start_[v + 1] - start_[v];
     return neighbour_[start_[v] + (2 * k + 1) * degree / (2 * CutFinder::kCouplings)].vertex;
@@ -5396,7 +5350,7 @@ class NestedDissection {
     return false;
   }
 
-  /// Makes the vertices of one side that are coupled to the other one the separator.
+  /// Chooses as separator the vertices of one side that are coupled to the other one.
   void separate(const Set& set) {
     Array<int> rim[2];
     for (int i = set.begin; i < set.end; ++i) {
@@ -5408,9 +5362,9 @@ class NestedDissection {
 
   // -- thinning of a separator [Fiduccia and Mattheyses 1982] --
 
-  /// A vertex of the separator goes to one side; those of the other side it is coupled to come in.
+  /// Moves a separator vertex to one side; its neighbours on the other side enter the separator.
   struct Move {
-    int gain;  // by which the separator shrinks
+    int gain;  // decrease of the separator's size
     int vertex;
     Part to;
     bool operator<(const Move& o) const {
@@ -5419,8 +5373,8 @@ class NestedDissection {
   };
   using Moves = Array<Move>;  // a heap, the best one first
 
-  /// Makes the best moves one after the other, also such that do not pay at once, and takes back
-  /// those after the smallest separator. No vertex moves twice.
+  /// Makes the best moves one after the other, even if they do not pay at once, and undoes those
+  /// after the smallest separator. No vertex moves twice.
   void thin_separator(const Set& set) {
     constexpr int kPatience = 30;  // moves without success
     const int largest = static_cast<int>(kLargestPart * set.size());
@@ -5513,7 +5467,7 @@ class NestedDissection {
     return id;
   }
 
-  /// The fronts of a subtree are one behind the other, the topmost last.
+  /// Groups fronts into stages; the fronts of a subtree are consecutive, the topmost last.
   void schedule() {
     constexpr int kSubtreeDepth = 5;
     result_.stages.resize(kSubtreeDepth + 1);
@@ -5529,7 +5483,7 @@ class NestedDissection {
 
   /// Finds the rows and the entries of a group of fronts.
   void fill_fronts(const Array<int>& ids) {
-    Array<int> local(pattern_.rows(), -1);  // of a vertex of the front, its place in it
+    Array<int> local(pattern_.rows(), -1);  // per vertex of the front: its place in it, else -1
     for (int id : ids) {
       Front& front = result_.fronts[id];
       find_rows(front, local);
@@ -5560,7 +5514,7 @@ class NestedDissection {
       for (int e = start_[v]; e < start_[v + 1]; ++e) {
         const int j = result_.place[neighbour_[e].vertex];
         if (j < i) continue;
-        // The front holds block (j, i); the pattern has it as (v, neighbour) unless transposed.
+        // The front stores block (j, i); the pattern stores (v, neighbour) unless transposed.
         front.blocks.push_back(
             {neighbour_[e].block, local[j], local[i], !neighbour_[e].transposed});
       }
@@ -5587,13 +5541,13 @@ class NestedDissection {
   Array<Neighbour> neighbour_;
   Array<Set> sets_;  // level by level
   Array<Part> part_;
-  Array<int> coupled_[2];  // of a vertex of the separator, how many on either side
+  Array<int> coupled_[2];  // per separator vertex: number of neighbours on either side
   Array<char> moved_;
 };
 
 // ---- dense kernels ----
 
-/// A block of a matrix by columns.
+/// A block of a column-major matrix.
 struct DenseBlock {
   double* data;
   Eigen::Index rows, cols, stride;
@@ -5605,14 +5559,14 @@ struct DenseBlock {
   }
 };
 
-/// y -= a x.
+/// Computes y -= a x.
 inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
   Eigen::Index i = 0;
   for (; i + kLanes <= n; i += kLanes) (Lanes::load(y + i) - a * Lanes::load(x + i)).store(y + i);
   for (; i < n; ++i) y[i] -= a * x[i];
 }
 
-/// As eight sums, whatever the compiler makes of them.
+/// Sums in eight partial sums, so that the bits do not depend on the compiler.
 inline double inner_product(const double* x, const double* y, Eigen::Index n) {
   double sum[8] = {};
   Eigen::Index i = 0;
@@ -5624,14 +5578,12 @@ inline double inner_product(const double* x, const double* y, Eigen::Index n) {
   return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
 }
 
-// A product is subtracted from C by tiles that the registers hold, as high as Lanes. What a tile
-// takes of either factor lies packed in the order in which it is read [Goto and van de Geijn 2008].
-// Every entry of C is subtracted the same sums, however large the tiles.
+// A product is subtracted from C in register tiles as high as Lanes, from factors packed in the
+// order of reading [Goto and van de Geijn 2008]. The sums do not depend on the size of tiles.
 
 inline constexpr int kTileColumns = 6;
 
-/// The rows of L by tiles of a height, the last one filled with zeros; or those of L D, with the
-/// diagonal of D.
+/// Packs the rows of L, or of L D with D's diagonal, into tiles of a height; zeros fill the last.
 inline void pack(const DenseBlock& L, const DenseBlock* D, int height, double* packed) {
   for (Eigen::Index first = 0; first < L.rows; first += height) {
     const Eigen::Index n = (std::min)(Eigen::Index{height}, L.rows - first);
@@ -5658,8 +5610,7 @@ inline void subtract_tile(const double* a, const double* b, Eigen::Index depth, 
     (Lanes::load(c + j * stride) - sum[j]).store(c + j * stride);
 }
 
-/// Subtracts packed factors from rows of a matrix, the first of which is its row `first`, and from
-/// no tile that is above its diagonal.
+/// Subtracts packed factors from C, whose first row is row `first`; skips tiles above the diagonal.
 inline void subtract_packed(const double* a, const double* b, Eigen::Index depth,
                             Eigen::Index first, const DenseBlock& C) {
   for (Eigen::Index j = 0; j < C.cols; j += kTileColumns)
@@ -5678,10 +5629,9 @@ inline void subtract_packed(const double* a, const double* b, Eigen::Index depth
     }
 }
 
-/// C -= L D Mᵀ, M the first rows of L, on and below the diagonal of C. What is above does not
-/// count.
+/// Computes C -= L D Mᵀ, M the first rows of L, on and below C's diagonal; the rest is undefined.
 inline void subtract_product(const DenseBlock& L, const DenseBlock& D, const DenseBlock& C) {
-  constexpr Eigen::Index kRows = 192, kDepth = 192;  // of L that the second cache holds
+  constexpr Eigen::Index kRows = 192, kDepth = 192;  // the part of L that fits the L2 cache
   const Eigen::Index depth = (std::min)(kDepth, L.cols), height = (std::min)(kRows, L.rows);
   Eigen::VectorXd a((height + kLanes) * depth), b((C.cols + kTileColumns) * depth);
   for (Eigen::Index k = 0; k < L.cols; k += depth) {
@@ -5696,7 +5646,7 @@ inline void subtract_product(const DenseBlock& L, const DenseBlock& D, const Den
   }
 }
 
-/// LDLT without pivoting of the top square of A, applied to the rows below, column by column.
+/// Factorises the top square of A as LDLT without pivoting and updates the rows below, by columns.
 inline bool factor_narrow(const DenseBlock& A, int& negative) {
   const Eigen::Index k = A.cols, n = A.rows;
   for (Eigen::Index j = 0; j < k; ++j) {
@@ -5710,7 +5660,7 @@ inline bool factor_narrow(const DenseBlock& A, int& negative) {
   return true;
 }
 
-/// The same of any width: the left half, what it takes from the right half, the right half.
+/// Factorises a panel of any width: the left half, the update of the right half, the right half.
 inline bool factor_panel(const DenseBlock& A, int& negative) {
   constexpr Eigen::Index kNarrow = 16;
   const Eigen::Index n = A.rows, left = A.cols / 2, right = A.cols - left;
@@ -5722,28 +5672,27 @@ inline bool factor_panel(const DenseBlock& A, int& negative) {
 
 // ---- factorisation ----
 
-/// What a factor holds. A panel holds, of one front, L with D on the diagonal of its top block.
+/// The data of a factor. The panel of a front holds L, with D on the diagonal of its top block.
 struct LdltData {
   LdltSymbolic symbolic;
-  Eigen::VectorXd panels;         // one behind the other
-  Array<Eigen::VectorXd> update;  // per front its update matrix, until its parent has taken it
-  Array<int> negative_pivots;     // per front; -1 where one is zero or not finite
+  Eigen::VectorXd panels;         // concatenated
+  Array<Eigen::VectorXd> update;  // per front: its update matrix, until its parent adds it
+  Array<int> negative_pivots;     // per front: their number; -1 after a zero or non-finite pivot
 };
 
-/// The panel of a front, 2 size × 2 own.
+/// Returns the panel of a front, 2 size × 2 own.
 inline DenseBlock panel_of(const Front& front, const LdltData& factor) {
   const Eigen::Index rows = 2 * Eigen::Index{front.size()};
   return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
 }
 
-/// The update matrix of a front, 2 rows × 2 rows, of which the lower triangle counts.
+/// Returns the update matrix of a front, 2 rows × 2 rows; only its lower triangle is used.
 inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
   const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
   return {memory.data(), n, n, n};
 }
 
-/// Adds a child's update matrix to the parent's panel, and to its update matrix where columns are
-/// not the parent's own.
+/// Adds a child's update matrix to the parent's panel (own columns) and update matrix (others).
 inline void extend_add(const Front& child, const DenseBlock& from, int own, const DenseBlock& panel,
                        const DenseBlock& update) {
   const Array<int>& place = child.parent_row;
@@ -5764,7 +5713,7 @@ inline void extend_add(const Front& child, const DenseBlock& from, int own, cons
   }
 }
 
-/// Assembles and eliminates one front whose children are done.
+/// Assembles and eliminates a front whose children are done.
 inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltData& factor) {
   const Front& front = factor.symbolic.fronts[id];
   const DenseBlock panel = panel_of(front, factor);
@@ -5786,15 +5735,15 @@ inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltData& facto
   subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
 }
 
-/// Factorises a matrix of the pattern that was analysed.
+/// Factorises a matrix of the analysed pattern.
 inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& executor,
                              LdltFactor& factor) {
   LdltData& data = *factor.data;
   const LdltSymbolic& symbolic = data.symbolic;
   const int n = symbolic.fronts.size();
   if (data.panels.size() < symbolic.panels_size) {
-    data.panels.resize(0);  // Eigen frees what there is before it allocates, and once more if
-    data.panels.resize(symbolic.panels_size);  // that fails
+    data.panels.resize(0);  // Eigen frees twice if a resize throws: empty it first
+    data.panels.resize(symbolic.panels_size);
   }
   data.update.clear();
   data.update.resize(n);
@@ -5812,7 +5761,6 @@ inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& execut
   }
 }
 
-/// Factorises a matrix whose rows belong to vertices at some positions.
 inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions,
                            const Executor& executor, LdltFactor& factor) {
   if (!factor.data) factor.data = std::make_shared<LdltData>();
@@ -5822,8 +5770,7 @@ inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions
 
 // ---- solution ----
 
-/// Solves with a factor: L y = b, front by front, then D Lᵀ x = y in the reverse order. The numbers
-/// that a front touches are gathered, so that columns of its panel meet one piece of memory.
+/// Solves L y = b by fronts, then D Lᵀ x = y in reverse; gathers a front's entries in one array.
 inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
   const LdltData& data = *factor.data;
   const LdltSymbolic& symbolic = data.symbolic;
@@ -5858,7 +5805,7 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
   return x;
 }
 
-/// y += A x.
+/// Computes y += A x.
 inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
   for (int r = 0; r < A.H->rows(); ++r)
     for (int b = A.H->start[r]; b < A.H->start[r + 1]; ++b) {
@@ -5869,11 +5816,10 @@ inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2
     }
 }
 
-/// Solves A x = b by conjugate gradients with the factor of a matrix close to A as preconditioner,
-/// both positive definite [Hestenes and Stiefel 1952]. Where the eigenvalues of the one in terms of
-/// the other lie in [1, α], the error falls by (√α - 1) / (√α + 1) in every step. Ends when √(rᵀz)
-/// has fallen to a tolerance of its first value, z the preconditioned r, after 50 steps, or where
-/// the caller stops.
+/// Solves A x = b by conjugate gradients, preconditioned by the factor of a matrix close to A, both
+/// positive definite [Hestenes and Stiefel 1952]. If the eigenvalues of one relative to the other
+/// lie in [1, α], the error falls by (√α - 1) / (√α + 1) per step. Stops when √(rᵀz), z the
+/// preconditioned r, is at most `tolerance` of its first value, after 50 steps, or if cancelled.
 inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
                                         const Array<Vec2>& b, double tolerance,
                                         const Executor& executor) {
@@ -8688,11 +8634,11 @@ class Embedder {
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
 //
-// Purpose:    Φ and Φ⁻¹ at points and along edges of the surfaces; the meta mesh lifted to both;
-//             how Φ stretches.
+// Purpose:    evaluates Φ and Φ⁻¹ at points and along edges, lifts the meta mesh to both surfaces,
+//             and measures the distortion of Φ.
 // Invariants: a corner of the meta mesh is a vertex of A, a vertex of B, or a crossing of an edge
-//             of A with one of B; that key, never coordinates, identifies it.
-// Fails:      points outside the overlap are not covered.
+//             of A with an edge of B; this key identifies it, never coordinates.
+// Fails:      points outside the overlap have no image.
 
 inline Vec3 weights_of(const SurfacePoint& s) {
   return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
@@ -8701,7 +8647,7 @@ inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
 
-/// Barycentric coordinates, and how far below 0 rounding may put those of a point in the triangle.
+/// Barycentric coordinates; rounding may put those of a point in the triangle down to -slack.
 struct Barycentric {
   Vec3 weights;
   double slack = 0;
@@ -8716,8 +8662,8 @@ inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, V
   return {barycentric(p, a, b, c), (std::max)(kLeastSlack, rounding / height)};
 }
 
-/// The same for a point that may lie outside by rounding; a point of the triangle. What a corner
-/// has less than nothing of is taken from the nearest one, which moves the point least.
+/// Returns the point of face f at p, which may lie outside by rounding: a negative coordinate is
+/// set to 0 and added to that of the nearer corner, which moves the point least.
 inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   Vec3 b = barycentric(m, x, f, p).weights;
   const auto squared_length = [&](int k, int l) {
@@ -8735,7 +8681,7 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
   return surface_point(f, is_sound ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
 }
 
-/// Of several faces, the one that a point lies deepest in: its least barycentric coordinate counts.
+/// The face with the largest depth of a point, which is its least barycentric coordinate.
 struct DeepestFace {
   double least = -kInfinity;
   int face = -1;
@@ -8747,27 +8693,27 @@ struct DeepestFace {
   }
 };
 
-/// What a corner of a polygon is, and which one: {kAtVertex, vertex, 0}, {kCrossing, edge, edge},
-/// an edge being the smaller of its half-edges, or {kOnSeam, index along the seam, 0}.
+/// Identifies a corner of a polygon: {kAtVertex, vertex, 0}, {kCrossing, edge, edge}, where the
+/// smaller half-edge stands for an edge, or {kOnSeam, index along the seam, 0}.
 using CornerKey = std::array<int, 3>;
 enum CornerKind { kAtVertex, kCrossing, kOnSeam };
 
-/// A vertex of the seam of two closed surfaces, which is four vertices at one point: of A and of B,
-/// and their copies beyond the seam.
+/// Four vertices at one point of the seam of two closed surfaces: one of A, one of B, and their
+/// copies on the other side of the seam.
 struct SeamVertex {
   int a, copy_a, b, copy_b;
 };
 
-/// Two embedded meshes and their overlay. Vertices and faces have their ids in A ⊔ B, so that Φ and
-/// Φ⁻¹ are one function: from the faces of either mesh to those of the other one.
+/// Two embedded meshes and their overlay. Ids are those of A ⊔ B, so one function evaluates Φ and
+/// Φ⁻¹: it maps faces of either mesh to faces of the other.
 struct EmbeddedPair {
   JointSurface s;
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
-  double extent = 0;       // of the plane, from the origin
-  Array<int> seam_index;   // per vertex, along the seam; or -1
-  bool is_closed = false;  // there is a seam
+  double extent = 0;       // largest absolute coordinate in the plane
+  Array<int> seam_index;   // per vertex, its index along the seam, or -1
+  bool is_closed = false;  // true if the pair has a seam
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
@@ -8778,8 +8724,8 @@ struct EmbeddedPair {
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
 
-  /// What corner i of a polygon is. At the seam, vertices of A and B coincide; what the symbolic
-  /// perturbation has between them is no corner of its own.
+  /// Returns the key of corner i of a polygon. At the seam, vertices of A and B coincide; corners
+  /// that the symbolic perturbation puts between them share one key.
   CornerKey corner_key(const OverlayPolygon& p, int i) const {
     const HalfEdgeMesh& m = s.mesh;
     const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
@@ -8799,19 +8745,19 @@ struct EmbeddedPair {
     return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
-  /// Of the half-edges of an edge, the smaller one.
+  /// Returns the smaller half-edge of an edge.
   int first_half_edge(int h) const {
     return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
   }
 
-  /// The corner of a face that has an index along the seam, or -1.
+  /// Returns the corner of a face with this index along the seam, or -1.
   int corner_on_seam(int face, int index) const {
     for (int k = 0; k < 3; ++k)
       if (seam_index[s.mesh.corner(face, k)] == index) return k;
     return -1;
   }
 
-  /// Takes out what the perturbation has put between vertices of the seam, which has no area.
+  /// Removes polygons without area, which the perturbation puts between vertices of the seam.
   void sew(const Array<SeamVertex>& seam) {
     is_closed = !seam.empty();
     seam_index.assign(s.mesh.n_vertices, -1);
@@ -8838,15 +8784,15 @@ struct EmbeddedPair {
     }
   }
 
-  /// Where a point of a surface lies in the plane.
+  /// Returns the planar position of a point of a surface.
   Vec2 planar_position(const SurfacePoint& p) const {
     Vec2 sum;
     for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row2(x, s.mesh.corner(p.face, k));
     return sum;
   }
 
-  /// Rounding may put a point on an edge outside both its faces; of closed surfaces, every point
-  /// has an image.
+  /// Considers the faces over `face`. Rounding may put a point on an edge outside both its faces;
+  /// on closed surfaces, which map every point, any depth is accepted.
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
     for_each_target(face, [&](int t) {
       const Barycentric b = barycentric(s.mesh, x, t, p);
@@ -8873,9 +8819,9 @@ struct EmbeddedPair {
   }
 };
 
-// ---- the meshes given, and as they were embedded ----
+// ---- given and embedded meshes ----
 
-/// Barycentric coordinates of the point on the sides of a triangle that is closest to p.
+/// Returns barycentric coordinates of the point closest to p on the sides of a triangle.
 inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
   Vec3 weights;
   double least = kInfinity;
@@ -8891,7 +8837,7 @@ inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
   return weights;
 }
 
-/// The same of a point in the triangle or on its sides.
+/// Returns barycentric coordinates of the point closest to p in a triangle or on its sides.
 inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
   const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
   const Vec3 normal = cross(b - a, c - a);
@@ -8901,25 +8847,25 @@ inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
   return (std::min)({weights.x, weights.y, weights.z}) >= 0 ? weights : closest_on_sides(p, corner);
 }
 
-/// The corners of a triangle, in a unit in which squares neither over- nor underflow.
+/// Returns the corners of a triangle, in a unit in which squares neither over- nor underflow.
 inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double unit) {
   const auto corner = [&](int k) { return unit * row3(mesh.vertices, mesh.triangles(f, k)); };
   return {corner(0), corner(1), corner(2)};
 }
 
-/// How a mesh that was prepared, cut open and refined lies in the one that the caller gave.
+/// Places the triangles and vertices of a prepared, cut and refined mesh in the given mesh.
 struct Origin {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;         // those of the prepared mesh, by vertices given
-  Array<int> face;             // per triangle, the one given that it is a part of,
-  Array<Vec3> corner_weights;  // and per corner its barycentric coordinates there
+  Triangles triangles;         // of the prepared mesh, by given vertices
+  Array<int> face;             // per triangle, the given one that contains it,
+  Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
   /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
   Array<int> first, part;
-  Array<int> vertex;  // per vertex given, where it is, or -1
-  /// Where else: a vertex of the embedded mesh and a copy of it, sorted.
+  Array<int> vertex;  // per given vertex, its embedded one, or -1
+  /// Pairs of a vertex of the embedded mesh and a copy of it, sorted.
   Array<std::array<int, 2>> copies;
   std::vector<int> same;  // see MetaMesh::same_a
-  Array<EdgeUse> edges;   // of the triangles given
+  Array<EdgeUse> edges;   // of the given triangles
 
   SurfacePoint to_given(const SurfacePoint& p) const {
     Vec3 weights;
@@ -8927,14 +8873,14 @@ struct Origin {
     return surface_point(face[p.face], weights);
   }
 
-  /// Its face is -1 if there is no such triangle, or it was dropped.
+  /// Returns a point with face -1 if the triangle does not exist or was dropped.
   SurfacePoint from_given(const SurfacePoint& p) const {
     constexpr double kRounding = 1e-12, kBeside = 1e-6;
     if (p.face < 0 || p.face + 1 >= first.size()) return {};
     const Vec3 at = weights_of(p);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
     SurfacePoint best;
-    double least = -kBeside;  // else it is in a part that was dropped
+    double least = -kBeside;  // deeper outside, it is in a dropped part
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
       const Vec3* const corner = &corner_weights[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
@@ -8949,8 +8895,8 @@ struct Origin {
     return best;
   }
 
-  /// The half-edges along the edge from u to v of a triangle given, in order; ~h if one runs the
-  /// other way. None if there is no such edge.
+  /// Returns the half-edges along the given edge from u to v, in order; ~h if one runs from v to u.
+  /// Empty if the edge does not exist.
   Array<int> along(int u, int v) const {
     const EdgeUse edge = {(std::min)(u, v), (std::max)(u, v), -1};
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
@@ -8974,7 +8920,7 @@ struct Origin {
 
   bool is_dropped(int given_face) const { return first[given_face] == first[given_face + 1]; }
 
-  /// True if a triangle is all of the one given.
+  /// Returns true if a triangle is a whole given triangle.
   bool is_whole(int f) const {
     double sum = 0;
     for (int k = 0; k < 3; ++k)
@@ -8984,8 +8930,8 @@ struct Origin {
   }
 };
 
-/// Adds vertices once more to the mesh of an origin. Tells per vertex which one it is, or is a copy
-/// of; false if the edge or triangle of one is not there.
+/// Adds vertices again to the mesh of an origin; `vertex` maps each one to itself or to the one it
+/// copies. Returns false if the edge or triangle of a vertex is missing.
 inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Array<int>& vertex,
                       Origin& o) {
   for (int v = 0; v < m.n_vertices; ++v) vertex.push_back(v);
@@ -9024,7 +8970,7 @@ inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Ar
   return true;
 }
 
-/// Groups parts and lists edges, once all else is known.
+/// Fills first, part and edges; all other members have to be set.
 inline void index_parts(Origin& o) {
   const int n = static_cast<int>(o.given->triangles.rows());
   o.first.assign(n + 1, 0);
@@ -9036,7 +8982,7 @@ inline void index_parts(Origin& o) {
   o.edges = sorted_edges(o.given->triangles);
 }
 
-/// Of a mesh that is as it was given.
+/// Returns the origin of a mesh that equals the given one.
 inline Origin same_origin(const SharedMesh& mesh) {
   Origin o;
   o.given = mesh;
@@ -9050,8 +8996,8 @@ inline Origin same_origin(const SharedMesh& mesh) {
   return o;
 }
 
-/// Where a corner of a prepared triangle lies in the one given: at one of its corners, or on the
-/// side that was cut in two for a degenerate neighbour.
+/// Returns the place of a prepared corner in its given triangle: at a corner, or on the side that
+/// was split for a degenerate neighbour.
 inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
   if (given / 3 == f) return unit3(given % 3);
@@ -9059,7 +9005,7 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
-/// Of a prepared mesh; m is its connectivity.
+/// Returns the origin of a prepared mesh.
 inline Origin origin_of(const Prepared& p) {
   Origin o;
   o.given = p.given;
@@ -9083,7 +9029,7 @@ inline Origin origin_of(const Prepared& p) {
   return o;
 }
 
-/// Of an embedded mesh, with vertices added. If it is not that, it counts as given itself.
+/// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
 inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
   if (!p.problems.empty()) return same_origin(embedded);
@@ -9107,22 +9053,21 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
 
 // ---- paths ----
 
-/// The part of a segment of the plane in one triangle, from parameter s to t.
+/// The part of a planar segment in one triangle, from parameter s to t.
 struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
   bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
-/// Maps paths along edges of one mesh to the other: straight in the plane, each edge is clipped by
-/// the triangles that have a polygon beside it, and covered by the parts that reach farthest.
-/// Triangles are taken a little larger than they are, so that neither rounding nor running along an
-/// edge interrupts a path.
+/// Maps paths along edges of one mesh to the other. The triangles over both faces beside an edge
+/// clip its segment in the plane; the parts that reach farthest cover it. Triangles are enlarged a
+/// little, so that neither rounding nor a path along an edge leaves gaps.
 class PathMapper {
  public:
   explicit PathMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
 
-  /// The image of a path along edges of a mesh given, whose first face in A ⊔ B is `first_face`.
+  /// Returns the image of a path along given edges; the mesh starts at `first_face` in A ⊔ B.
   std::vector<Polyline> map(const Origin& origin, int first_face,
                             const std::vector<int>& vertices) {
     for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
@@ -9141,9 +9086,9 @@ class PathMapper {
   }
 
  private:
-  static constexpr double kTouch = 1e-12;  // a gap of this part of a segment is none
+  static constexpr double kTouch = 1e-12;  // ignores gaps below this part of a segment
 
-  /// What the edge pq of half-edge h passes through in the other mesh.
+  /// Returns the parts of the edge pq of half-edge h in the triangles of the other mesh.
   Array<SegmentPart> parts_along(int h, Vec2 p, Vec2 q) const {
     Array<SegmentPart> parts;
     for (int side : {h, m_.twin[h]}) {
@@ -9158,9 +9103,9 @@ class PathMapper {
     return parts;
   }
 
-  /// Narrows a part of pq to its triangle; false if nothing is left.
+  /// Narrows a part of pq to its triangle; returns false if nothing is left.
   bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
-    constexpr double kRounding = 1e-14;  // of the size of the plane
+    constexpr double kRounding = 1e-14;  // relative to the extent of the plane
     for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
       const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
       const double slack = kRounding * pair_.extent * norm(edge);
@@ -9207,10 +9152,10 @@ class PathMapper {
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   std::vector<Polyline> polylines_;
-  bool is_open_ = false;  // the last polyline goes on
+  bool is_open_ = false;  // true if the next part extends the last polyline
 };
 
-// ---- what a SurfaceMap holds ----
+// ---- data of a SurfaceMap ----
 
 inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
   Vec3 sum;
@@ -9218,8 +9163,8 @@ inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
   return sum;
 }
 
-struct MapData : Outcome {                                 // kDone if the pair is there
-  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // as they were embedded
+struct MapData : Outcome {                                 // kDone if the pair is valid
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
   Origin origin_a, origin_b;
   EmbeddedPair pair;
 
@@ -9230,14 +9175,14 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
 
-  /// A point of a mesh given in the ids of A ⊔ B; its face is -1 if there is none.
+  /// Returns a point of a given mesh in ids of A ⊔ B; its face is -1 if it has none there.
   SurfacePoint joint(const SurfacePoint& p, Side side) const {
     SurfacePoint joint = ok() ? origin(side).from_given(p) : SurfacePoint();
     if (joint.face >= 0) joint.face += first_face(side);
     return joint;
   }
 
-  /// And back.
+  /// Returns a point in ids of A ⊔ B as a point of its given mesh.
   SurfacePoint own(SurfacePoint p) const {
     if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
@@ -9318,10 +9263,10 @@ class MetaMeshBuilder {
  private:
   struct Corner {
     CornerKey key;
-    SurfacePoint on_a, on_b;  // in the ids of the meshes
+    SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
 
-  /// The first corner with a key stands for its vertex.
+  /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
     Array<int> order(corners_.size()), first;
     for (int i = 0; i < order.size(); ++i) order[i] = i;
@@ -9374,8 +9319,8 @@ class MetaMeshBuilder {
     return {{}, of_a ? here : there, of_a ? there : here};
   }
 
-  /// Where two edges cross, from the same half-edges in all polygons around it: edges that are
-  /// nearly parallel cross at a place along them that is as good as unknown, but it must be one.
+  /// Returns the crossing of two edges, from the same half-edges in all polygons around it: nearly
+  /// parallel edges hardly determine its position, but all polygons must agree on it.
   Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
     const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
@@ -9392,7 +9337,7 @@ class MetaMeshBuilder {
   Array<Corner> corners_;
 };
 
-/// Triangles and corners of one side of a meta mesh, as those of the mesh given.
+/// Converts triangles and corners of one side of a meta mesh to those of the given mesh.
 inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
                            std::vector<int>& face, const std::vector<int>& offsets,
                            Points3& corner) {
@@ -9409,14 +9354,14 @@ inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<i
 
 // ---- distortion ----
 
-/// The largest singular value of J [Blinn 1996].
+/// Returns the largest singular value of J [Blinn 1996].
 inline double largest_stretch(const Mat2& J) {
   return 0.5 * (norm(Vec2{J(0, 0) + J(1, 1), J(1, 0) - J(0, 1)}) +
                 norm(Vec2{J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)}));
 }
 
-/// The Jacobian of an embedding in one triangle, and its determinant, which is positive of a sliver
-/// as well, where that of the rounded Jacobian may have any sign.
+/// The Jacobian of an embedding in one triangle. Its determinant, kept apart, is positive even for
+/// a sliver, where the determinant of the rounded Jacobian may have any sign.
 struct TriangleMap {
   Mat2 J;
   double determinant;
@@ -9428,7 +9373,7 @@ inline TriangleMap triangle_map(const JointSurface& s, const Points2& x, int f, 
   return {scale * triangle_jacobian(s, x, f), scale * scale * twice_area / (2 * s.area[f])};
 }
 
-/// Φ of one polygon, J = J_g⁻¹ J_f. The smaller singular value comes from the determinant, as the
+/// Returns the distortion of Φ in one polygon, J = J_g⁻¹ J_f. The determinant gives σ_min: the
 /// difference of two nearly equal numbers would not have a correct digit.
 inline PolygonDistortion polygon_distortion(const TriangleMap& f, const TriangleMap& g,
                                             double planar_area) {
@@ -9540,26 +9485,25 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
 
 // ==== HALF I ENDS HERE ===========================================================================
 //
-// What is above is the paper. What follows makes it a tool: a scaffold that keeps boundaries apart,
-// checks and mends of meshes, coarse levels, maps of closed surfaces, uses of maps, a proof, the
-// entry points and their threads.
+// The parts above are the paper. The parts below make it a tool: a scaffold that keeps boundaries
+// apart, checked and prepared meshes, coarse levels, applications, closed surfaces, verification,
+// threads and entry points.
 
 namespace detail {
 
 // ==== [16] SCAFFOLD (paper §4.4) =================================================================
 //
-// Purpose:    keeps the boundary of an embedding from meeting itself [Jiang, Schaefer and Panozzo
-//             2017]: the space between it and a box is triangulated, and the triangles resist
-//             deformation a little. Their energy is least where they are built, so a step that
-//             lowers the sum of both energies lowers E; built anew in every iteration, they yield
-//             where the boundary wants to go, but never to a collision.
-// Invariants: the triangles are positive, exactly; while they are, the boundary is simple.
-// Fails:      where rounding leaves a triangle no area, it is left out; there, only the exact test
-//             of the boundary guards.
+// Purpose:    keeps the boundary of an embedding simple [Jiang, Schaefer and Panozzo 2017]:
+//             triangles fill the space between it and a box and resist deformation a little. Their
+//             energy is least as built, so a step that lowers the sum of both energies lowers E.
+//             Every iteration rebuilds them, so they let the boundary move, but never collide.
+// Invariants: all triangles are positive, exactly; this implies that the boundary is simple.
+// Fails:      leaves out triangles without area after rounding; there, only the exact test of the
+//             boundary prevents collisions.
 
-/// The space that a surface leaves at a loop, as one polygon, counter-clockwise. For an opening
-/// that is its inside. Around an outer loop, a box is put with room on all sides: a bridge leads
-/// from its second corner to the rightmost vertex of the loop, which sees it, and back.
+/// Returns the space outside the surface at a loop as one counter-clockwise polygon: the inside of
+/// an opening, or the space between an outer loop and a box around it. There, a bridge joins the
+/// second corner of the box to the rightmost vertex of the loop, which is visible from it.
 inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
@@ -9586,16 +9530,16 @@ inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Sc
   return polygon;
 }
 
-/// True if a box lies to the right of p → q, exactly.
+/// Returns true if a box lies to the right of p → q, exactly.
 inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
   const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
   return orient2d(p, q, leftmost) < 0;
 }
 
-/// Clips the ears of a polygon: a queue of vertices is gone through round by round. Of neighbours
-/// not both are clipped in one round, which would make fans that take n² flips to be Delaunay. What
-/// was no ear is tested again once a neighbour or the vertex found in it is gone. About O(n log n),
-/// but for spirals, where one vertex may block many.
+/// Triangulates a polygon by clipping ears from a queue, in rounds. No round clips two neighbours:
+/// that would make fans, which take n² flips to become Delaunay. A vertex that is no ear is tested
+/// again once a neighbour or the vertex that blocks it is clipped. About O(n log n), except for
+/// spirals, where one vertex may block many.
 class EarClipper {
  public:
   EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
@@ -9616,7 +9560,7 @@ class EarClipper {
     tree_.join();
   }
 
-  /// The corners of the triangles; of fewer than n - 2 if the polygon is not simple.
+  /// Returns the corners of the triangles, fewer than n - 2 triangles if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
     int left = polygon_.size();
@@ -9637,9 +9581,9 @@ class EarClipper {
   }
 
  private:
-  enum State : char { kIdle, kQueued, kWaits };  // a vertex that waits goes to the end once more
+  enum State : char { kIdle, kQueued, kWaits };  // kWaits: moves to the end of the queue
 
-  /// A vertex that another one blocked, and the entry before of the same one.
+  /// Entry of a linked list per vertex: a vertex that it blocks, and the entry before.
   struct Blocked {
     int vertex, before;
   };
@@ -9662,7 +9606,7 @@ class EarClipper {
 
   bool is_gone(int i) const { return next_[prev_[i]] != i; }
 
-  /// True if the triangle at i is positive and empty of all other vertices that are left.
+  /// Returns true if the triangle at i is positive and contains no other remaining vertex.
   bool is_ear(int i) {
     const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
     const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
@@ -9673,23 +9617,23 @@ class EarClipper {
              !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
     };
     const auto blocks = [&](int k) {
-      const int v = polygon_[k];  // the ends of the bridge are there twice
+      const int v = polygon_[k];  // the ends of the bridge occur twice
       if (v == a || v == b || v == c) return false;
       blocked_.push_back({i, last_blocked_[k]});
       last_blocked_[k] = blocked_.size() - 1;
       return true;
     };
-    return !tree_.find(may_contain_some, blocks);  // of a point, the box is outside or in
+    return !tree_.find(may_contain_some, blocks);  // the box of a point is inside or outside
   }
 
   const Array<int>& polygon_;
   Array<Vec2> point_;
   Array<int> next_, prev_;
-  Array<int> queue_;  // all that was ever in it
+  Array<int> queue_;  // with all past entries
   Array<State> state_;
-  Array<int> last_blocked_;  // per vertex, its last entry of `blocked_`, or -1
+  Array<int> last_blocked_;  // per vertex, its last entry in `blocked_`, or -1
   Array<Blocked> blocked_;
-  BoxTree tree_;  // of the vertices that are left
+  BoxTree tree_;  // of the remaining vertices
 };
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
@@ -9707,9 +9651,9 @@ inline void flip(HalfEdgeMesh& m, int h) {
   set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
 }
 
-/// True if an inner edge may be flipped and should be: the angles opposite add up to more than π.
+/// Returns true if a flip of an edge is valid and the angles opposite it add up to more than π.
 inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
-  constexpr double kClear = 1e-9;  // by which it should, so that rounding does not flip for ever
+  constexpr double kClear = 1e-9;  // margin, so that rounding cannot cause endless flips
   const int t = m.twin[h];
   const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
   const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
@@ -9737,16 +9681,16 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
   }
 }
 
-/// Twice the area of a triangle, with edges p and q, over the length of its longest edge.
+/// Returns the height of a triangle with edges p and q over its longest edge.
 inline double height(Vec2 p, Vec2 q) {
   return cross(p, q) /
          std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
 }
 
-/// Triangulates the space at the loops; `weight` is that of all triangles together. Those in
-/// gaps that are next to closed get less, or they would be too stiff for the linear solver.
+/// Triangulates the space at the loops; `weight` is the total weight of all triangles. Triangles in
+/// nearly closed gaps get less: otherwise they are too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
-  constexpr double kNarrow = 1e-10;  // of the size of the first box
+  constexpr double kNarrow = 1e-10;  // relative to the diagonal of the first box
   Scaffold s;
   s.n_vertices = m.n_vertices;
   Array<int> corners;
@@ -9770,8 +9714,8 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
   return s;
 }
 
-/// The energy above the least, which it has where the scaffold was built; infinite where a triangle
-/// is not positive.
+/// Returns the energy above its minimum, which the scaffold has as built; infinite if a triangle is
+/// not positive.
 inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   double energy = 0;
   for (int t = 0; t < s.triangle.size(); ++t) {
@@ -9783,7 +9727,7 @@ inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   return energy;
 }
 
-/// The s at which the first triangle of the scaffold degenerates.
+/// Returns the step length s at which the first triangle of the scaffold degenerates.
 inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
   double least = kInfinity;
   for (const std::array<int, 3>& v : s.triangle) {
@@ -9795,7 +9739,7 @@ inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d
   return least;
 }
 
-/// Adds the Hessian of the scaffold where it was built; its gradient is zero there.
+/// Adds the Hessian of the scaffold as built; its gradient is zero there.
 inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
   const double identity[4] = {1, 0, 0, 1};
   const TriangleDensity<double> w = triangle_density(identity);
@@ -9813,12 +9757,11 @@ inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
 
 // ==== [17] CHECKED AND PREPARED MESHES ===========================================================
 //
-// Purpose:    says why a mesh cannot be mapped, find_problems(), and makes a surface of it,
-//             Preparer.
-// Invariants: what is sound stays as it is, and so do ids where nothing was mended.
-// Fails:      with problems, each with a sentence and ids.
+// Purpose:    find_problems() reports why a mesh cannot be mapped; Preparer repairs it.
+// Invariants: sound parts stay unchanged, and so do ids where nothing is repaired.
+// Fails:      returns problems, each with a sentence and ids.
 
-/// Masks floating-point traps of the caller's while it lives: unused lanes of vectors may divide by
+/// Masks the caller's floating-point traps during its lifetime: unused SIMD lanes may divide by
 /// zero, and some formulas over- or underflow by intent.
 class NoTraps {
  public:
@@ -9831,7 +9774,7 @@ class NoTraps {
   std::fenv_t environment_;
 };
 
-/// Nothing is promised where the predicates are not exact.
+/// Fails if arithmetic is not IEEE's: then the predicates are not exact, and nothing is guaranteed.
 inline bool check_arithmetic(Outcome& outcome) {
   return arithmetic_is_sound() ||
          fail(outcome, Status::kNumericalFailure,
@@ -9841,8 +9784,8 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
-/// Collects at most kMostOfAKind problems of each kind. Ids are those of the mesh given if this
-/// mesh was prepared from it.
+/// Collects at most kMostOfAKind problems of each kind, in ids of the given mesh if `prepared` is
+/// not null.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
@@ -9854,7 +9797,7 @@ class ProblemList {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
-  /// "vertex 3 is ...", "triangle 5 has ..."
+  /// Adds "vertex 3 is ...", "triangle 5 has ..."
   void add_vertex(Problem::Kind kind, int v, Words what) {
     add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
   }
@@ -9883,9 +9826,9 @@ inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
                         {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
-/// What is wrong with triangles, or null. A triangle is degenerate if a vertex repeats, if its
-/// height is below 1e-12 of its longest edge, or if it is smaller than 1e-30 of the largest one:
-/// fourth powers of the ratio have to exist.
+/// Returns the defect of each triangle, or null. A triangle is degenerate if a vertex repeats, if
+/// its height is below 1e-12 of its longest edge, or if its extent is below 1e-30 of the largest
+/// one: fourth powers of the ratio must not underflow.
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& F) {
   constexpr double kThinnest = 1e-12, kSmallest = 1e-30;
   const int n = static_cast<int>(F.rows());
@@ -9901,7 +9844,7 @@ inline Array<const char*> triangle_defects(const Points3& vertices, const Triang
     }
   Array<const char*> defects(n, nullptr);
   for (int f = 0; f < n; ++f) {
-    const double unit = unit_scale(extent[f]);  // so that squares exist
+    const double unit = unit_scale(extent[f]);  // so that squares neither over- nor underflow
     const Vec3 u = unit * edge(3 * f), v = unit * edge(3 * f + 1), w = unit * edge(3 * f + 2);
     const double longest2 = (std::max)({squared_norm(u), squared_norm(v), squared_norm(w)});
     const char*& defect = defects[f];
@@ -9993,9 +9936,9 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
-/// A buffer as a matrix; what is beyond an int becomes the least or the largest one. A buffer
-/// without data has no rows, nor has one with too many: the longest lists have some 50 items per
-/// triangle of both meshes.
+/// Copies a buffer to a matrix; numbers beyond an int are clamped. The copy has no rows if the
+/// buffer has no data or more than kMost rows: internal lists have up to some 50 items per triangle
+/// of both meshes.
 template <class T, bool are_ids>
 Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -10017,8 +9960,8 @@ inline SharedMesh shared(const MeshView& mesh) {
   return std::make_shared<const TriangleMesh>(copied(mesh));
 }
 
-/// Finds what keeps a mesh from being a clean surface; if nothing does, m is its connectivity.
-/// `prepared`: ids of problems are those of the mesh given.
+/// Finds the problems of a mesh, in ids of the given mesh if `prepared` is not null. If there are
+/// none, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
                                           const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
@@ -10045,26 +9988,25 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
 
 // ---- preparation ----
 //
-// Purpose:    makes a clean surface of a mesh with problems.
-// Method:     Vertices become one place where parts of the mesh are sewn together: along boundary
-//             edges of different parts at equal coordinates. Triangles are glued along edges: first
-//             where two of them lie at one place; of more, two of a component, or else those that
-//             bend least. Corners that are glued around a place are one vertex; so what is not
-//             glued is cut.
-// Invariants: triangles keep their order; a component has one orientation, unless it has one side;
-//             a boundary that meets itself alone, as closed lips do, stays apart.
-// Fails:      with the problems that are left.
+// Purpose:    repairs a mesh into a clean surface.
+// Method:     Boundary edges of different parts at equal coordinates are sewn: their vertices get
+//             one place. Triangles are glued along edges: first where exactly two meet; where more
+//             meet, pairs of one component, then pairs that bend least. Corners glued around a
+//             place become one vertex, so edges that are not glued are cut.
+// Invariants: triangles keep their order; a component has one orientation, unless it is one-sided;
+//             a boundary that meets only itself, as closed lips do, is not sewn.
+// Fails:      returns the remaining problems.
 
-/// "1 vertex", "2 vertices".
+/// Returns "1 vertex", "2 vertices".
 inline std::string counted(int n, const char* one, const char* many = nullptr) {
   return many == nullptr ? sentence({n, " ", one, n == 1 ? "" : "s"})
                          : sentence({n, " ", n == 1 ? one : many});
 }
 
-/// True if a closed surface encloses a negative volume: the sum of the signed volumes of tetrahedra
+/// Returns true if a closed surface encloses a negative volume: the sum of signed tetrahedra
 /// between a point and its triangles. A volume close to zero does not count.
 inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
-  constexpr double kLeast = 1e-10;  // of the area to the power of 3/2
+  constexpr double kLeast = 1e-10;  // relative to area^(3/2)
   if (!m.boundary.empty()) return false;
   const double unit = unit_scale(mesh.vertices);
   const Vec3 origin = row3(mesh.vertices, m.tail[0]);
@@ -10080,7 +10022,7 @@ inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
 
 class Preparer {
  public:
-  /// welds: vertices at one place may become one.
+  /// `welds`: vertices with equal coordinates may become one.
   Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
            Prepared& result)
       : given_(given),
@@ -10127,7 +10069,7 @@ class Preparer {
   }
 
  private:
-  /// Gives the reason why the mesh stays as it is.
+  /// Reports why the mesh cannot be repaired.
   void add_problem(Problem::Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
   }
@@ -10140,14 +10082,14 @@ class Preparer {
   double length(int h) const { return norm(point(next(h)) - point(h)); }
   int n_triangles() const { return source_.size(); }
 
-  /// Normal of a triangle; its length is twice the area.
+  /// Returns the normal of a triangle; its length is twice the area.
   Vec3 normal(int f) const {
     const int h = 3 * f;
     return cross(point(h + 1) - point(h), point(h + 2) - point(h));
   }
   double double_area(int f) const { return norm(normal(f)); }
 
-  /// The spot of a vertex is the first vertex with its coordinates.
+  /// Finds the spot of each vertex: the first vertex with the same coordinates.
   void find_spots() {
     Array<std::pair<std::array<double, 3>, int>> order;
     for (int v = 0; v < n_vertices_; ++v) {
@@ -10160,12 +10102,12 @@ class Preparer {
       if (order[i].first == order[i - 1].first) spot_[order[i].second] = spot_[order[i - 1].second];
   }
 
-  /// Finds the parts of the mesh given, which are connected by common vertices, and ranks them: of
-  /// parts that lie on each other the first stays, that with most landmarks, then most triangles.
+  /// Finds the parts of the given mesh, connected by common vertices, and ranks them by landmarks,
+  /// then triangles: of parts that lie on each other, the first one stays.
   void find_parts() {
     DisjointSets sets(n_vertices_);
     for (int i = 0; i < F_.size(); ++i) sets.unite(F_.data()[i], F_.data()[i - i % 3]);
-    Array<Three> order;  // by fewer landmarks, fewer triangles, vertex
+    Array<Three> order;  // negative counts of landmarks and triangles, vertex
     for (int v = 0; v < n_vertices_; ++v) order.push_back({0, 0, v});
     for (int f = 0; f < n_given_; ++f) --order[sets.find(F_(f, 0))][1];
     for (int i = 0; i < has_landmark_.size(); ++i)
@@ -10177,7 +10119,7 @@ class Preparer {
     for (int v = 0; v < n_vertices_; ++v) part_[v] = rank[sets.find(v)];
   }
 
-  /// Takes all triangles but repeated and degenerate ones.
+  /// Takes all triangles except repeated and degenerate ones; sews the parts.
   void take_triangles() {
     source_ = numbers_below(n_given_);
     corner_ = numbers_below(3 * n_given_);
@@ -10190,7 +10132,7 @@ class Preparer {
     sort_unique(repeated_);
   }
 
-  /// Drops the triangles of which is_dropped(f) is true.
+  /// Drops the triangles for which is_dropped(f) is true.
   template <class IsDropped>
   void drop(const IsDropped& is_dropped) {
     int n = 0;
@@ -10211,8 +10153,8 @@ class Preparer {
     });
   }
 
-  /// Of triangles whose corners agree in `at`, keeps that of the first part. Triangles of one part
-  /// that lie on each other without a common vertex, as closed lips may, all stay.
+  /// Keeps one of several triangles with the same corners in `at`, that of the first part. If they
+  /// are of one part and have no common vertex, as at closed lips, all stay.
   void drop_repeated(const Array<int>& at) {
     const auto corners = [&](const Array<int>& a, int f) {
       return ascending(a[vertex(3 * f)], a[vertex(3 * f + 1)], a[vertex(3 * f + 2)]);
@@ -10237,9 +10179,9 @@ class Preparer {
     drop([&](int f) { return is_dropped[f] != 0; });
   }
 
-  /// Gives vertices one place where edges of different parts have the same spots. A boundary loop
-  /// with such an edge is a seam; edges of seams that have the same spots are sewn, too, within one
-  /// part as well. A loop that meets no other part stays apart.
+  /// Unites places of vertices where edges of different parts have the same spots. A boundary loop
+  /// with such an edge is a seam; edges of seams with the same spots are sewn, too, even within one
+  /// part. A loop that meets no other part is not sewn.
   void sew() {
     DisjointSets loops(n_vertices_);
     Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
@@ -10284,8 +10226,7 @@ class Preparer {
 
   // ---- degenerate triangles ----
 
-  /// Removes degenerate triangles without leaving gaps, in rounds: what this makes may be
-  /// degenerate, too.
+  /// Removes degenerate triangles without leaving gaps, in rounds: repairs may create new ones.
   void mend_flat() {
     constexpr int kRounds = 50;
     for (int round = 0; round < kRounds; ++round) {
@@ -10318,8 +10259,8 @@ class Preparer {
     return flat;
   }
 
-  /// Unites the ends of the shortest edge of a triangle, if it is short beside the longest one, or
-  /// if the triangle has a height, and so is tiny beside the mesh. True if it did.
+  /// Unites the ends of the shortest edge of a triangle if it is short relative to the longest one,
+  /// or if the triangle has a height, and so is tiny relative to the mesh. Returns true if it did.
   bool unite_short_edge(int f) {
     constexpr double kShort = 1e-11;  // of the longest edge, so that there is room for halves
     int shortest = 3 * f;
@@ -10334,8 +10275,8 @@ class Preparer {
     return true;
   }
 
-  /// Cuts the triangle behind the longest edge of a flat one in two, at the corner that lies on
-  /// that edge. False if not just one triangle is there: then the flat one leaves no gap.
+  /// Splits the triangle behind the longest edge of a flat one, at the corner that lies on that
+  /// edge. Returns false unless exactly one is there: otherwise the flat one leaves no gap.
   bool give_to_neighbour(int cap, const Array<EdgeUse>& uses) {
     int longest = 3 * cap;
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
@@ -10373,7 +10314,7 @@ class Preparer {
 
   // ---- gluing ----
 
-  /// The half-edges at one place.
+  /// The half-edges between the same two places.
   using Uses = Array<int>;
 
   void glue_all() {
@@ -10390,8 +10331,8 @@ class Preparer {
     for (const Uses& here : crowded_) glue_crowded(here);
   }
 
-  /// Glues two triangles along an edge: their corners become one vertex, and they one component, on
-  /// those sides from which they run through the edge in opposite directions.
+  /// Glues two triangles along an edge: their corners there become common vertices, and those of
+  /// their sides that traverse the edge in opposite directions become one side of a component.
   void glue(int h, int t) {
     const int n = n_triangles(), f = h / 3, g = t / 3;
     const bool runs_along = place(h) == place(t);
@@ -10402,7 +10343,7 @@ class Preparer {
     sides_.unite(f + n, runs_along ? g : g + n);
   }
 
-  /// The first triangle of a component stands for it, and for its orientation.
+  /// Returns the first triangle of a component, which also defines its orientation.
   int component(int f) { return (std::min)(sides_.find(f), sides_.find(f + n_triangles())); }
   bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
 
@@ -10411,10 +10352,10 @@ class Preparer {
     return (u == w && v == z) || (u == z && v == w);
   }
 
-  /// Glues pairs of several triangles at an edge: those within a component first, then those with
-  /// the same vertices of the mesh given, then those that bend least.
+  /// Glues triangles at an edge with more than two in pairs: pairs within a component first, then
+  /// pairs with the same given vertices, then pairs that bend least.
   void glue_crowded(const Uses& here) {
-    if (here.size() > kHub) return;  // to compare all pairs again and again would take too long
+    if (here.size() > kHub) return;  // repeated comparison of all pairs would take too long
     for (int left = here.size(); left >= 2; left -= 2) {
       int best_h = -1, best_t = -1;
       double least = kInfinity;
@@ -10427,9 +10368,9 @@ class Preparer {
     }
   }
 
-  /// Infinite if one is glued already, or if gluing would leave a component with one side.
+  /// Returns infinity if one is glued already, or if gluing would make a component one-sided.
   double cost_to_glue(int h, int t) {
-    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is from -1 to 1
+    constexpr double kOtherComponent = 10, kOtherVertices = 5;  // a bend is in [-1, 1]
     if (twin_[h] >= 0 || twin_[t] >= 0) return kInfinity;
     const int f = h / 3, g = t / 3;
     const bool is_other = component(f) != component(g), runs_along = place(h) == place(t);
@@ -10440,12 +10381,12 @@ class Preparer {
            (runs_along ? bend : -bend);
   }
 
-  // ---- what is kept ----
+  // ---- the kept component ----
 
-  /// Keeps the component with most landmarks, of several the largest, and the orientation of most
-  /// of its area.
+  /// Chooses the component with most landmarks, then the largest, and the orientation that most of
+  /// its area has.
   void choose_component() {
-    Array<std::array<int, 2>> found;  // landmarks in components
+    Array<std::array<int, 2>> found;  // component, landmark
     for (int h = 0; h < corner_.size(); ++h)
       for (int at : {vertex(h), n_vertices_ + source_[h / 3]})
         if (has_landmark_[at]) found.push_back({component(h / 3), at});
@@ -10465,8 +10406,8 @@ class Preparer {
   }
 
   void build() {
-    Array<int> source(corner_.size(), n_vertices_);  // of corners that are one vertex
-    Array<std::array<int, 2>> order;                 // vertices by the first one that became it
+    Array<int> source(corner_.size(), n_vertices_);  // per vertex, the first one that became it
+    Array<std::array<int, 2>> order;                 // the same, sorted by it
     for (int f : members_)
       for (int h = 3 * f; h < 3 * f + 3; ++h) {
         int& first = source[corners_.find(h)];
@@ -10510,16 +10451,16 @@ class Preparer {
     sort_unique(cut_);
   }
 
-  /// Maps vertices that were dropped with copies of triangles to those of the triangles kept.
+  /// Maps vertices that were dropped with repeated triangles to those of the kept triangles.
   void place_copies() {
     for (int v = 0; v < n_vertices_; ++v)
       if (result_.new_vertex.data()[v] < 0)
         result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
-  // ---- what was done ----
+  // ---- reports ----
 
-  /// `is_turned`: the surface was inside out.
+  /// Reports all repairs; `is_turned`: the surface was inside out.
   void note_all(bool is_turned) {
     note_dropped();
     note_welded();
@@ -10584,7 +10525,7 @@ class Preparer {
          {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
   }
 
-  /// True if one of some triangles at an edge is kept and another one was cut off it.
+  /// Returns true if a kept triangle at an edge was cut from another one.
   bool is_cut(const Uses& here) {
     for (int h : here) {
       if (component(h / 3) != kept_) continue;
@@ -10615,27 +10556,27 @@ class Preparer {
   const int n_vertices_, n_given_;  // vertices and triangles given
   const bool welds_;
   Prepared& result_;
-  double unit_ = 1;           // of lengths
-  Array<char> is_used_;       // per vertex given, by a triangle
-  Array<char> has_landmark_;  // vertices given, then triangles
-  Array<int> spot_;           // per vertex given, the first one at its coordinates
-  Array<int> part_;           // per vertex given, its part of the mesh; the first is kept first
-  Array<int> kept_copy_;      // per vertex given, that of the triangle that was kept instead
-  DisjointSets places_;       // of vertices given that are at one place,
-  Array<int> place_;          // and per vertex the first one of its
-  Array<int> source_;         // per triangle that is left, the one given that it is a part of
-  Array<int> corner_;         // per corner of those, the one given
-  Array<int> twin_;           // per half-edge of those, the one it is glued to, or -1
-  DisjointSets corners_;      // those of one vertex
-  DisjointSets sides_;        // those of one side of a component: triangles, then their backs
-  int kept_ = -1;             // the component that is,
-  Array<int> members_;        // its triangles,
-  bool turns_ = false;        // and the orientation it gets, true for that of the backs
-  Array<Uses> crowded_;       // places of more than two half-edges
-  Array<int> repeated_, over_, cut_;  // triangles dropped or turned, vertices cut, as given
+  double unit_ = 1;                   // scale of lengths
+  Array<char> is_used_;               // per given vertex, true if a triangle uses it
+  Array<char> has_landmark_;          // given vertices, then given triangles
+  Array<int> spot_;                   // per given vertex, the first one at its coordinates
+  Array<int> part_;                   // per given vertex, the rank of its part; 0 is kept first
+  Array<int> kept_copy_;              // per given vertex, its copy in the triangle kept instead
+  DisjointSets places_;               // sets of given vertices at one place,
+  Array<int> place_;                  // and per vertex, the first one of its set
+  Array<int> source_;                 // per remaining triangle, the given one that contains it
+  Array<int> corner_;                 // per corner of these, the given one
+  Array<int> twin_;                   // per half-edge of these, the one it is glued to, or -1
+  DisjointSets corners_;              // sets of corners that are one vertex
+  DisjointSets sides_;                // sides of components: sets of triangles' fronts and backs
+  int kept_ = -1;                     // the kept component,
+  Array<int> members_;                // its triangles,
+  bool turns_ = false;                // and its orientation, true for that of the backs
+  Array<Uses> crowded_;               // edges with more than two half-edges
+  Array<int> repeated_, over_, cut_;  // given triangles dropped or turned, vertices cut
 };
 
-/// A mesh as it was given, with its problems; if there are none, m is its connectivity.
+/// Returns a mesh unchanged, with its problems; if there are none, m is its connectivity.
 inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   const auto identity = [](Eigen::Index n) {
     const Array<int> ids = numbers_below(static_cast<int>(n));
@@ -10650,7 +10591,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
   return result;
 }
 
-/// True if all ids are in range and all vertices in use are finite.
+/// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
     if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
@@ -10659,8 +10600,8 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
   return true;
 }
 
-/// Prepares a mesh. Welding may undo cuts along handles: if it leaves problems, and without it
-/// there are none, nothing is welded.
+/// Prepares a mesh. Nothing is welded if only welding leaves problems: it may undo cuts along
+/// handles.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -10982,14 +10923,14 @@ class CoarseToFine {
 
 // ==== [19] APPLICATIONS (paper §1, §6.3) =========================================================
 //
-// Purpose:    attributes carried between the surfaces, remeshing.
-// Invariants: attributes pass through the corners of the meta mesh, where both meshes are known
-//             exactly; what one mesh gives to the meta mesh it gets back.
-// Fails:      by no rows where attributes do not fit a mesh.
+// Purpose:    transfers attributes between the surfaces; gives one mesh the geometry of the other.
+// Invariants: attributes pass through corners of the meta mesh, whose places in both meshes are
+//             known exactly; a mesh gets back the attributes that it gives to the meta mesh.
+// Fails:      returns no rows if attributes do not fit the mesh.
 
 namespace detail {
 
-/// What a meta mesh says of one of its two meshes.
+/// One of the two meshes of a meta mesh, and the places of polygons and corners in it.
 struct MetaSide {
   const TriangleMesh& mesh;
   const std::vector<int>& same;  // per vertex
@@ -11007,7 +10948,7 @@ inline int element_count(const TriangleMesh& mesh, Element element) {
   return (element == Element::kFace ? 1 : 3) * static_cast<int>(mesh.triangles.rows());
 }
 
-/// The row of the attribute at corner k of face f.
+/// Returns the row of the attribute at corner k of face f.
 inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) {
   if (element == Element::kVertex) return mesh.triangles(f, k);
   return element == Element::kFace ? f : 3 * f + k;
@@ -11020,7 +10961,7 @@ struct Triplet {
   bool operator<(const Triplet& o) const { return row != o.row ? row < o.row : source < o.source; }
 };
 
-/// The matrix of some triplets; those of one row and source are added in their order.
+/// Builds a matrix from triplets; those of one row and source are summed in their order.
 inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
   std::stable_sort(triplets.begin(), triplets.end());
   Transfer result;
@@ -11038,7 +10979,7 @@ inline Transfer transfer_of(int rows, int n_sources, Array<Triplet> triplets) {
   return result;
 }
 
-/// The product of two matrices: what applies `first`, then `second`.
+/// Returns the product of two matrices, which applies `first`, then `second`.
 inline Transfer product(const Transfer& second, const Transfer& first) {
   Array<Triplet> triplets;
   for (int row = 0; row < second.rows(); ++row)
@@ -11051,7 +10992,7 @@ inline Transfer product(const Transfer& second, const Transfer& first) {
   return transfer_of(second.rows(), first.n_sources, std::move(triplets));
 }
 
-/// What a place in a face, in barycentric coordinates, has of the attributes of elements.
+/// Adds the weights of elements at a place in a face, given in barycentric coordinates.
 inline void add_point(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
                       Array<Triplet>& triplets) {
   if (element == Element::kFace) return triplets.push_back({row, f, 1});
@@ -11066,7 +11007,7 @@ inline void normalize_rows(int rows, Array<Triplet>& triplets) {
   for (Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
 }
 
-/// Adds what the corners first to last - 1 of a polygon say of the vertices of its face.
+/// Adds a weight 1 for each corner of a polygon, first to last - 1, at a vertex of its face.
 inline void add_corners(const MetaSide& side, Element element, int f, int first, int last,
                         Array<Triplet>& triplets) {
   for (int c = first; c < last; ++c)
@@ -11078,7 +11019,7 @@ inline void add_corners(const MetaSide& side, Element element, int f, int first,
       }
 }
 
-/// Gives every vertex the row of the one that it is the same as.
+/// Returns rows in which every copy of a vertex has the row of that vertex.
 inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
   Array<Triplet> triplets;
   for (int v = 0; v < rows.rows(); ++v)
