@@ -482,8 +482,8 @@ struct Options {
   std::function<bool(const Progress&)> progress;
   /// Set it to true, from any thread, to cancel. It is read between small pieces of work.
   const std::atomic<bool>* stop = nullptr;
-  /// > 0: a call, or all steps of a Solver together, take no longer; change() and restore() begin
-  /// to count anew.
+  /// > 0: a call, or all steps of a Solver together, take no longer; change() begins to count
+  /// anew.
   double max_seconds = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) that stay on the other surface where the start puts them (§4.5). None of
   /// them may be put into a triangle that has a pinned vertex. Vertices of A in exact landmarks
@@ -495,8 +495,7 @@ struct Options {
   std::vector<int> fixed_a, fixed_b;
   /// Landmarks guide the start only (false), or their images coincide in the plane, from the start
   /// to the end. Those on the boundaries must then have the same order on A and B; where boundaries
-  /// are held, both ends of one lie there or none. Points become vertices, which are added there;
-  /// with given positions they are refused, and images of vertices must coincide there already.
+  /// are held, both ends of one lie there or none. Points become vertices, which are added there.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds the boundaries where they are, whatever their shape; kSlide
   /// lets those vertices slide that lie, with both neighbours, on one parallel to an axis.
@@ -506,7 +505,9 @@ struct Options {
   /// is mapped to where they are. Given positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit; when set, no initial embedding is
-  /// computed, and the result is in the same unit.
+  /// computed, and the result is in the same unit. Landmarks that are apart there are pulled
+  /// together first, as by Solver::change(); where exact ones cannot be joined, the status is
+  /// kStalled, and the message names them.
   Points2 initial_f, initial_g;
   bool weld = true;  // meshes with problems are prepared, which may weld; false: see prepare()
 
@@ -13553,7 +13554,7 @@ class Run {
     if (!is_embedding() && !is_usable(result_.status)) return false;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
-      result_.status = closer_ ? optimized_ : Status::kUnfinished;
+      result_.status = optimized_;
     Timer timer;
     if (is_embedding())
       embed();
@@ -13581,9 +13582,10 @@ class Run {
           "the map could not be closed: where the surfaces were cut open they still are";
     }
     const bool must_close = optimizer_ && is_to_be_closed();
-    if (must_close && closer_ && !closer_->has_map() && is_stopped) {
+    if (must_close && is_stopped && !(closer_ && closer_->has_map())) {
+      if (!closer_) optimized_ = result_.status;
       result_.status = executor_.stop_status();
-      result_.message = words_of(result_.status).sentence;
+      if (!has_reason_) result_.message = words_of(result_.status).sentence;
     }
     executor_.pause();
     const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
@@ -13652,14 +13654,14 @@ class Run {
   void begin_at_positions() {
     Embedding& start = result_.start;
     std::vector<AddedVertex> a, b;
-    if (options_.exact_landmarks &&
-        !add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, result_))
-      return;
-    start.f = with_added(start.f, a);
-    start.g = with_added(start.g, b);
-    if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
-      return void(fail(result_, Status::kInvalidLandmarks,
-                       {"landmarks are too close to edges, for the map there is"}));
+    if (!options_.exact_landmarks ||
+        add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, start)) {
+      start.f = with_added(start.f, a);
+      start.g = with_added(start.g, b);
+      if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
+        fail(start, Status::kInvalidLandmarks,
+             {"landmarks are too close to edges, for the map there is"});
+    }
     accept_start();
   }
 
@@ -13732,7 +13734,10 @@ class Run {
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
     for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
-    is_given&& start.status == Status::kDone ? begin_at_positions() : accept_start();
+    if (is_given && start.status == Status::kDone)
+      begin_at_positions();
+    else
+      accept_start();
     if (optimizer_ && !puller_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 
