@@ -487,8 +487,7 @@ struct Options {
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start only. true: their images coincide in the plane throughout.
   /// Landmarks on the boundaries must then have the same order on A and B; on held boundaries, both
-  /// ends of a landmark lie there or none. Points become added vertices; with given positions they
-  /// are refused, and images of vertices must coincide there already.
+  /// ends of a landmark lie there or none. Points become added vertices.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds boundaries of any shape; kSlide lets vertices slide that
   /// lie, with both neighbours, on a line parallel to an axis.
@@ -498,7 +497,8 @@ struct Options {
   /// is mapped into them. Given positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit. They replace the initial embedding,
-  /// and the result is in the same unit.
+  /// and the result is in the same unit. Landmarks that are apart there are first pulled together,
+  /// as by Solver::change().
   Points2 initial_f, initial_g;
   bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
@@ -4999,7 +4999,8 @@ class Optimizer {
     return has_settled(result, window(result)) ? Status::kConverged : Status::kUnfinished;
   }
 
-  /// Returns true if both surfaces are covered without distortion: no map is better.
+  /// Returns true if both surfaces are covered without distortion: no map is better, for measures
+  /// that are least at isometries.
   bool is_isometry() const {
     const double area = x_.area_a + x_.area_b, tolerance = options_.tolerance;
     return x_.map_energy <= (options_.measure.isometry() + tolerance) * area &&
@@ -13470,7 +13471,7 @@ class Run {
     if (!is_embedding() && !is_usable(result_.status)) return false;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
-      result_.status = closer_ ? optimized_ : Status::kUnfinished;
+      result_.status = optimized_;
     Timer timer;
     if (is_embedding())
       embed();
@@ -13498,9 +13499,10 @@ class Run {
           "the map could not be closed: where the surfaces were cut open they still are";
     }
     const bool must_close = optimizer_ && is_to_be_closed();
-    if (must_close && closer_ && !closer_->has_map() && is_stopped) {
+    if (must_close && is_stopped && !(closer_ && closer_->has_map())) {
+      if (!closer_) optimized_ = result_.status;
       result_.status = executor_.stop_status();
-      result_.message = words_of(result_.status).sentence;
+      if (!has_reason_) result_.message = words_of(result_.status).sentence;
     }
     executor_.pause();
     const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
@@ -13568,14 +13570,14 @@ class Run {
   void begin_at_positions() {
     Embedding& start = result_.start;
     std::vector<AddedVertex> a, b;
-    if (options_.exact_landmarks &&
-        !add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, result_))
-      return;
-    start.f = with_added(start.f, a);
-    start.g = with_added(start.g, b);
-    if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
-      return void(fail(result_, Status::kInvalidLandmarks,
-                       {"landmarks are too close to edges, for the map there is"}));
+    if (!options_.exact_landmarks ||
+        add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, start)) {
+      start.f = with_added(start.f, a);
+      start.g = with_added(start.g, b);
+      if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
+        fail(start, Status::kInvalidLandmarks,
+             {"landmarks are too close to edges, for the positions there are"});
+    }
     accept_start();
   }
 
@@ -13607,6 +13609,8 @@ class Run {
     joiner_.reset();
     pulled_.clear();
     if (joining_.status != Status::kDone) {
+      if (!is_changed_)
+        return void(fail(result_, joining_.status, {joining_.message}, joining_.ids));
       pair_ = std::move(pair_before_);
       return stall(joining_);
     }
@@ -13620,6 +13624,7 @@ class Run {
       held_ = Held();  // releases all constraints
       optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
       optimizer_->start(scaled(scale_, stacked(start.f, start.g)), result_);
+      optimizer_->lower_omega(omega_before_);
       return stall(why);
     }
   }
@@ -13648,7 +13653,10 @@ class Run {
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
     for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
-    is_given&& start.status == Status::kDone ? begin_at_positions() : accept_start();
+    if (is_given && start.status == Status::kDone)
+      begin_at_positions();
+    else
+      accept_start();
     if (optimizer_ && !puller_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 

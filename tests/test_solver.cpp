@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
@@ -299,8 +300,7 @@ TEST_CASE("a change that is interrupted ends in the same bits") {
     Change d = c;
     interrupter.set(d.to.options);
     solver = changed(d);
-    interrupter.run(solver, 300, rng,
-                    [&](int) { CHECK(ism::is_usable(solver.result().status)); });
+    interrupter.run(solver, 300, rng, [&](int) { CHECK(ism::is_usable(solver.result().status)); });
     check_same(solver.result(), expected);
   }
 }
@@ -400,6 +400,58 @@ TEST_CASE("a change that cannot be met leaves a map, and says why; the next one 
     CHECK(ism::is_usable(solver.result().status));
   }
   CHECK(n_failed > 0);
+}
+
+TEST_CASE("a run that is stopped before its map is closed says so, and ends in the same bits") {
+  const ism::TriangleMesh a = shapes::sphere(2), b = shapes::blob(2, 0.2, 3);
+  const std::vector<ism::Landmark> landmarks = {{0, 0}, {5, 7}, {20, 30}};
+  ism::Options options;
+  options.threads = 1;
+  options.coarsest = 0;
+  options.max_iterations = 200;
+  const Result expected = ism::compute_map(a, b, landmarks, options);
+  REQUIRE(expected.status == Status::kConverged);
+  options.progress = [&](const ism::Progress& p) { return p.iteration == nullptr; };
+  Solver solver(a, b, landmarks, options);  // stopped after each iteration, the last one, too
+  std::size_t entries = 0;
+  int n_stopped = 0;
+  for (bool has_more = true; has_more || solver.result().log.size() != entries;) {
+    entries = solver.result().log.size();
+    has_more = solver.step();
+    if (has_more || solver.result().log.size() == entries) continue;
+    ++n_stopped;
+    const bool is_last = solver.result().log.size() == expected.log.size();
+    CHECK(solver.result().status == (is_last ? expected.status : Status::kCancelled));
+  }
+  CHECK(n_stopped == static_cast<int>(expected.log.size()));
+  check_same(solver.result(), expected);
+}
+
+TEST_CASE("given positions in which exact landmarks leave no room are refused, the start, too") {
+  ism::TriangleMesh mesh;
+  mesh.vertices.resize(3, 3);
+  mesh.vertices << 0, 0, 0, 1, 0, 0, 0.4, 0.8, 0;
+  mesh.triangles.resize(1, 3);
+  mesh.triangles << 0, 1, 2;
+  const ism::SurfacePoint inside = {0, {0.2, 0.3, 0.5}};
+  shapes::Rng rng(1);
+  int n_refused = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double x = rng.uniform(0.3, 0.7), y = rng.uniform(-0.3, 0.3);
+    ism::Options options;
+    options.threads = 1;
+    options.max_iterations = 1;
+    options.exact_landmarks = true;
+    options.initial_f.resize(3, 2);
+    options.initial_f << 0, 0, 1, y, x, std::nextafter(x * y, 1.0);
+    options.initial_g = options.initial_f;
+    const Result r = ism::compute_map(mesh, mesh, {{inside, inside}}, options);
+    if (r.status != Status::kInvalidLandmarks) continue;
+    ++n_refused;
+    CHECK(r.start.status == r.status);
+    CHECK(r.start.message == r.message);
+  }
+  CHECK(n_refused > 0);
 }
 
 TEST_CASE("a solver without valid meshes says so") {
