@@ -13609,6 +13609,7 @@ class Run {
     joiner_.reset();
     pulled_.clear();
     if (joining_.status != Status::kDone) {
+      has_reason_ = true;
       if (!is_changed_)
         return void(fail(result_, joining_.status, {joining_.message}, joining_.ids));
       pair_ = std::move(pair_before_);

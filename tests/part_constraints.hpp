@@ -320,6 +320,18 @@ TEST_CASE("landmarks that given positions do not bring together are pulled toget
   }
 }
 
+TEST_CASE("exact landmarks that cannot be joined from given positions are refused by name") {
+  const Disk a = shapes::grid(6, 6);
+  Options options = given_planes(a, a);
+  options.exact_landmarks = true;
+  options.boundary = ism::Boundary::kFixed;
+  const Result r = ism::compute_map(a.mesh, a.mesh, {{2, 3}}, options);
+  CHECK(r.status == Status::kInvalidLandmarks);
+  CHECK(r.message.find("2-3") != std::string::npos);
+  CHECK(r.ids == Ids{of_a(2), of_b(3)});
+  CHECK(r.f.size() == 0);
+}
+
 }  // namespace constraints_tests
 
 #endif  // ISM_TESTS_PART_CONSTRAINTS_HPP
