@@ -160,6 +160,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("coarsest", o.coarsest);
+  visit("candidates", o.candidates);
   visit("history_length", o.history_length);
   visit("omega_start", o.omega_start);
   visit("as_published", o.as_published);
