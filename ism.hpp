@@ -561,11 +561,19 @@ struct Embedding : Outcome {
   double seconds = 0;
 };
 
+/// A start that was tried on decimated surfaces, see Options::candidates.
+struct StartCandidate {
+  std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
+  double distortion = std::numeric_limits<double>::infinity();  // mean, divided by coverage
+  int iterations = 0;                                           // it got
+};
+
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
   Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
   Embedding start;       // the start of the optimisation
+  std::vector<StartCandidate> candidates;  // best first; the start is that of the first one
   IterationLog initial;  // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   IterationLog log_begin;            // the state before log[0]
@@ -11485,6 +11493,38 @@ inline Sites find_sites(const Surface& s, const Array<Place>& landmarks,
   return sites;
 }
 
+/// Vertices that are farther from everything than all around them, the ends of limbs, ears and
+/// tails, with the distances from each to all vertices. Lengths are in units of the root of the
+/// area.
+struct Tips {
+  Array<int> vertex;
+  Array<Array<double>> distance;
+};
+
+inline Tips find_tips(const Surface& s) {
+  constexpr double kAround = 0.12;
+  constexpr int kMost = 16;
+  const int n = s.mesh.n_vertices;
+  const Array<double> mass = vertex_areas(s);
+  Array<Array<double>> distance;
+  Array<double> remoteness(n, 0);
+  for (int v = 0; v < n; ++v) {
+    distance.push_back(edge_distances(s, Array<int>(1, v)));
+    for (double& d : distance[v]) d /= std::sqrt(s.total_area);
+    for (int w = 0; w < n; ++w) remoteness[v] -= mass[w] / s.total_area * distance[v][w];
+  }
+  Tips tips;
+  for (int v : sorted_by(remoteness)) {
+    bool is_tip = tips.vertex.size() < kMost;
+    for (int w = 0; w < n; ++w)
+      if (w != v && distance[v][w] < kAround && remoteness[w] <= remoteness[v]) is_tip = false;
+    if (!is_tip) continue;
+    tips.vertex.push_back(v);
+    tips.distance.push_back(distance[v]);
+  }
+  return tips;
+}
+
 /// A place on A and one on B, of which closed ones are opened there; -1 for a surface that is open.
 struct OpeningPair {
   int a = -1, b = -1;
@@ -13697,6 +13737,12 @@ enum class Goal { kStart, kOpenMap, kMap };
 
 class Run;
 
+/// Tips of A and B that may correspond, and by how much a map misses that.
+struct TipPair {
+  int a = -1, b = -1;
+  double miss = kInfinity;
+};
+
 class StartFinder {
  public:
   StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
@@ -13708,10 +13754,12 @@ class StartFinder {
   bool step();
 
   const Array<PlacedLandmark>& guides() const { return guides_; }
+  std::vector<StartCandidate> candidates() const;  // best first
   OpeningPair opening() const { return opening_; }
 
  private:
   struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
+    std::string name;
     std::vector<Landmark> landmarks;
     std::unique_ptr<Run> run;
     double value = kInfinity;
@@ -13721,9 +13769,12 @@ class StartFinder {
   void decimate(const Surface& s, Side side, std::unique_ptr<Level>& level) const;
   void find_candidates();
   Array<VertexPair> own_landmarks() const;
-  void add_candidate(const Alignment* alignment, int most);
+  void add_candidate(const Array<Alignment>& alignments, int which, int most);
   void improve(Candidate& candidate, int iterations) const;
   void drop_worst();
+  bool add_tips();
+  Array<TipPair> match_tips(const SurfaceMap& map) const;
+  Array<Landmark> spread_over(const SurfaceMap& map, const Array<TipPair>& tips) const;
   void take_best();
 
   const SurfacePair& whole_;
@@ -13732,8 +13783,11 @@ class StartFinder {
   const Executor& executor_;
   std::unique_ptr<Level> a_, b_;
   SharedPrepared coarse_a_, coarse_b_;
+  Tips tips_a_, tips_b_;
   SamplePair samples_;
+  static constexpr int kGuides = 24;
   Array<Candidate> candidates_;
+  int running_ = 0;  // the first ones
   int round_ = 0;
   Array<PlacedLandmark> guides_;
   OpeningPair opening_;
@@ -14014,6 +14068,7 @@ class Run {
     if (finder_->step()) return;
     has_start_ = true;
     guides_ = finder_->guides();
+    result_.candidates = finder_->candidates();
     const OpeningPair opening = finder_->opening();
     if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) openings_.assign(1, opening);
     finder_.reset();
@@ -14270,6 +14325,7 @@ class Run {
     r.initial = result_.initial;
     r.log_begin = result_.log_begin;
     r.coarse = result_.coarse;
+    r.candidates = result_.candidates;
     r.start = result_.start;
     r.start.f = r.f;
     r.start.g = r.g;
@@ -14394,16 +14450,16 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
 inline StartFinder::~StartFinder() = default;
 
 inline bool StartFinder::step() {
-  constexpr int kRounds = 3, kIterations[kRounds] = {12, 30, 60};
+  constexpr int kIterations[] = {12, 30, 60, 60, 60}, kRounds = 5, kWithTips = 3;
   if (!a_) return decimate(whole_.a, Side::kA, a_), true;
   if (!b_) return decimate(whole_.b, Side::kB, b_), true;
   if (candidates_.empty()) return find_candidates(), true;
-  executor_.tell(true, 0, {"trying ", candidates_.size(), " starts"}, nullptr);
-  executor_.run(candidates_.size(), [&](int i) { improve(candidates_[i], kIterations[round_]); });
-  for (const Candidate& candidate : candidates_)
-    if (candidate.has_more) return true;
+  executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
+  executor_.run(running_, [&](int i) { improve(candidates_[i], kIterations[round_]); });
+  for (int i = 0; i < running_; ++i)
+    if (candidates_[i].has_more) return true;
   drop_worst();
-  if (++round_ < kRounds) return true;
+  if (++round_ < kWithTips || (round_ < kRounds && add_tips())) return true;
   take_best();
   return false;
 }
@@ -14430,6 +14486,8 @@ inline void StartFinder::find_candidates() {
   };
   coarse_a_ = prepared_from(a_->surface);
   coarse_b_ = prepared_from(b_->surface);
+  tips_a_ = find_tips(a_->surface);
+  tips_b_ = find_tips(b_->surface);
   constexpr int kFew = 120, kMany = 480;
   const SurfacePair pair = {a_->surface, b_->surface};
   const Array<VertexPair> landmarks = own_landmarks();
@@ -14437,9 +14495,10 @@ inline void StartFinder::find_candidates() {
   const Array<Alignment> alignments =
       find_alignments(sampled(pair, landmarks, kFew), samples_, kAlignments, executor_);
   if (executor_.is_stopped()) return;
-  add_candidate(nullptr, 0);
-  for (const Alignment& alignment : alignments) add_candidate(&alignment, kPairs);
-  for (int n : {kPairs / 2, 2 * kPairs}) add_candidate(&alignments[0], n);
+  add_candidate(alignments, -1, 0);
+  for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
+  for (int n : {kPairs / 2, 2 * kPairs}) add_candidate(alignments, 0, n);
+  running_ = candidates_.size();
 }
 
 /// The landmarks given, at the nearest of their corners that are left.
@@ -14455,11 +14514,14 @@ inline Array<VertexPair> StartFinder::own_landmarks() const {
   return result;
 }
 
-inline void StartFinder::add_candidate(const Alignment* alignment, int most) {
+/// `which`: the alignment that gives at most `most` pairs; -1: none.
+inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int which, int most) {
   Candidate candidate;
+  candidate.name = "landmarks";
   for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
-  if (alignment != nullptr) {
-    const Array<std::array<int, 2>> pairs = alignment->mutual_pairs();
+  if (which >= 0) {
+    candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
+    const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
     Array<double> distance(pairs.size(), kInfinity);
     const auto spread = [&](const Vec3& from) {
       for (int i = 0; i < pairs.size(); ++i)
@@ -14490,26 +14552,85 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
 }
 
 inline void StartFinder::drop_worst() {
-  Array<double> value;
-  for (const Candidate& candidate : candidates_) value.push_back(candidate.value);
-  Array<Candidate> kept;
-  for (int i : sorted_by(value)) {
-    if (kept.size() < (candidates_.size() + 1) / 2) kept.push_back(std::move(candidates_[i]));
-  }
-  candidates_.swap(kept);
+  std::stable_sort(candidates_.begin(), candidates_.begin() + running_,
+                   [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
+  running_ = (running_ + 1) / 2;
 }
 
-inline void StartFinder::take_best() {
-  constexpr int kGuides = 24;
-  constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
+inline std::vector<StartCandidate> StartFinder::candidates() const {
+  std::vector<StartCandidate> result;
+  for (const Candidate& c : candidates_)
+    result.push_back({c.name, c.value, static_cast<int>(c.run->result().log.size())});
+  return result;
+}
+
+/// Starts that lead tips of A to those tips of B that the best map so far brings them closest to;
+/// false if it leaves nothing to try.
+inline bool StartFinder::add_tips() {
+  constexpr double kReach[] = {0.3, 0.6};
+  if (!(candidates_[0].value < kInfinity)) return false;
+  const SurfaceMap map(candidates_[0].run->result());
+  if (map.status() != Status::kDone) return false;
+  const Array<TipPair> all = match_tips(map);
+  Array<Candidate> next;
+  int before = 0;
+  for (double reach : kReach) {
+    Array<TipPair> tips;
+    for (const TipPair& tip : all)
+      if (tip.miss < reach) tips.push_back(tip);
+    if (tips.size() == before) continue;
+    before = tips.size();
+    Candidate candidate;
+    candidate.name = sentence({candidates_[0].name, ", ", tips.size(), " tips"});
+    for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
+    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b});
+    for (const Landmark& l : spread_over(map, tips)) candidate.landmarks.push_back(l);
+    candidate.run =
+        std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
+    next.push_back(std::move(candidate));
+  }
+  running_ = 1 + next.size();
+  for (Candidate& candidate : candidates_) next.push_back(std::move(candidate));
+  std::rotate(next.begin(), next.begin() + (running_ - 1), next.begin() + running_);
+  candidates_.swap(next);
+  return running_ > 1;
+}
+
+/// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to its
+/// image, if both are of one mind.
+inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
+  const auto distance = [](const Surface& s, const Array<double>& to, const SurfacePoint& p) {
+    double d = 0;
+    for (int k = 0; k < 3; ++k) d += p.barycentric[k] * to[s.mesh.corner(p.face, k)];
+    return d;
+  };
+  Array<TipPair> of_a(tips_a_.vertex.size(), TipPair()), of_b(tips_b_.vertex.size(), TipPair());
+  for (int i = 0; i < of_a.size(); ++i) {
+    const SurfacePoint p = map.forward_vertex(tips_a_.vertex[i]);
+    for (int j = 0; j < of_b.size(); ++j) {
+      const SurfacePoint q = map.backward_vertex(tips_b_.vertex[j]);
+      if (!p.exists() || !q.exists()) continue;
+      const double miss = (std::max)(distance(b_->surface, tips_b_.distance[j], p),
+                                     distance(a_->surface, tips_a_.distance[i], q));
+      if (miss < of_a[i].miss) of_a[i] = {i, j, miss};
+      if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
+    }
+  }
+  constexpr double kClear = 0.1;  // of landmarks, which tell enough
+  Array<TipPair> pairs;
+  for (const TipPair& p : of_a) {
+    bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
+    for (const VertexPair& l : own_landmarks())
+      is_free = is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
+    if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
+  }
+  return pairs;
+}
+
+/// Pairs of a map spread over A, but for the surroundings of tips that it misses.
+inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
+                                                const Array<TipPair>& tips) const {
   constexpr double kClear = 0.15;  // of an opening
-  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return;
-  const Result& best = candidates_[0].run->result();
-  const Embedding& start = best.start;
-  if (start.opening_a >= 0) opening_.a = a_->vertex[start.opening_a];
-  if (start.opening_b >= 0) opening_.b = b_->vertex[start.opening_b];
-  const SurfaceMap map(best);
-  if (map.status() != Status::kDone) return;
   const std::vector<SurfacePoint> images = map.forward_vertices();
   const Surface& a = a_->surface;
   Array<double> distance(a.mesh.n_vertices, kInfinity);
@@ -14520,18 +14641,35 @@ inline void StartFinder::take_best() {
   };
   for (int v = 0; v < a.mesh.n_vertices; ++v)
     if (!images.data()[v].exists()) distance[v] = -kInfinity;
-  if (start.opening_a >= 0) spread(start.opening_a, kClear);
+  const int opening = candidates_[0].run->result().start.opening_a;
+  if (opening >= 0) spread(opening, kClear);
+  for (const TipPair& tip : tips) spread(tip.a, tip.miss);
   for (PlacedLandmark l : landmarks_)
     if (move_to_level(*a_, 0, l.a)) spread(l.a.corners[0], 0);
-  while (guides_.size() < kGuides) {
+  Array<Landmark> pairs;
+  while (pairs.size() < kGuides) {
     const int v =
         static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
     if (!(distance[v] > 0)) break;
     spread(v, 0);
+    pairs.push_back({v, images.data()[v]});
+  }
+  return pairs;
+}
+
+inline void StartFinder::take_best() {
+  constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
+  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return;
+  const Result& best = candidates_[0].run->result();
+  if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
+  if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
+  const SurfaceMap map(best);
+  if (map.status() != Status::kDone) return;
+  for (const Landmark& l : spread_over(map, {})) {
     PlacedLandmark guide;
     guide.weight = kWeight;
-    guide.a = copy_of(a_->vertex[v]);
-    const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
+    guide.a = copy_of(a_->vertex[l.a.vertex]);
+    const Eigen::Vector3d at = map.position_on_b(l.b.point);
     guide.b = nearest_place(whole_.b, {at.x(), at.y(), at.z()});
     guides_.push_back(guide);
   }

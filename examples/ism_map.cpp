@@ -630,6 +630,10 @@ Json json_iteration(const ism::IterationLog& it) {
   return json;
 }
 
+Json json_candidate(const ism::StartCandidate& c) {
+  return {{"name", c.name}, {"distortion", c.distortion}, {"iterations", c.iterations}};
+}
+
 Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
                const ism::TriangleMesh& mesh, const ism::Prepared& prepared,
                const std::vector<ism::AddedVertex>& added, int opening) {
@@ -699,6 +703,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
       {"is_closed", found.is_closed},
       {"options", json_options(args)},
       {"start", start},
+      {"candidates", json_list(result.candidates, json_candidate)},
       {"coarse", json_list(result.coarse, json_iteration)},
       {"final", final},
       {"seconds", json_seconds(s)},
@@ -1006,6 +1011,10 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("added        %d vertices to A, %d to B, behind those given\n", added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
+  if (result.candidates.size() > 1)
+    std::printf("start        %s, %.4f on coarse surfaces; next best: %s, %.4f\n",
+                result.candidates[0].name.c_str(), result.candidates[0].distortion,
+                result.candidates[1].name.c_str(), result.candidates[1].distortion);
   for (const ism::IterationLog& coarse : result.coarse)
     std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
