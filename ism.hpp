@@ -7907,12 +7907,18 @@ inline double badness(const JointSurface& s, const Points2& positions) {
   return value < kInfinity ? value : kInfinity;  // NaN, too
 }
 
+/// A map of both surfaces decimated, from which Algorithm 1 may go on.
+struct MappedLevel {
+  std::unique_ptr<Hierarchy> a, b;
+  Points2 f, g;
+};
+
 class PairEmbedder {
  public:
-  /// `outlines`: null if boundaries are free.
+  /// `outlines`: null if boundaries are free. `mapped`: the coarsest level, or null.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                const RunOptions& options, const Executor& executor, Approach approach,
-               const OutlinePair* outlines)
+               const OutlinePair* outlines, MappedLevel* mapped = nullptr)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
@@ -7922,7 +7928,9 @@ class PairEmbedder {
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
         outline_b_(is_held_ ? &outlines->b : nullptr),
-        depth_(has_levels(approach, options) ? depth_of(pair, options.coarsest) : 0),
+        depth_(has_levels(approach, options)
+                   ? depth_of(pair, options.coarsest) + (mapped != nullptr)
+                   : 0),
         level_(depth_) {
     level_options_.initial_f.resize(0, 2);
     level_options_.initial_g.resize(0, 2);
@@ -7932,7 +7940,16 @@ class PairEmbedder {
     for (std::vector<int>* ids : {&level_options_.pins_a, &level_options_.pins_b,
                                   &level_options_.fixed_a, &level_options_.fixed_b})
       ids->clear();
-    plan();
+    if (mapped != nullptr)
+      plan_from(*mapped);
+    else
+      plan();
+  }
+
+  /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
+  static bool has_levels(Approach approach, const RunOptions& options) {
+    return approach == Approach::kShape && options.boundary == Boundary::kFree &&
+           !options.exact_landmarks && options.max_iterations > 0;
   }
 
   /// The last iteration on each level that was mapped, the coarsest first.
@@ -7980,6 +7997,14 @@ class PairEmbedder {
     add([this] { return finish(); });
   }
 
+  void plan_from(MappedLevel& mapped) {
+    a_ = std::move(mapped.a), b_ = std::move(mapped.b);
+    a_->set(a_->current(), mapped.f);
+    b_->set(b_->current(), mapped.g);
+    add([this] { return map_levels(); });
+    add([this] { return finish(); });
+  }
+
   void plan_to_meet_early() {
     if (depth_ == 0) {
       add_embed_alone(kTrial);
@@ -8000,12 +8025,6 @@ class PairEmbedder {
   // until the map is smooth, held by springs between what lies on each other.
 
   static constexpr int kRatio = 4;  // of the vertices of a level and of the next coarser one
-
-  /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
-  static bool has_levels(Approach approach, const RunOptions& options) {
-    return approach == Approach::kShape && options.boundary == Boundary::kFree &&
-           !options.exact_landmarks && options.max_iterations > 0;
-  }
 
   /// How many times the number of vertices can be divided.
   static int depth_of(const SurfacePair& pair, int coarsest) {
@@ -8709,11 +8728,14 @@ class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
   /// which are never exact.
+  /// `mapped`: a coarse map of the pair, or null.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-           const Array<PlacedLandmark>& guides, const RunOptions& options, const Executor& executor)
+           const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
+           const RunOptions& options, const Executor& executor)
       : pair_(pair),
         landmarks_(landmarks),
         guides_(guides),
+        mapped_(std::move(mapped)),
         options_(options),
         executor_(executor) {}
 
@@ -8760,8 +8782,14 @@ class Embedder {
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
+        if (!PairEmbedder::has_levels(Approach::kShape, options_)) mapped_.reset();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
+        if (mapped_ && result_.status != Status::kDone) {
+          mapped_.reset();
+          static_cast<Outcome&>(result_) = Outcome();
+          return begin(Stage::kByShape, Approach::kShape, nullptr);
+        }
         if (result_.status == Status::kDone) levels_ = embedder_->levels();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
         close_openings();
@@ -8800,8 +8828,8 @@ class Embedder {
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
-    embedder_ =
-        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines);
+    embedder_ = std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach,
+                                               outlines, mapped_.get());
     return stage;
   }
 
@@ -8841,6 +8869,7 @@ class Embedder {
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_, guides_;
+  std::unique_ptr<MappedLevel> mapped_;
   const RunOptions& options_;
   const Executor& executor_;
   Stage stage_ = Stage::kBegin;
@@ -13756,6 +13785,9 @@ class StartFinder {
   const Array<PlacedLandmark>& guides() const { return guides_; }
   std::vector<StartCandidate> candidates() const;  // best first
   OpeningPair opening() const { return opening_; }
+  /// The map itself; null where surfaces were opened for it, which is done before they are
+  /// decimated.
+  std::unique_ptr<MappedLevel> take_level() { return std::move(level_); }
 
  private:
   struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
@@ -13766,7 +13798,8 @@ class StartFinder {
     bool has_more = true;
   };
 
-  void decimate(const Surface& s, Side side, std::unique_ptr<Level>& level) const;
+  void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
+                std::unique_ptr<Level>& level) const;
   void find_candidates();
   Array<VertexPair> own_landmarks() const;
   void add_candidate(const Array<Alignment>& alignments, int which, int most);
@@ -13781,6 +13814,7 @@ class StartFinder {
   const Array<PlacedLandmark>& landmarks_;
   Options options_;  // of all candidates
   const Executor& executor_;
+  std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
   std::unique_ptr<Level> a_, b_;
   SharedPrepared coarse_a_, coarse_b_;
   Tips tips_a_, tips_b_;
@@ -14068,6 +14102,7 @@ class Run {
     if (finder_->step()) return;
     has_start_ = true;
     guides_ = finder_->guides();
+    mapped_ = finder_->take_level();
     result_.candidates = finder_->candidates();
     const OpeningPair opening = finder_->opening();
     if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) openings_.assign(1, opening);
@@ -14080,8 +14115,8 @@ class Run {
     if (openings_.empty()) return;
     opening_ = openings_[tried_];
     open();
-    embedder_ =
-        std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_), options_, executor_);
+    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
+                                           std::move(mapped_), options_, executor_);
   }
 
   void find_openings() {
@@ -14393,6 +14428,7 @@ class Run {
   std::unique_ptr<StartFinder> finder_;
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
+  std::unique_ptr<MappedLevel> mapped_;
   Array<OpeningPair> openings_;   // candidates
   int tried_ = 0;
   OpeningPair opening_;  // of pair_
@@ -14451,8 +14487,8 @@ inline StartFinder::~StartFinder() = default;
 
 inline bool StartFinder::step() {
   constexpr int kIterations[] = {12, 30, 60, 60, 60}, kRounds = 5, kWithTips = 3;
-  if (!a_) return decimate(whole_.a, Side::kA, a_), true;
-  if (!b_) return decimate(whole_.b, Side::kB, b_), true;
+  if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
+  if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
   if (candidates_.empty()) return find_candidates(), true;
   executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
   executor_.run(running_, [&](int i) { improve(candidates_[i], kIterations[round_]); });
@@ -14464,7 +14500,7 @@ inline bool StartFinder::step() {
   return false;
 }
 
-inline void StartFinder::decimate(const Surface& s, Side side,
+inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
                                   std::unique_ptr<Level>& level) const {
   executor_.tell(true, 0, {"decimating ", letter(side)}, nullptr);
   Array<char> keep(s.mesh.n_vertices, 0);
@@ -14473,8 +14509,9 @@ inline void StartFinder::decimate(const Surface& s, Side side,
       if (v >= 0) keep[v] = 1;
   constexpr int kFewest = 100, kMost = 400, kRatio = 2;
   const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
-  const Hierarchy h(s, side, keep, n, Approach::kShape, {}, -1, executor_);
-  if (!executor_.is_stopped()) level = std::make_unique<Level>(h.current());
+  h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
+                                  executor_);
+  if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
 }
 
 inline void StartFinder::find_candidates() {
@@ -14659,8 +14696,11 @@ inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
 
 inline void StartFinder::take_best() {
   constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
-  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return;
+  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return level_.reset();
   const Result& best = candidates_[0].run->result();
+  const bool is_same = rows_of(best.f) == a_->vertex.size() && rows_of(best.g) == b_->vertex.size();
+  if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
+  if (level_) level_->f = best.f, level_->g = best.g;
   if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
   if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
   const SurfaceMap map(best);
