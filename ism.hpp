@@ -6216,6 +6216,20 @@ inline void add_springs(const Place& p, const Place& q, double weight, Array<Spr
 
 // ---- alignment ----
 
+/// The area in the plane of what is around a place, relative to that on the surface.
+inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
+  double flat = 0, area = 0;
+  for (int v : p.corners)
+    if (v >= 0)
+      s.mesh.for_each_outgoing(v, [&](int h) {
+        const int f = h / 3;
+        flat += 0.5 * cross(row2(x, s.mesh.corner(f, 1)) - row2(x, s.mesh.corner(f, 0)),
+                            row2(x, s.mesh.corner(f, 2)) - row2(x, s.mesh.corner(f, 0)));
+        area += s.area[f];
+      });
+  return flat / area;
+}
+
 inline Vec2 centroid(const Points2& x) {
   Vec2 sum;
   for (int i = 0; i < x.rows(); ++i) sum += row2(x, i);
@@ -7998,6 +8012,7 @@ class PairEmbedder {
   }
 
   void plan_from(MappedLevel& mapped) {
+    is_mapped_ = true;
     a_ = std::move(mapped.a), b_ = std::move(mapped.b);
     a_->set(a_->current(), mapped.f);
     b_->set(b_->current(), mapped.g);
@@ -8061,8 +8076,9 @@ class PairEmbedder {
   /// does faster.
   void begin_level() {
     const bool is_first = levels_.empty();
-    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
-    level_options_.tuning.window = is_first ? 20 : 10;
+    static const double T1=getenv("T1")?atof(getenv("T1")):1e-3, T2=getenv("T2")?atof(getenv("T2")):4e-3; static const int W1=getenv("W1")?atoi(getenv("W1")):20,W2=getenv("W2")?atoi(getenv("W2")):10;
+    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? T1 : T2);
+    level_options_.tuning.window = is_first ? W1 : W2;
     level_a_ = a_->current(), level_b_ = b_->current();
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
@@ -8070,6 +8086,7 @@ class PairEmbedder {
     optimizer_->start(stacked(a_->positions(level_a_), b_->positions(level_b_)), log_);
     if (is_first) {
       rules_ = optimizer_->rules();
+      if (is_mapped_ && !getenv("NOLOW")) optimizer_->lower_omega(kNextOmega);
     } else {
       optimizer_->keep_covered(rules_);
       optimizer_->lower_omega(kNextOmega);
@@ -8478,17 +8495,20 @@ class PairEmbedder {
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
   /// step.
   bool relax_both(double weight) {
-    return relax([this, weight](FlatProblem& problem, const Points2& /*x*/) {
+    return relax([this, weight](FlatProblem& problem, const Points2& x) {
       problem.surface = join({level_a_.surface, level_b_.surface});
       const Array<PlacedLandmark> landmarks = landmarks_on(level_a_, level_b_);
+      constexpr double kMostScale = 100;  // distances count as on the surface, within limits
       double total = 0;
       int given = 0;
       for (const PlacedLandmark& l : landmarks) total += l.weight, given += l.weight == 1;
       // At last those that were found let go, but for a single landmark, about which planes turn.
       const bool are_released = depth_ == 0 && weight == kStiffest && given != 1;
       for (const PlacedLandmark& l : landmarks)
-        if (l.weight == 1 || !are_released)
-          add_springs(l.a, l.b, weight * l.weight / total, problem.springs);
+        if (l.weight == 1 || !are_released) {
+          const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) * planar_scale(problem.surface, x, l.b));
+          add_springs(l.a, l.b, weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale), problem.springs);
+        }
     });
   }
 
@@ -8533,6 +8553,7 @@ class PairEmbedder {
   Trials trials_;
   const int depth_;     // how many coarse levels there are
   int level_;           // the one the hierarchies are at, depth_ is the coarsest
+  bool is_mapped_ = false;  // the coarsest level came with a map
   JointSurface joint_;  // the level being mapped
   const Array<Follower> no_followers_ = {};
   std::unique_ptr<Optimizer> optimizer_;  // maps it
@@ -14534,7 +14555,8 @@ inline void StartFinder::find_candidates() {
   if (executor_.is_stopped()) return;
   add_candidate(alignments, -1, 0);
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
-  for (int n : {kPairs / 2, 2 * kPairs}) add_candidate(alignments, 0, n);
+  for (int n : {12, 16, 32, 48}) add_candidate(alignments, 0, n);
+  if (alignments.size() > 1) add_candidate(alignments, 1, 2 * kPairs);
   running_ = candidates_.size();
 }
 
@@ -14680,7 +14702,15 @@ inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
     if (!images.data()[v].exists()) distance[v] = -kInfinity;
   const int opening = candidates_[0].run->result().start.opening_a;
   if (opening >= 0) spread(opening, kClear);
-  for (const TipPair& tip : tips) spread(tip.a, tip.miss);
+  for (const TipPair& tip : tips) {
+    spread(tip.a, tip.miss);
+    const Vec3 end = row3(b_->surface.vertices, tip.b);
+    for (int v = 0; v < a.mesh.n_vertices; ++v) {
+      if (!images.data()[v].exists()) continue;
+      const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
+      if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) distance[v] = -kInfinity;
+    }
+  }
   for (PlacedLandmark l : landmarks_)
     if (move_to_level(*a_, 0, l.a)) spread(l.a.corners[0], 0);
   Array<Landmark> pairs;
