@@ -512,11 +512,12 @@ struct Options {
   /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
   /// suit a start that is good already.
   double omega_start = 1e4;
-  /// true: maps surfaces of at most 400 vertices from several starts, and goes on from the one with
-  /// the least distortion for its coverage: the landmarks alone, and with them alignments of the
-  /// surfaces in space, which find the right map of shapes in about one pose without landmarks.
-  /// false: the landmarks alone, e.g. where poses differ and landmarks are many. as_published and
-  /// given positions have no candidates.
+  /// true: maps surfaces of at most 400 vertices from several starts, and goes on from the map with
+  /// the least distortion for its coverage, see Result::candidates. The starts are the landmarks
+  /// alone, and with them alignments of the surfaces in space, which find the right map of shapes
+  /// in about one pose without landmarks; then ends of limbs are brought together. Costs a few
+  /// seconds. false: the landmarks alone, e.g. where poses differ and landmarks are many.
+  /// as_published and given positions have no candidates.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
@@ -566,15 +567,18 @@ struct StartCandidate {
   std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
   double distortion = std::numeric_limits<double>::infinity();  // mean, divided by coverage
   int iterations = 0;                                           // it got
+  /// Mean distance on B between images by its map and by that of the best one, in roots of the
+  /// area. A start with hardly more distortion and a large difference may be the one that is meant.
+  double difference = 0;
 };
 
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
-  Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
-  Embedding start;       // the start of the optimisation
-  std::vector<StartCandidate> candidates;  // best first; the start is that of the first one
-  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  Points2 f, g;     // final planar positions of the vertices of *start.a and *start.b
+  Embedding start;  // the start of the optimisation
+  std::vector<StartCandidate> candidates;  // that were tried, the best one first
+  IterationLog initial;                    // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   IterationLog log_begin;            // the state before log[0]
   /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
@@ -5870,8 +5874,9 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. There are two approaches, tried in this order:
 //               by shape: triangles are to keep the shape they have on the surface, the boundary is
-//               free. Both planes meet at some hundred vertices, and from there on Algorithm 1 maps
-//               every level (but for exact landmarks). Fails or strains where a long outline gets
+//               free. Both planes meet at some hundred vertices, or come from there with a map
+//               (part [23], candidates), and from there on Algorithm 1 maps every level (but for
+//               exact landmarks). Fails or strains where a long outline gets
 //               in its own way or a fold has no good coarse shape.
 //               by connectivity: all edges alike, the boundary on a circle, until every vertex is
 //               back; then step by step to their own lengths. The uniform triangles leave room
@@ -8076,9 +8081,8 @@ class PairEmbedder {
   /// does faster.
   void begin_level() {
     const bool is_first = levels_.empty();
-    static const double T1=getenv("T1")?atof(getenv("T1")):1e-3, T2=getenv("T2")?atof(getenv("T2")):4e-3; static const int W1=getenv("W1")?atoi(getenv("W1")):20,W2=getenv("W2")?atoi(getenv("W2")):10;
-    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? T1 : T2);
-    level_options_.tuning.window = is_first ? W1 : W2;
+    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
+    level_options_.tuning.window = is_first ? 20 : 10;
     level_a_ = a_->current(), level_b_ = b_->current();
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
@@ -8086,7 +8090,7 @@ class PairEmbedder {
     optimizer_->start(stacked(a_->positions(level_a_), b_->positions(level_b_)), log_);
     if (is_first) {
       rules_ = optimizer_->rules();
-      if (is_mapped_ && !getenv("NOLOW")) optimizer_->lower_omega(kNextOmega);
+      if (is_mapped_) optimizer_->lower_omega(kNextOmega);
     } else {
       optimizer_->keep_covered(rules_);
       optimizer_->lower_omega(kNextOmega);
@@ -8506,8 +8510,10 @@ class PairEmbedder {
       const bool are_released = depth_ == 0 && weight == kStiffest && given != 1;
       for (const PlacedLandmark& l : landmarks)
         if (l.weight == 1 || !are_released) {
-          const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) * planar_scale(problem.surface, x, l.b));
-          add_springs(l.a, l.b, weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale), problem.springs);
+          const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) *
+                                         planar_scale(problem.surface, x, l.b));
+          add_springs(l.a, l.b, weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale),
+                      problem.springs);
         }
     });
   }
@@ -8551,10 +8557,10 @@ class PairEmbedder {
   bool is_relaxed_ = true;              // the level of embed_both()
   Unfolding unfolding_;
   Trials trials_;
-  const int depth_;     // how many coarse levels there are
-  int level_;           // the one the hierarchies are at, depth_ is the coarsest
+  const int depth_;         // how many coarse levels there are
+  int level_;               // the one the hierarchies are at, depth_ is the coarsest
   bool is_mapped_ = false;  // the coarsest level came with a map
-  JointSurface joint_;  // the level being mapped
+  JointSurface joint_;      // the level being mapped
   const Array<Follower> no_followers_ = {};
   std::unique_ptr<Optimizer> optimizer_;  // maps it
   Result log_;
@@ -11557,20 +11563,23 @@ inline Tips find_tips(const Surface& s) {
   const int n = s.mesh.n_vertices;
   const Array<double> mass = vertex_areas(s);
   Array<Array<double>> distance;
-  Array<double> remoteness(n, 0);
+  Array<double> nearness(n, 0);  // minus the mean distance from all points
   for (int v = 0; v < n; ++v) {
     distance.push_back(edge_distances(s, Array<int>(1, v)));
     for (double& d : distance[v]) d /= std::sqrt(s.total_area);
-    for (int w = 0; w < n; ++w) remoteness[v] -= mass[w] / s.total_area * distance[v][w];
+    for (int w = 0; w < n; ++w) nearness[v] -= mass[w] / s.total_area * distance[v][w];
   }
   Tips tips;
-  for (int v : sorted_by(remoteness)) {
-    bool is_tip = tips.vertex.size() < kMost;
+  Array<char> is_behind(n, 0);  // something farther is around
+  for (int v : sorted_by(nearness)) {
+    if (!is_behind[v] && tips.vertex.size() < kMost) {
+      tips.vertex.push_back(v);
+      tips.distance.push_back(distance[v]);
+    }
     for (int w = 0; w < n; ++w)
-      if (w != v && distance[v][w] < kAround && remoteness[w] <= remoteness[v]) is_tip = false;
-    if (!is_tip) continue;
-    tips.vertex.push_back(v);
-    tips.distance.push_back(distance[v]);
+      if (distance[v][w] < kAround) is_behind[w] = 1;
+    s.mesh.for_each_outgoing(
+        v, [&](int h) { is_behind[s.mesh.tip(h)] = is_behind[s.mesh.tail[prev(h)]] = 1; });
   }
   return tips;
 }
@@ -13774,13 +13783,17 @@ class LandmarkPuller {
 
 // ---- candidates ----
 //
-// Purpose:    the pairs of points that guide the start, where the landmarks given do not tell it.
-// Method:     Surfaces of a few hundred vertices are mapped by each candidate: the landmarks alone,
-//             and with them the alignments in space. Algorithm 1 takes a few iterations from each;
-//             the better half goes on. The one with the least distortion for its coverage wins, and
-//             points spread over its map are the pairs.
+// Purpose:    the right start, where the landmarks given do not tell it.
+// Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
+//             alone, and with them pairs of points from alignments in space, as many as are tried
+//             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
+//             iterations from each; the better half goes on. The map with the least distortion for
+//             its coverage wins. Where it leaves the tip of a limb near to another one, new starts
+//             bring both together, and win if that is better. Surfaces with boundaries then go on
+//             from the map itself; closed ones, which are cut open before they are decimated, from
+//             points spread over it.
 // Invariants: results do not depend on pauses.
-// Fails:      by finding no pairs, where no candidate can be mapped.
+// Fails:      by finding nothing, where no start can be mapped.
 
 /// What a run is to compute: the initial embedding, the map of surfaces cut open, or the map.
 enum class Goal { kStart, kOpenMap, kMap };
@@ -13826,6 +13839,7 @@ class StartFinder {
   void add_candidate(const Array<Alignment>& alignments, int which, int most);
   void improve(Candidate& candidate, int iterations) const;
   void drop_worst();
+  double difference(const Candidate& one, const Candidate& other) const;
   bool add_tips();
   Array<TipPair> match_tips(const SurfaceMap& map) const;
   Array<Landmark> spread_over(const SurfaceMap& map, const Array<TipPair>& tips) const;
@@ -14450,7 +14464,7 @@ class Run {
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
   std::unique_ptr<MappedLevel> mapped_;
-  Array<OpeningPair> openings_;   // candidates
+  Array<OpeningPair> openings_;  // candidates
   int tried_ = 0;
   OpeningPair opening_;  // of pair_
   struct {
@@ -14618,9 +14632,26 @@ inline void StartFinder::drop_worst() {
 
 inline std::vector<StartCandidate> StartFinder::candidates() const {
   std::vector<StartCandidate> result;
-  for (const Candidate& c : candidates_)
-    result.push_back({c.name, c.value, static_cast<int>(c.run->result().log.size())});
+  for (const Candidate& c : candidates_) {
+    const int iterations = static_cast<int>(c.run->result().log.size());
+    result.push_back({c.name, c.value, iterations, difference(candidates_[0], c)});
+  }
   return result;
+}
+
+/// The mean distance between images of vertices of A that both maps cover.
+inline double StartFinder::difference(const Candidate& one, const Candidate& other) const {
+  if (!(one.value < kInfinity && other.value < kInfinity)) return 0;
+  const SurfaceMap f(one.run->result()), g(other.run->result());
+  double sum = 0;
+  int both = 0;
+  for (int v = 0; v < a_->vertex.size(); ++v) {
+    const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
+    if (!p.exists() || !q.exists()) continue;
+    sum += (f.position_on_b(p) - g.position_on_b(q)).norm();
+    ++both;
+  }
+  return both > 0 ? sum / both / std::sqrt(b_->surface.total_area) : 0;
 }
 
 /// Starts that lead tips of A to those tips of B that the best map so far brings them closest to;
@@ -14680,7 +14711,8 @@ inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
   for (const TipPair& p : of_a) {
     bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
     for (const VertexPair& l : own_landmarks())
-      is_free = is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
+      is_free =
+          is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
     if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
   }
   return pairs;
