@@ -7997,7 +7997,7 @@ class PairEmbedder {
 
  private:
   static constexpr int kTrial = 800;           // vertices at which rotations are tried
-  static constexpr int kTrialIterations = 20;  // of Algorithm 1 for each
+  static constexpr int kTrialIterations = 8;   // of Algorithm 1 for each
   static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
   static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
   static constexpr double kUnfoldingTolerance = 1e-4;
@@ -13826,6 +13826,7 @@ class StartFinder {
  private:
   struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
     std::string name;
+    int alignment = -1;  // -1: the landmarks alone
     std::vector<Landmark> landmarks;
     std::unique_ptr<Run> run;
     double value = kInfinity;
@@ -13842,7 +13843,8 @@ class StartFinder {
   double difference(const Candidate& one, const Candidate& other) const;
   bool add_tips();
   Array<TipPair> match_tips(const SurfaceMap& map) const;
-  Array<Landmark> spread_over(const SurfaceMap& map, const Array<TipPair>& tips) const;
+  Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
+                              const Array<TipPair>& tips) const;
   void take_best();
 
   const SurfacePair& whole_;
@@ -13854,7 +13856,7 @@ class StartFinder {
   SharedPrepared coarse_a_, coarse_b_;
   Tips tips_a_, tips_b_;
   SamplePair samples_;
-  static constexpr int kGuides = 24;
+  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
   Array<Candidate> candidates_;
   int running_ = 0;  // the first ones
   int round_ = 0;
@@ -14134,7 +14136,10 @@ class Run {
   void find_start() {
     if (!finder_)
       finder_ = std::make_unique<StartFinder>(whole_, placed_, given_options_, executor_);
-    if (finder_->step()) return;
+    Timer timer;
+    const bool has_more = finder_->step();
+    best_.start.seconds += timer.lap();
+    if (has_more) return;
     has_start_ = true;
     guides_ = finder_->guides();
     mapped_ = finder_->take_level();
@@ -14521,7 +14526,7 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
 inline StartFinder::~StartFinder() = default;
 
 inline bool StartFinder::step() {
-  constexpr int kIterations[] = {12, 30, 60, 60, 60}, kRounds = 5, kWithTips = 3;
+  constexpr int kIterations[] = {6, 20, 45, 45, 45}, kRounds = 5;
   if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
   if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
   if (candidates_.empty()) return find_candidates(), true;
@@ -14591,6 +14596,7 @@ inline Array<VertexPair> StartFinder::own_landmarks() const {
 inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int which, int most) {
   Candidate candidate;
   candidate.name = "landmarks";
+  candidate.alignment = which;
   for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
   if (which >= 0) {
     candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
@@ -14624,10 +14630,16 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
     candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b);
 }
 
+/// Keeps the better half, and until tips were tried the landmarks alone: they tell other maps.
 inline void StartFinder::drop_worst() {
-  std::stable_sort(candidates_.begin(), candidates_.begin() + running_,
+  const auto first = candidates_.begin(), last = first + running_;
+  std::stable_sort(first, last,
                    [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
   running_ = (running_ + 1) / 2;
+  if (round_ >= kWithTips) return;
+  const auto other =
+      std::find_if(first + running_, last, [](const Candidate& c) { return c.alignment < 0; });
+  if (other != last) std::iter_swap(first + running_++, other);
 }
 
 inline std::vector<StartCandidate> StartFinder::candidates() const {
@@ -14654,36 +14666,36 @@ inline double StartFinder::difference(const Candidate& one, const Candidate& oth
   return both > 0 ? sum / both / std::sqrt(b_->surface.total_area) : 0;
 }
 
-/// Starts that lead tips of A to those tips of B that the best map so far brings them closest to;
-/// false if it leaves nothing to try.
+/// Starts that lead tips of A to those tips of B to which the maps so far bring them closest; false
+/// if that leaves nothing to try.
 inline bool StartFinder::add_tips() {
-  constexpr double kReach[] = {0.3, 0.6};
-  if (!(candidates_[0].value < kInfinity)) return false;
-  const SurfaceMap map(candidates_[0].run->result());
-  if (map.status() != Status::kDone) return false;
-  const Array<TipPair> all = match_tips(map);
+  constexpr double kReach = 0.6;
   Array<Candidate> next;
-  int before = 0;
-  for (double reach : kReach) {
-    Array<TipPair> tips;
-    for (const TipPair& tip : all)
-      if (tip.miss < reach) tips.push_back(tip);
-    if (tips.size() == before) continue;
-    before = tips.size();
+  for (int i = 0; i < running_; ++i) {
     Candidate candidate;
-    candidate.name = sentence({candidates_[0].name, ", ", tips.size(), " tips"});
+    if (!(candidates_[i].value < kInfinity)) continue;
+    const SurfaceMap map(candidates_[i].run->result());
+    if (map.status() != Status::kDone) continue;
+    Array<TipPair> tips;
+    for (const TipPair& tip : match_tips(map))
+      if (tip.miss < kReach) tips.push_back(tip);
+    if (tips.empty()) continue;
+    candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
+    candidate.alignment = candidates_[i].alignment;
     for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
     for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b});
-    for (const Landmark& l : spread_over(map, tips)) candidate.landmarks.push_back(l);
+    for (const Landmark& l : spread_over(candidates_[i], map, tips))
+      candidate.landmarks.push_back(l);
     candidate.run =
         std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
     next.push_back(std::move(candidate));
   }
-  running_ = 1 + next.size();
-  for (Candidate& candidate : candidates_) next.push_back(std::move(candidate));
-  std::rotate(next.begin(), next.begin() + (running_ - 1), next.begin() + running_);
+  const bool has_more = !next.empty();
+  next.push_back(std::move(candidates_[0]));
+  running_ = next.size();
+  for (int i = 1; i < candidates_.size(); ++i) next.push_back(std::move(candidates_[i]));
   candidates_.swap(next);
-  return running_ > 1;
+  return has_more;
 }
 
 /// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to its
@@ -14719,7 +14731,7 @@ inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
 }
 
 /// Pairs of a map spread over A, but for the surroundings of tips that it misses.
-inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
+inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, const SurfaceMap& map,
                                                 const Array<TipPair>& tips) const {
   constexpr double kClear = 0.15;  // of an opening
   const std::vector<SurfacePoint> images = map.forward_vertices();
@@ -14732,7 +14744,7 @@ inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
   };
   for (int v = 0; v < a.mesh.n_vertices; ++v)
     if (!images.data()[v].exists()) distance[v] = -kInfinity;
-  const int opening = candidates_[0].run->result().start.opening_a;
+  const int opening = candidate.run->result().start.opening_a;
   if (opening >= 0) spread(opening, kClear);
   for (const TipPair& tip : tips) {
     spread(tip.a, tip.miss);
@@ -14767,7 +14779,7 @@ inline void StartFinder::take_best() {
   if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
   const SurfaceMap map(best);
   if (map.status() != Status::kDone) return;
-  for (const Landmark& l : spread_over(map, {})) {
+  for (const Landmark& l : spread_over(candidates_[0], map, {})) {
     PlacedLandmark guide;
     guide.weight = kWeight;
     guide.a = copy_of(a_->vertex[l.a.vertex]);
