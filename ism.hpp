@@ -8806,10 +8806,10 @@ class Embedder {
     constexpr double kStrained = 100;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
+        if (!PairEmbedder::has_levels(Approach::kShape, options_)) mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
-        if (!PairEmbedder::has_levels(Approach::kShape, options_)) mapped_.reset();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
         if (mapped_ && result_.status != Status::kDone) {
@@ -8855,8 +8855,9 @@ class Embedder {
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
-    embedder_ = std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach,
-                                               outlines, mapped_.get());
+    embedder_ =
+        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines,
+                                       stage == Stage::kByShape ? mapped_.get() : nullptr);
     return stage;
   }
 
