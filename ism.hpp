@@ -7930,6 +7930,7 @@ inline double badness(const JointSurface& s, const Points2& positions) {
 struct MappedLevel {
   std::unique_ptr<Hierarchy> a, b;
   Points2 f, g;
+  std::vector<Warning> warnings;
 };
 
 class PairEmbedder {
@@ -7947,9 +7948,9 @@ class PairEmbedder {
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
         outline_b_(is_held_ ? &outlines->b : nullptr),
-        depth_(has_levels(approach, options)
-                   ? depth_of(pair, options.coarsest) + (mapped != nullptr)
-                   : 0),
+        depth_(!has_levels(approach, options) ? 0
+               : mapped == nullptr            ? depth_of(pair, options.coarsest)
+                                              : depth_above(pair, options.coarsest, *mapped)),
         level_(depth_) {
     level_options_.initial_f.resize(0, 2);
     level_options_.initial_g.resize(0, 2);
@@ -8021,6 +8022,10 @@ class PairEmbedder {
     a_ = std::move(mapped.a), b_ = std::move(mapped.b);
     a_->set(a_->current(), mapped.f);
     b_->set(b_->current(), mapped.g);
+    add([this, warnings = std::move(mapped.warnings)] {
+      result_->warnings.insert(result_->warnings.end(), warnings.begin(), warnings.end());
+      return false;
+    });
     add([this] { return map_levels(); });
     add([this] { return finish(); });
   }
@@ -8053,6 +8058,12 @@ class PairEmbedder {
     int depth = 0;
     for (double ratio = most / coarsest; ratio >= std::sqrt(kRatio); ratio /= kRatio) ++depth;
     return depth;
+  }
+
+  /// The same from a level that is mapped already, without those that have hardly more vertices.
+  static int depth_above(const SurfacePair& pair, int coarsest, const MappedLevel& mapped) {
+    const int least = (std::max)(mapped.a->active(), mapped.b->active()) * 3 / 2;
+    return 1 + depth_of(pair, (std::max)(coarsest, least));
   }
 
   /// How many vertices a level should have; level 0 is the finest.
@@ -8806,7 +8817,8 @@ class Embedder {
     constexpr double kStrained = 100;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
-        if (!PairEmbedder::has_levels(Approach::kShape, options_)) mapped_.reset();
+        if (!PairEmbedder::has_levels(Approach::kShape, options_) || options_.coarsest == 0)
+          mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
@@ -14775,7 +14787,12 @@ inline void StartFinder::take_best() {
   const Result& best = candidates_[0].run->result();
   const bool is_same = rows_of(best.f) == a_->vertex.size() && rows_of(best.g) == b_->vertex.size();
   if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
-  if (level_) level_->f = best.f, level_->g = best.g;
+  if (level_) {
+    level_->f = best.f, level_->g = best.g;
+    for (const Candidate& c : candidates_)
+      if (c.alignment < 0 && c.name == "landmarks")
+        level_->warnings = c.run->result().start.warnings;
+  }
   if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
   if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
   const SurfaceMap map(best);
