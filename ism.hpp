@@ -8204,7 +8204,7 @@ class PairEmbedder {
     for (const PlacedLandmark& l : landmarks_)
       for (int k = 0; k < 3; ++k) {
         const int v = (side == Side::kA ? l.a : l.b).corners[k];
-        if (v >= 0) keep[v] = 1;
+        if (v >= 0 && (l.weight == 1 || approach_ == Approach::kShape)) keep[v] = 1;
       }
     const Array<double> angle = boundary_angles(s.mesh, outline);
     for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) {
