@@ -356,6 +356,7 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 /// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
+  double weight = 1;
 };
 
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
@@ -571,10 +572,10 @@ struct StartCandidate {
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
-  Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
-  Embedding start;       // the start of the optimisation
+  Points2 f, g;     // final planar positions of the vertices of *start.a and *start.b
+  Embedding start;  // the start of the optimisation
   std::vector<StartCandidate> candidates;  // best first; the start is that of the first one
-  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  IterationLog initial;                    // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   IterationLog log_begin;            // the state before log[0]
   /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
@@ -4218,6 +4219,10 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
   }
 }
 
+/// Hook: springs that follow the map. Fills them for positions x; returns the energy they stand
+/// for, of which they are a majorizer at x.
+using Pull = std::function<double(const Points2& x, Array<Spring>& springs)>;
+
 // ---- line search ----
 
 /// A descent direction for one ω_L.
@@ -4476,6 +4481,8 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_a,
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
+    if (pull_) result.initial.energy += pull_(x_.x, springs_);
+    sum_others();
     result.initial.omega = omega_;
     result.log_begin = result.initial;
     result.status = Status::kUnfinished;
@@ -4489,6 +4496,7 @@ class Optimizer {
   /// stays, and the next call repeats the iteration.
   bool iterate(Result& result) {
     if (!may_iterate(result)) return false;
+    renew_springs();                        // beyond the paper
     bool found = take_quasi_newton_step();  // beyond the paper
     while (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate(true)) break;  // lines 4 to 8
@@ -4527,6 +4535,7 @@ class Optimizer {
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
     describe(s_, followers_, x_, result.log_begin);
+    if (pull_) result.log_begin.energy += pull_(x_.x, springs_);
     return true;
   }
 
@@ -4545,10 +4554,13 @@ class Optimizer {
 
   /// Replaces the springs in the objective.
   void set_springs(Array<Spring> springs) {
-    springs_ = std::move(springs);
+    held_springs_ = std::move(springs);
     quick_ = QuickSteps();
-    sum_others();
+    renew_springs();
   }
+
+  /// Adds an energy to E; before start().
+  void set_pull(Pull pull) { pull_ = std::move(pull); }
 
   /// Estimates the finished fraction of a run: E falls the slower the closer the end is, which
   /// comes after a window of iterations at the earliest.
@@ -4744,6 +4756,7 @@ class Optimizer {
     omega_ = best.omega;
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
+    if (pull_) log_.energy += pull_(x_.x, springs_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
     log_.step = best.step.length;
@@ -4797,6 +4810,13 @@ class Optimizer {
   void build_scaffold_here() {
     scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
     has_scaffold_ = true;
+    sum_others();
+  }
+
+  void renew_springs() {
+    springs_.clear();
+    if (pull_) pull_(x_.x, springs_);
+    for (const Spring& spring : held_springs_) springs_.push_back(spring);
     sum_others();
   }
 
@@ -5052,8 +5072,10 @@ class Optimizer {
   bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
   bool has_scaffold_ = false;
   Scaffold scaffold_;
-  Array<Spring> springs_;
-  BlockMatrix others_;  // the Hessian of scaffold and springs
+  Array<Spring> held_springs_;
+  Pull pull_;
+  Array<Spring> springs_;  // of both
+  BlockMatrix others_;     // the Hessian of scaffold and springs
 };
 
 // ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
@@ -6215,6 +6237,66 @@ inline void add_springs(const Place& p, const Place& q, double weight, Array<Spr
 }
 
 // ---- alignment ----
+
+/// The energy of landmarks that hold: Σ w S ρ(d²/S), where ρ(t) = t / (1 + t/c²) [Geman and McClure
+/// 1985], S is the mean area of the surfaces, and d the distance between both ends in the plane, by
+/// the scale the surfaces have there at the start. A landmark that the map contradicts loses its
+/// pull. Springs of weight w ρ'(t) majorise it.
+class LandmarkPull {
+ public:
+  LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks, const Points2& x)
+      : unit_(0.5 * s.total_area) {
+    constexpr double kWeight = 1;
+    constexpr double kMost = 50;  // landmarks of full weight; more share it
+    double total = 0;
+    for (const PlacedLandmark& l : landmarks) total += l.given.weight;
+    for (PlacedLandmark l : landmarks) {
+      if (!(l.weight == 1 && l.given.weight > 0)) continue;
+      for (int& corner : l.b.corners)
+        if (corner >= 0) corner += s.n_a;
+      const double scale = std::sqrt(planar_scale(s, x, l.a) * planar_scale(s, x, l.b));
+      ends_.push_back({l.a, l.b, kWeight * l.given.weight * (std::min)(1.0, kMost / total),
+                       1 / (scale * unit_)});
+    }
+  }
+
+  bool is_empty() const { return ends_.empty(); }
+
+  double operator()(const Points2& x, Array<Spring>& springs) const {
+    constexpr double kDoubt = 0.2;  // c, in roots of the area
+    double energy = 0;
+    for (const Ends& e : ends_) {
+      const double t = e.scale * squared_norm(mean(e.a, x) - mean(e.b, x));
+      const double share = 1 / (1 + t / (kDoubt * kDoubt));
+      energy += unit_ * e.weight * t * share;
+      add_springs(e.a, e.b, unit_ * e.weight * e.scale * share * share, springs);
+    }
+    return energy;
+  }
+
+ private:
+  struct Ends {
+    Place a, b;  // of the joint surface
+    double weight, scale;
+  };
+
+  /// The area in the plane of what is around a place, relative to that on the surface.
+  static double planar_scale(const JointSurface& s, const Points2& x, const Place& p) {
+    double flat = 0, area = 0;
+    for (int v : p.corners)
+      if (v >= 0)
+        s.mesh.for_each_outgoing(v, [&](int h) {
+          const int f = h / 3;
+          flat += 0.5 * cross(row2(x, s.mesh.corner(f, 1)) - row2(x, s.mesh.corner(f, 0)),
+                              row2(x, s.mesh.corner(f, 2)) - row2(x, s.mesh.corner(f, 0)));
+          area += s.area[f];
+        });
+    return flat / area;
+  }
+
+  double unit_;
+  Array<Ends> ends_;
+};
 
 inline Vec2 centroid(const Points2& x) {
   Vec2 sum;
@@ -8067,7 +8149,13 @@ class PairEmbedder {
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
     log_ = Result();
-    optimizer_->start(stacked(a_->positions(level_a_), b_->positions(level_b_)), log_);
+    const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
+    Array<PlacedLandmark> there;
+    for (PlacedLandmark l : landmarks_)
+      if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, 0, l.b)) there.push_back(l);
+    const LandmarkPull pull(joint_, there, x);
+    if (!pull.is_empty()) optimizer_->set_pull(pull);
+    optimizer_->start(x, log_);
     if (is_first) {
       rules_ = optimizer_->rules();
     } else {
@@ -14276,6 +14364,10 @@ class Run {
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
+    if (!options_.exact_landmarks && !options_.as_published) {
+      const LandmarkPull pull(s_, located(landmarks_apart(), pair_), x);
+      if (!pull.is_empty()) optimizer_->set_pull(pull);
+    }
     optimizer_->start(x, result_);
     optimizer_->lower_omega(omega_before_);
     if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
@@ -14429,7 +14521,7 @@ class Run {
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
   std::unique_ptr<MappedLevel> mapped_;
-  Array<OpeningPair> openings_;   // candidates
+  Array<OpeningPair> openings_;  // candidates
   int tried_ = 0;
   OpeningPair opening_;  // of pair_
   struct {
@@ -14569,7 +14661,7 @@ inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int w
       const int i =
           static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
       if (!(distance[i] > 0)) break;
-      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on});
+      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
       spread(samples_.a[pairs[i][0]].point);
     }
   }
@@ -14620,7 +14712,7 @@ inline bool StartFinder::add_tips() {
     Candidate candidate;
     candidate.name = sentence({candidates_[0].name, ", ", tips.size(), " tips"});
     for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
-    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b});
+    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
     for (const Landmark& l : spread_over(map, tips)) candidate.landmarks.push_back(l);
     candidate.run =
         std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
@@ -14658,7 +14750,8 @@ inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
   for (const TipPair& p : of_a) {
     bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
     for (const VertexPair& l : own_landmarks())
-      is_free = is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
+      is_free =
+          is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
     if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
   }
   return pairs;
@@ -14689,7 +14782,7 @@ inline Array<Landmark> StartFinder::spread_over(const SurfaceMap& map,
         static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
     if (!(distance[v] > 0)) break;
     spread(v, 0);
-    pairs.push_back({v, images.data()[v]});
+    pairs.push_back({v, images.data()[v], 0});
   }
   return pairs;
 }
