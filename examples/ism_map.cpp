@@ -160,6 +160,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("coarsest", o.coarsest);
+  visit("candidates", o.candidates);
   visit("history_length", o.history_length);
   visit("omega_start", o.omega_start);
   visit("as_published", o.as_published);
@@ -629,6 +630,13 @@ Json json_iteration(const ism::IterationLog& it) {
   return json;
 }
 
+Json json_candidate(const ism::StartCandidate& c) {
+  return {{"name", c.name},
+          {"distortion", c.distortion},
+          {"iterations", c.iterations},
+          {"difference", c.difference}};
+}
+
 Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
                const ism::TriangleMesh& mesh, const ism::Prepared& prepared,
                const std::vector<ism::AddedVertex>& added, int opening) {
@@ -698,6 +706,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
       {"is_closed", found.is_closed},
       {"options", json_options(args)},
       {"start", start},
+      {"candidates", json_list(result.candidates, json_candidate)},
       {"coarse", json_list(result.coarse, json_iteration)},
       {"final", final},
       {"seconds", json_seconds(s)},
@@ -988,6 +997,19 @@ int count_added(const std::vector<ism::AddedVertex>& added) {
   return n;
 }
 
+/// The start that won, and another one that is hardly worse but leads to a different map.
+void print_start(const std::vector<ism::StartCandidate>& tried) {
+  if (tried.empty()) return;
+  const ism::StartCandidate& best = tried[0];
+  std::printf("start        %s: the best of %zu\n", best.name.c_str(), tried.size());
+  for (const ism::StartCandidate& c : tried)
+    if (c.distortion < 1.05 * best.distortion && c.difference > 0.1)
+      return void(
+          std::printf("             %s has %.3f instead of %.3f on coarse surfaces and maps to "
+                      "other places: landmarks tell which one is meant\n",
+                      c.name.c_str(), c.distortion, best.distortion));
+}
+
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
                    const Findings& found, const Seconds& s) {
   const ism::IterationLog &first = result.initial, &last = result.final_state();
@@ -1005,6 +1027,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("added        %d vertices to A, %d to B, behind those given\n", added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
+  print_start(result.candidates);
   for (const ism::IterationLog& coarse : result.coarse)
     std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
