@@ -13844,6 +13844,7 @@ class StartFinder {
     std::unique_ptr<Run> run;
     double value = kInfinity;
     bool has_more = true;
+    bool has_tried_tips = false;
   };
 
   void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
@@ -14540,6 +14541,7 @@ inline StartFinder::~StartFinder() = default;
 
 inline bool StartFinder::step() {
   constexpr int kIterations[] = {6, 20, 45, 45, 45}, kRounds = 5;
+  constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
   if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
   if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
   if (candidates_.empty()) return find_candidates(), true;
@@ -14548,7 +14550,8 @@ inline bool StartFinder::step() {
   for (int i = 0; i < running_; ++i)
     if (candidates_[i].has_more) return true;
   drop_worst();
-  if (++round_ < kWithTips || (round_ < kRounds && add_tips())) return true;
+  if (++round_ < kWithTips) return true;
+  if (round_ < kRounds && candidates_[0].value > kGood && add_tips()) return true;
   take_best();
   return false;
 }
@@ -14560,7 +14563,7 @@ inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<H
   for (const PlacedLandmark& l : landmarks_)
     for (int v : (side == Side::kA ? l.a : l.b).corners)
       if (v >= 0) keep[v] = 1;
-  constexpr int kFewest = 100, kMost = 400, kRatio = 2;
+  constexpr int kFewest = 100, kMost = 320, kRatio = 2;
   const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
   h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
                                   executor_);
@@ -14585,10 +14588,10 @@ inline void StartFinder::find_candidates() {
   const Array<Alignment> alignments =
       find_alignments(sampled(pair, landmarks, kFew), samples_, kAlignments, executor_);
   if (executor_.is_stopped()) return;
-  add_candidate(alignments, -1, 0);
+  if (landmarks.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
-  for (int n : {12, 16, 32, 48}) add_candidate(alignments, 0, n);
-  if (alignments.size() > 1) add_candidate(alignments, 1, 2 * kPairs);
+  for (int n : {kPairs / 2, 2 * kPairs})
+    if (!alignments.empty()) add_candidate(alignments, 0, n);
   running_ = candidates_.size();
 }
 
@@ -14643,16 +14646,16 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
     candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b);
 }
 
-/// Keeps the better half, and until tips were tried the landmarks alone: they tell other maps.
+/// Keeps the best, and until tips were tried the landmarks alone: they tell other maps.
 inline void StartFinder::drop_worst() {
   const auto first = candidates_.begin(), last = first + running_;
   std::stable_sort(first, last,
                    [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
-  running_ = (running_ + 1) / 2;
+  running_ = (std::min)(running_, round_ == 0 ? 4 : 2);
   if (round_ >= kWithTips) return;
   const auto other =
       std::find_if(first + running_, last, [](const Candidate& c) { return c.alignment < 0; });
-  if (other != last) std::iter_swap(first + running_++, other);
+  if (other != last) std::iter_swap(first + running_ - 1, other);
 }
 
 inline std::vector<StartCandidate> StartFinder::candidates() const {
@@ -14686,7 +14689,8 @@ inline bool StartFinder::add_tips() {
   Array<Candidate> next;
   for (int i = 0; i < running_; ++i) {
     Candidate candidate;
-    if (!(candidates_[i].value < kInfinity)) continue;
+    if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
+    candidates_[i].has_tried_tips = true;
     const SurfaceMap map(candidates_[i].run->result());
     if (map.status() != Status::kDone) continue;
     Array<TipPair> tips;
