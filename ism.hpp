@@ -7930,6 +7930,7 @@ inline double badness(const JointSurface& s, const Points2& positions) {
 struct MappedLevel {
   std::unique_ptr<Hierarchy> a, b;
   Points2 f, g;
+  IterationLog log;  // the last iteration
   std::vector<Warning> warnings;
 };
 
@@ -7951,7 +7952,8 @@ class PairEmbedder {
         depth_(!has_levels(approach, options) ? 0
                : mapped == nullptr            ? depth_of(pair, options.coarsest)
                                               : depth_above(pair, options.coarsest, *mapped)),
-        level_(depth_) {
+        level_(depth_),
+        first_level_(depth_) {
     level_options_.initial_f.resize(0, 2);
     level_options_.initial_g.resize(0, 2);
     level_options_.max_iterations = 500;
@@ -8018,10 +8020,13 @@ class PairEmbedder {
   }
 
   void plan_from(MappedLevel& mapped) {
-    is_mapped_ = true;
+    levels_.push_back(mapped.log);
+    first_level_ = depth_ - 1;
     a_ = std::move(mapped.a), b_ = std::move(mapped.b);
-    a_->set(a_->current(), mapped.f);
-    b_->set(b_->current(), mapped.g);
+    level_a_ = a_->current(), level_b_ = b_->current();
+    a_->set(level_a_, mapped.f);
+    b_->set(level_b_, mapped.g);
+    begin_next_level();
     add([this, warnings = std::move(mapped.warnings)] {
       result_->warnings.insert(result_->warnings.end(), warnings.begin(), warnings.end());
       return false;
@@ -8091,7 +8096,7 @@ class PairEmbedder {
   /// What the coarsest level gets wrong stays wrong; what the others leave undone, the next one
   /// does faster.
   void begin_level() {
-    const bool is_first = levels_.empty();
+    const bool is_first = level_ == first_level_;
     level_options_.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
     level_options_.tuning.window = is_first ? 20 : 10;
     level_a_ = a_->current(), level_b_ = b_->current();
@@ -8099,13 +8104,11 @@ class PairEmbedder {
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
     log_ = Result();
     optimizer_->start(stacked(a_->positions(level_a_), b_->positions(level_b_)), log_);
-    if (is_first) {
+    if (is_first)
       rules_ = optimizer_->rules();
-      if (is_mapped_) optimizer_->lower_omega(kNextOmega);
-    } else {
+    else
       optimizer_->keep_covered(rules_);
-      optimizer_->lower_omega(kNextOmega);
-    }
+    if (!levels_.empty()) optimizer_->lower_omega(kNextOmega);
     if (log_.status == Status::kUnfinished) levels_.push_back(log_.log_begin);
   }
 
@@ -8116,12 +8119,16 @@ class PairEmbedder {
     if (has_more || executor_.is_stopped()) return true;
     take_positions(*a_, *b_);
     optimizer_.reset();
+    begin_next_level();
+    return true;
+  }
+
+  void begin_next_level() {
     tied_a_ = level_a_.vertex, tied_b_ = level_b_.vertex;
     --level_;
     a_->set_goal(vertices_of(pair_.a, level_));
     b_->set_goal(vertices_of(pair_.b, level_));
     is_relaxed_ = false;
-    return true;
   }
 
   void take_positions(Hierarchy& a, Hierarchy& b) const {
@@ -8568,10 +8575,10 @@ class PairEmbedder {
   bool is_relaxed_ = true;              // the level of embed_both()
   Unfolding unfolding_;
   Trials trials_;
-  const int depth_;         // how many coarse levels there are
-  int level_;               // the one the hierarchies are at, depth_ is the coarsest
-  bool is_mapped_ = false;  // the coarsest level came with a map
-  JointSurface joint_;      // the level being mapped
+  const int depth_;     // how many coarse levels there are
+  int level_;           // the one the hierarchies are at, depth_ is the coarsest
+  int first_level_;     // that is mapped here
+  JointSurface joint_;  // the level being mapped
   const Array<Follower> no_followers_ = {};
   std::unique_ptr<Optimizer> optimizer_;  // maps it
   Result log_;
@@ -8814,7 +8821,8 @@ class Embedder {
 
   /// What follows on a stage.
   Stage next_stage() {
-    constexpr double kStrained = 100;  // of isometries: 4
+    constexpr double kStrained = 100;      // of isometries: 4
+    constexpr double kMostStrained = 1e4;  // with a map
     switch (stage_) {
       case Stage::kBegin:
         if (!PairEmbedder::has_levels(Approach::kShape, options_) || options_.coarsest == 0)
@@ -8824,7 +8832,7 @@ class Embedder {
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
-        if (mapped_ && result_.status != Status::kDone) {
+        if (mapped_ && !(strain(pair_, result_) < kMostStrained)) {
           mapped_.reset();
           static_cast<Outcome&>(result_) = Outcome();
           return begin(Stage::kByShape, Approach::kShape, nullptr);
@@ -14527,7 +14535,7 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
   options_.stop = nullptr;
   options_.parallel_for = nullptr;
   options_.threads = 1;  // candidates run side by side
-  options_.max_iterations = 100;
+  options_.max_iterations = 200;
   options_.tolerance = 1e-3;
   options_.max_seconds = kInfinity;
   options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
@@ -14540,7 +14548,7 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
 inline StartFinder::~StartFinder() = default;
 
 inline bool StartFinder::step() {
-  constexpr int kIterations[] = {6, 20, 45, 45, 45}, kRounds = 5;
+  constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
   constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
   if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
   if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
@@ -14549,11 +14557,11 @@ inline bool StartFinder::step() {
   executor_.run(running_, [&](int i) { improve(candidates_[i], kIterations[round_]); });
   for (int i = 0; i < running_; ++i)
     if (candidates_[i].has_more) return true;
+  if (round_ == kLast) return take_best(), false;
   drop_worst();
   if (++round_ < kWithTips) return true;
-  if (round_ < kRounds && candidates_[0].value > kGood && add_tips()) return true;
-  take_best();
-  return false;
+  if (round_ == kLast || candidates_[0].value < kGood || !add_tips()) round_ = kLast, running_ = 1;
+  return true;
 }
 
 inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
@@ -14563,7 +14571,7 @@ inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<H
   for (const PlacedLandmark& l : landmarks_)
     for (int v : (side == Side::kA ? l.a : l.b).corners)
       if (v >= 0) keep[v] = 1;
-  constexpr int kFewest = 100, kMost = 320, kRatio = 2;
+  constexpr int kFewest = 100, kMost = 400, kRatio = 2;
   const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
   h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
                                   executor_);
@@ -14590,7 +14598,7 @@ inline void StartFinder::find_candidates() {
   if (executor_.is_stopped()) return;
   if (landmarks.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
-  for (int n : {kPairs / 2, 2 * kPairs})
+  for (int n : {12, 16, 32, 48})
     if (!alignments.empty()) add_candidate(alignments, 0, n);
   running_ = candidates_.size();
 }
@@ -14793,6 +14801,7 @@ inline void StartFinder::take_best() {
   if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
   if (level_) {
     level_->f = best.f, level_->g = best.g;
+    level_->log = best.final_state();
     for (const Candidate& c : candidates_)
       if (c.alignment < 0 && c.name == "landmarks")
         level_->warnings = c.run->result().start.warnings;

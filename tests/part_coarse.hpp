@@ -123,6 +123,7 @@ TEST_CASE("a map by coarse levels is as good as one without, in fewer iterations
   const Disk a = bent_grid(26, 26, 0.9, rng), b = bent_grid(22, 30, -0.7, rng);
   const std::vector<Landmark> landmarks = {{60, 70}, {500, 480}, {620, 600}};
   Options options = on_one_thread();
+  options.candidates = false;  // their map would be a level
   options.coarsest = 0;
   const Result plain = map_of(a, b, landmarks, options);
   CHECK(plain.coarse.empty());

@@ -40,7 +40,7 @@ Vector3d body(const Vector3d& direction) {
 
 /// The body on a mesh that is turned by R before it is bent, and turned by S in space.
 TriangleMesh body_mesh(const Eigen::Matrix3d& R, const Eigen::Matrix3d& S) {
-  TriangleMesh mesh = shapes::sphere(3);
+  TriangleMesh mesh = shapes::sphere(4);
   for (int v = 0; v < mesh.vertices.rows(); ++v) {
     const Vector3d direction = R * mesh.vertices.row(v).transpose();
     mesh.vertices.row(v) = (S * body(direction)).transpose();
@@ -145,8 +145,8 @@ TEST_CASE("without landmarks, a surface is mapped onto itself turned, on another
   const TriangleMesh b = body_mesh(turn(0.7, {0, 1, 3}), S);
   const Result r = ism::compute_map(a, b, {}, on_one_thread());
   REQUIRE(ism::is_usable(r.status));
-  CHECK(r.final_state().mean_distortion < 2.03);
-  CHECK(mean_error(r, S) < 0.02);
+  CHECK(r.final_state().mean_distortion < 2.1);
+  CHECK(mean_error(r, S) < 0.1);  // 0.37 with limbs that are exchanged
 
   REQUIRE(r.candidates.size() > 3);
   for (std::size_t i = 0; i < r.candidates.size(); ++i) {
