@@ -5867,8 +5867,8 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
-//             landmarks near each other. It stands behind the loop, which it calls to try
-//             rotations.
+//             landmarks near each other. It stands behind the loop, which maps its
+//             coarse levels.
 // Method:     Tutte's embedding of a whole limb shrinks exponentially, below what doubles resolve;
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
@@ -8000,7 +8000,6 @@ class PairEmbedder {
 
  private:
   static constexpr int kTrial = 800;           // vertices at which rotations are tried
-  static constexpr int kTrialIterations = 8;   // of Algorithm 1 for each
   static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
   static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
   static constexpr double kUnfoldingTolerance = 1e-4;
@@ -8038,12 +8037,12 @@ class PairEmbedder {
   void plan_to_meet_early() {
     if (depth_ == 0) {
       add_embed_alone(kTrial);
-      if (landmarks_.size() < 2) add_align_by_trial(kTrialIterations);
+      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
       add_embed_alone(kCoarse);
     } else {
       add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_)); });
       add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_)); });
-      if (landmarks_.size() < 2) add_align_by_trial(kTrialIterations);
+      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
     }
     add_bring_together();
     add([this] { return depth_ == 0 ? embed_both() : map_levels(); });
@@ -8183,7 +8182,7 @@ class PairEmbedder {
     add_embed_alone((std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices));
     add_unfold(a_, outline_a_);
     add_unfold(b_, outline_b_);
-    if (!is_held_ && landmarks_.size() < 2) add_align_by_trial(0);
+    if (!is_held_ && landmarks_.size() < 2) add([this] { return align_by_trial(); });
     add_bring_together();
   }
 
@@ -8430,88 +8429,26 @@ class PairEmbedder {
     return false;
   }
 
-  /// Rotations of A about the landmark, or about its centre and its deepest point: the most
-  /// promising ones are optimised for a while, and the one with the least distortion for its
-  /// coverage wins.
-  struct Trials {
-    JointSurface coarse;
-    Points2 f, g;
-    Array<RigidMotion> motions;
-    Array<double> at_first;  // badness
-    Array<int> order;        // the most promising one first
-    int tried = 0, best = -1;
-    double least = kInfinity;
-    RunOptions options;                    // of the one that is optimised
-    const Array<Follower> followers = {};  // none
-    Result result;
-    std::unique_ptr<Optimizer> optimizer;
-  };
-
-  void add_align_by_trial(int iterations) {
-    add([this] { return prepare_trials(); });
-    add([this] { return rank_trial(); });
-    add([this, iterations] { return try_motion(iterations); });
-  }
-
-  bool prepare_trials() {
-    const Level level_a = a_->current(), level_b = b_->current();
-    trials_.coarse = join({level_a.surface, level_b.surface});
-    const Points2& f = trials_.f = a_->positions(level_a);
-    const Points2& g = trials_.g = b_->positions(level_b);
-    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
-    if (landmarks.empty()) {
-      add_rotations(centroid(f), centroid(g));
-      add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g));
-    } else {
-      const Points2 x = stacked(f, g);
-      add_rotations(mean(landmarks[0].a, x), mean(landmarks[0].b, x));
-    }
-    return false;
-  }
-
-  void add_rotations(Vec2 from, Vec2 to) {
+  /// Turns the plane of A about the landmark, or about its centre, to where the map is least
+  /// distorted for its coverage.
+  bool align_by_trial() const {
     constexpr int kRotations = 24;
-    for (int i = 0; i < kRotations; ++i)
-      trials_.motions.push_back(rigid_motion(on_circle(2 * kPi * i / kRotations), from, to));
-  }
-
-  Points2 trial_start(int motion) const {
-    return stacked(transformed(trials_.f, trials_.motions[motion]), trials_.g);
-  }
-
-  bool rank_trial() {
-    const int i = trials_.at_first.size();
-    trials_.at_first.push_back(badness(trials_.coarse, trial_start(i)));
-    if (i + 1 < trials_.motions.size()) return true;
-    trials_.order = sorted_by(trials_.at_first);
-    return false;
-  }
-
-  /// An iteration of Algorithm 1 from one of the motions.
-  bool try_motion(int iterations) {
-    constexpr int kOptimized = 4;
-    Trials& t = trials_;
-    tell({"trying rotation ", t.tried + 1, " of ", int{kOptimized}});
-    const int i = t.order[t.tried];
-    if (!t.optimizer) {
-      t.options = options_;
-      t.options.max_iterations = iterations;
-      t.options.boundary = Boundary::kFree;
-      t.options.fixed_a.clear();
-      t.options.fixed_b.clear();
-      t.result = Result();
-      t.optimizer = std::make_unique<Optimizer>(t.coarse, t.options, t.followers, executor_);
-      t.optimizer->start(trial_start(i), t.result);
+    const Level level_a = a_->current(), level_b = b_->current();
+    const JointSurface s = join({level_a.surface, level_b.surface});
+    const Points2 f = a_->positions(level_a), g = b_->positions(level_b);
+    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
+    const Points2 x = stacked(f, g);
+    const Vec2 from = landmarks.empty() ? centroid(f) : mean(landmarks[0].a, x);
+    const Vec2 to = landmarks.empty() ? centroid(g) : mean(landmarks[0].b, x);
+    RigidMotion best = rigid_motion({1, 0}, from, to);
+    double least = kInfinity;
+    for (int i = 0; i < kRotations && !executor_.is_stopped(); ++i) {
+      const RigidMotion motion = rigid_motion(on_circle(2 * kPi * i / kRotations), from, to);
+      const double value = badness(s, stacked(transformed(f, motion), g));
+      if (value < least) least = value, best = motion;
     }
-    if (t.optimizer->iterate(t.result) || executor_.is_stopped()) return true;
-    const double value =
-        badness(t.coarse, is_usable(t.result.status) ? t.optimizer->positions() : trial_start(i));
-    t.optimizer.reset();
-    if (t.best < 0 || value < t.least || (value == t.least && i < t.best))
-      t.best = i, t.least = value;
-    if (++t.tried < kOptimized) return true;
-    a_->move(t.motions[t.best]);
-    return false;
+    if (!executor_.is_stopped()) a_->move(best);
+    return executor_.is_stopped();
   }
 
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
@@ -8574,7 +8511,6 @@ class PairEmbedder {
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of embed_both()
   Unfolding unfolding_;
-  Trials trials_;
   const int depth_;     // how many coarse levels there are
   int level_;           // the one the hierarchies are at, depth_ is the coarsest
   int first_level_;     // that is mapped here
@@ -11614,8 +11550,7 @@ inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the 
 
 /// Finds where two surfaces are to be opened: where they unfold with little strain, as seen from
 /// there nothing is far, and where both are as far from their landmarks; or at a landmark, if that
-/// only guides the start. Fewer than three landmarks do not tell places apart: there is then more
-/// than one pair, to be tried.
+/// only guides the start.
 class OpeningFinder {
  public:
   /// `is_bound`: per landmark, whether it has to stay where it is. No surface is opened there.
@@ -11630,13 +11565,10 @@ class OpeningFinder {
         at_landmarks_.push_back({vertex_at(a[i]), vertex_at(b[i])});
   }
 
-  /// None, if all vertices of a surface are bound.
-  Array<OpeningPair> find() const {
-    constexpr int kTrials = 4, kEnough = 3;
+  /// False, if all vertices of a surface are bound.
+  bool find(OpeningPair& best) const {
     const Array<int> a = clear_of_landmarks(a_), b = clear_of_landmarks(b_);
-    if (a.empty() || b.empty()) return {};
-    if (a_.to_landmark.size() < kEnough) return trials(a, b, kTrials);
-    OpeningPair best;
+    if (a.empty() || b.empty()) return false;
     double least = kInfinity;
     const auto consider = [&](int v, int w) {
       const double value = strain(v, w) + mismatch(v, w);
@@ -11655,7 +11587,7 @@ class OpeningFinder {
       const double value = strain(at_landmarks_[i].a, at_landmarks_[i].b) + kLoss;
       if (value < least) least = value, best = at_landmarks_[i];
     }
-    return Array<OpeningPair>(1, best);
+    return true;
   }
 
  private:
@@ -11689,27 +11621,7 @@ class OpeningFinder {
       const double difference = a_.distance(i, v) - b_.distance(i, w);
       sum += difference * difference;
     }
-    return kWeight * sum / a_.to_landmark.size();
-  }
-
-  /// The best place on A, or if that is open, on B, with several on the other one.
-  Array<OpeningPair> trials(Array<int> a, Array<int> b, int most) const {
-    const auto sort = [](const Sites& sites, Array<int>& places) {
-      if (places[0] >= 0)
-        std::sort(places.begin(), places.end(), [&](int v, int w) {
-          const double d = sites.remoteness[v] - sites.remoteness[w];
-          return d != 0 ? d < 0 : v < w;
-        });
-    };
-    sort(a_, a);
-    sort(b_, b);
-    Array<OpeningPair> pairs;
-    for (int i = 0; i < (std::min)(most, (std::max)(a.size(), b.size())); ++i) {
-      const int v = b[0] < 0 ? a[(std::min)(i, a.size() - 1)] : a[0];
-      const int w = b[0] < 0 ? -1 : b[(std::min)(i, b.size() - 1)];
-      pairs.push_back({v, w});
-    }
-    return pairs;
+    return kWeight * sum / (std::max)(1, a_.to_landmark.size());
   }
 
   Sites a_, b_;
@@ -14139,17 +14051,18 @@ class Run {
     if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
     Embedding& start = result_.start;
     const bool is_given = !embedder_;
-    if (!is_given && !take_best()) return;
-    if (is_given) take_positions(pair_, options_, start);
+    if (is_given)
+      take_positions(pair_, options_, start);
+    else
+      take_start();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
     for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
-    if (!best_.levels.empty()) omega_before_ = kNextOmega;
+    if (!result_.coarse.empty()) omega_before_ = kNextOmega;
     if (is_given && start.status == Status::kDone)
       begin_at_positions();
     else
       accept_start();
-    result_.coarse = best_.levels;
   }
 
   /// The paper's start is that of the landmarks alone.
@@ -14160,38 +14073,35 @@ class Run {
       finder_ = std::make_unique<StartFinder>(whole_, placed_, given_options_, executor_);
     Timer timer;
     const bool has_more = finder_->step();
-    best_.start.seconds += timer.lap();
+    finder_seconds_ += timer.lap();
     if (has_more) return;
     has_start_ = true;
     guides_ = finder_->guides();
     mapped_ = finder_->take_level();
     result_.candidates = finder_->candidates();
     const OpeningPair opening = finder_->opening();
-    if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) openings_.assign(1, opening);
+    if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) opening_ = opening;
     finder_.reset();
   }
 
-  /// Begins an embedding, for closed surfaces with the next candidate opening.
   void begin_embedding() {
-    if (openings_.empty()) find_openings();
-    if (openings_.empty()) return;
-    opening_ = openings_[tried_];
+    if (!find_opening()) return;
     open();
     embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
                                            std::move(mapped_), options_, executor_);
   }
 
-  void find_openings() {
-    openings_.resize(1);
-    if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
+  bool find_opening() {
+    const bool is_found = opening_.a >= 0 || opening_.b >= 0;
+    if (is_found || (!is_closed(whole_.a) && !is_closed(whole_.b))) return true;
     executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
-    openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
-    if (!openings_.empty()) return;
+    if (OpeningFinder(whole_, placed_, bound_landmarks()).find(opening_)) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
           "at one: refine it, or leave one of them out"});
     is_embedding_ = false;
     static_cast<Outcome&>(result_.start) = result_;
+    return false;
   }
 
   /// Returns per landmark whether its place is constrained.
@@ -14236,25 +14146,11 @@ class Run {
     return landmarks;
   }
 
-  /// Keeps the start with the least distortion for its coverage; false if another opening is left.
-  bool take_best() {
-    Embedding& found = embedder_->result();
-    const bool is_only = openings_.size() == 1;
-    const double value = is_only || found.status != Status::kDone
-                             ? kInfinity
-                             : badness(join(pair_), stacked(found.f, found.g));
-    found.seconds += best_.start.seconds;
-    if (tried_ == 0 || value < best_.badness)
-      best_ = {value, opening_, pair_, opened_, std::move(found), embedder_->levels()};
-    else
-      best_.start.seconds = found.seconds;
+  void take_start() {
+    result_.coarse = embedder_->levels();
+    result_.start = std::move(embedder_->result());
+    result_.start.seconds += finder_seconds_;
     embedder_.reset();
-    if (++tried_ < openings_.size()) return false;
-    opening_ = best_.opening;
-    pair_ = std::move(best_.pair);
-    opened_ = std::move(best_.landmarks);
-    result_.start = std::move(best_.start);
-    return true;
   }
 
   void accept_start() {
@@ -14491,17 +14387,8 @@ class Run {
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
   std::unique_ptr<MappedLevel> mapped_;
-  Array<OpeningPair> openings_;  // candidates
-  int tried_ = 0;
+  double finder_seconds_ = 0;
   OpeningPair opening_;  // of pair_
-  struct {
-    double badness = kInfinity;
-    OpeningPair opening;
-    SurfacePair pair;
-    Array<PlacedLandmark> landmarks;
-    Embedding start;
-    std::vector<IterationLog> levels;
-  } best_;  // of the candidates tried
   std::unique_ptr<Closer> closer_;
   Status optimized_ = Status::kUnfinished;  // the status before closing the map
   Result closed_result_;
