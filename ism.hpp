@@ -356,6 +356,7 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 /// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
+  double weight = 1;
 };
 
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
@@ -4222,6 +4223,10 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
   }
 }
 
+/// Hook: springs that follow the map. Fills them for positions x; returns the energy they stand
+/// for, of which they are a majorizer at x.
+using Pull = std::function<double(const Points2& x, Array<Spring>& springs)>;
+
 // ---- line search ----
 
 /// A descent direction for one ω_L.
@@ -4480,6 +4485,8 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_a,
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
+    if (pull_) result.initial.energy += pull_(x_.x, springs_);
+    sum_others();
     result.initial.omega = omega_;
     result.log_begin = result.initial;
     result.status = Status::kUnfinished;
@@ -4493,6 +4500,7 @@ class Optimizer {
   /// stays, and the next call repeats the iteration.
   bool iterate(Result& result) {
     if (!may_iterate(result)) return false;
+    renew_springs();                        // beyond the paper
     bool found = take_quasi_newton_step();  // beyond the paper
     while (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate(true)) break;  // lines 4 to 8
@@ -4531,6 +4539,7 @@ class Optimizer {
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
     describe(s_, followers_, x_, result.log_begin);
+    if (pull_) result.log_begin.energy += pull_(x_.x, springs_);
     return true;
   }
 
@@ -4549,10 +4558,13 @@ class Optimizer {
 
   /// Replaces the springs in the objective.
   void set_springs(Array<Spring> springs) {
-    springs_ = std::move(springs);
+    held_springs_ = std::move(springs);
     quick_ = QuickSteps();
-    sum_others();
+    renew_springs();
   }
+
+  /// Adds an energy to E; before start().
+  void set_pull(Pull pull) { pull_ = std::move(pull); }
 
   /// Estimates the finished fraction of a run: E falls the slower the closer the end is, which
   /// comes after a window of iterations at the earliest.
@@ -4748,6 +4760,7 @@ class Optimizer {
     omega_ = best.omega;
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
+    if (pull_) log_.energy += pull_(x_.x, springs_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
     log_.step = best.step.length;
@@ -4801,6 +4814,13 @@ class Optimizer {
   void build_scaffold_here() {
     scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
     has_scaffold_ = true;
+    sum_others();
+  }
+
+  void renew_springs() {
+    springs_.clear();
+    if (pull_) pull_(x_.x, springs_);
+    for (const Spring& spring : held_springs_) springs_.push_back(spring);
     sum_others();
   }
 
@@ -5056,8 +5076,10 @@ class Optimizer {
   bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
   bool has_scaffold_ = false;
   Scaffold scaffold_;
-  Array<Spring> springs_;
-  BlockMatrix others_;  // the Hessian of scaffold and springs
+  Array<Spring> held_springs_;
+  Pull pull_;
+  Array<Spring> springs_;  // of both
+  BlockMatrix others_;     // the Hessian of scaffold and springs
 };
 
 // ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
@@ -6234,6 +6256,52 @@ inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
       });
   return flat / area;
 }
+
+/// The energy of landmarks that hold: Σ w S ρ(d²/S), where ρ(t) = t / (1 + t/c²) [Geman and McClure
+/// 1985], S is the mean area of the surfaces, and d the distance between both ends in the plane, by
+/// the scale the surfaces have there at the start. A landmark that the map contradicts loses its
+/// pull. Springs of weight w ρ'(t) majorise it.
+class LandmarkPull {
+ public:
+  LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks, const Points2& x)
+      : unit_(0.5 * s.total_area) {
+    constexpr double kWeight = 1;
+    constexpr double kMost = 50;  // landmarks of full weight; more share it
+    double total = 0;
+    for (const PlacedLandmark& l : landmarks) total += l.given.weight;
+    for (PlacedLandmark l : landmarks) {
+      if (!(l.weight == 1 && l.given.weight > 0)) continue;
+      for (int& corner : l.b.corners)
+        if (corner >= 0) corner += s.n_a;
+      const double scale = std::sqrt(planar_scale(s, x, l.a) * planar_scale(s, x, l.b));
+      ends_.push_back({l.a, l.b, kWeight * l.given.weight * (std::min)(1.0, kMost / total),
+                       1 / (scale * unit_)});
+    }
+  }
+
+  bool is_empty() const { return ends_.empty(); }
+
+  double operator()(const Points2& x, Array<Spring>& springs) const {
+    constexpr double kDoubt = 0.2;  // c, in roots of the area
+    double energy = 0;
+    for (const Ends& e : ends_) {
+      const double t = e.scale * squared_norm(mean(e.a, x) - mean(e.b, x));
+      const double share = 1 / (1 + t / (kDoubt * kDoubt));
+      energy += unit_ * e.weight * t * share;
+      add_springs(e.a, e.b, unit_ * e.weight * e.scale * share * share, springs);
+    }
+    return energy;
+  }
+
+ private:
+  struct Ends {
+    Place a, b;  // of the joint surface
+    double weight, scale;
+  };
+
+  double unit_;
+  Array<Ends> ends_;
+};
 
 inline Vec2 centroid(const Points2& x) {
   Vec2 sum;
@@ -8102,7 +8170,13 @@ class PairEmbedder {
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
     log_ = Result();
-    optimizer_->start(stacked(a_->positions(level_a_), b_->positions(level_b_)), log_);
+    const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
+    Array<PlacedLandmark> there;
+    for (PlacedLandmark l : landmarks_)
+      if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, 0, l.b)) there.push_back(l);
+    const LandmarkPull pull(joint_, there, x);
+    if (!pull.is_empty()) optimizer_->set_pull(pull);
+    optimizer_->start(x, log_);
     if (is_first)
       rules_ = optimizer_->rules();
     else
@@ -14234,6 +14308,10 @@ class Run {
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
+    if (!options_.exact_landmarks && !options_.as_published) {
+      const LandmarkPull pull(s_, located(landmarks_apart(), pair_), x);
+      if (!pull.is_empty()) optimizer_->set_pull(pull);
+    }
     optimizer_->start(x, result_);
     optimizer_->lower_omega(omega_before_);
     if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
@@ -14331,6 +14409,7 @@ class Run {
     const bool has_risen = !is_changed_ && mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;
+    if (!placed_.empty()) warn_of_landmarks(r);
     if (!(mean > kMostDistortion || has_risen)) return;
     Warning warning;
     warning.message = "the map is hardly of use: its mean distortion is " + decimal(mean) +
@@ -14339,6 +14418,40 @@ class Run {
     if (map.status() == Status::kDone) add_worst_place(map, warning);
     warning.message +=
         "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles?";
+    r.warnings.push_back(std::move(warning));
+  }
+
+  /// Names the landmarks that the others and the map contradict, the farthest ones.
+  void warn_of_landmarks(Result& r) const {
+    constexpr double kFar = 0.1;  // of the diagonal of the box of B
+    constexpr int kMostNamed = 8;
+    const SurfaceMap map(r);
+    if (map.status() != Status::kDone) return;
+    const Points3& b = b_->given->vertices;
+    const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
+    Array<double> distance(placed_.size(), 0);
+    int far = 0;
+    for (int i = 0; i < placed_.size(); ++i) {
+      const Landmark& l = placed_[i].given;
+      const SurfacePoint image =
+          l.a.vertex >= 0 ? map.forward_vertex(l.a.vertex) : map.forward(l.a.point);
+      if (!image.exists()) continue;
+      const Eigen::Vector3d to =
+          l.b.vertex >= 0 ? b.row(l.b.vertex).transpose() : map.position_on_b(l.b.point);
+      distance[i] = -(map.position_on_b(image) - to).norm() / diagonal;
+      far += distance[i] < -kFar;
+    }
+    if (far == 0) return;
+    const Array<int> order = sorted_by(distance);
+    Warning warning;
+    warning.message = sentence(
+        {far, " of ", placed_.size(), " landmarks may be wrong: the map takes ", "them up to ",
+         decimal(-distance[order[0]]), " of the diagonal of B from where they should be:"});
+    for (int i = 0; i < (std::min)(far, int{kMostNamed}); ++i) {
+      const Landmark& l = placed_[order[i]].given;
+      warning.message += sentence({" ", name_of(l.a), "-", name_of(l.b)});
+      for (const ElementId& id : ids_of(l)) warning.ids.push_back(id);
+    }
     r.warnings.push_back(std::move(warning));
   }
 
@@ -14522,7 +14635,7 @@ inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int w
       const int i =
           static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
       if (!(distance[i] > 0)) break;
-      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on});
+      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
       spread(samples_.a[pairs[i][0]].point);
     }
   }
@@ -14595,7 +14708,7 @@ inline bool StartFinder::add_tips() {
     candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
     candidate.alignment = candidates_[i].alignment;
     for (const VertexPair& l : own_landmarks()) candidate.landmarks.push_back({l.a, l.b});
-    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b});
+    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
     for (const Landmark& l : spread_over(candidates_[i], map, tips))
       candidate.landmarks.push_back(l);
     candidate.run =
@@ -14675,7 +14788,7 @@ inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, cons
         static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
     if (!(distance[v] > 0)) break;
     spread(v, 0);
-    pairs.push_back({v, images.data()[v]});
+    pairs.push_back({v, images.data()[v], 0});
   }
   return pairs;
 }

@@ -556,7 +556,6 @@ ism::Triangles by_written_ids(const WrittenIds& ids, ism::Triangles triangles) {
 /// How far landmarks end from where they belong, in diagonals of the bounding box of B.
 struct LandmarkError {
   double largest = 0;
-  ism::Landmark worst = {-1, -1};
   int uncovered = 0;  // without an image
 };
 
@@ -571,9 +570,7 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
     if (!image.exists()) continue;
     const Eigen::Vector3d target = landmarks::position(input.b, l.b);
     const double distance = (map.position_on_b(image) - target).norm() / diagonal;
-    if (distance < result.largest) continue;
-    result.largest = distance;
-    result.worst = l;
+    result.largest = std::max(result.largest, distance);
   }
   return result;
 }
@@ -971,14 +968,10 @@ std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile
 }
 
 void print_landmarks(const Input& input, const ism::Result& result, const LandmarkError& error) {
-  constexpr double kFar = 0.1;
   std::printf("landmarks    %zu, at most %.3g apart in the plane at the start (1: its radius),\n",
               input.landmarks.size(), result.start.landmark_distance);
   std::printf("             %.3g on B at the end (1: the diagonal of its box), %d not covered\n",
               error.largest, error.uncovered);
-  if (error.largest > kFar)
-    std::printf("             %s goes far from %s: is it right, and is outside outside on both?\n",
-                landmarks::name(error.worst.a).c_str(), landmarks::name(error.worst.b).c_str());
 }
 
 /// What was done to a mesh, a line for each thing.

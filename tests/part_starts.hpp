@@ -182,6 +182,49 @@ TEST_CASE("a map of disks goes on from that of the best start") {
   CHECK(ism::compute_map(a.mesh, b.mesh, {}, options).candidates.empty());
 }
 
+// ---- landmarks that pull ----
+
+TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls to the end") {
+  shapes::Rng rng(12);
+  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
+               b = shapes::perturbed_grid(21, 19, 0.2, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.5);
+  const int from = 10 * 21 + 10, to = 10 * 22 + 12;  // about a tenth of the side apart
+  const auto distance = [&](double weight) {
+    const Result r =
+        ism::compute_map(a.mesh, b.mesh, {{0, 0}, {440, 439}, {from, to, weight}}, on_one_thread());
+    REQUIRE(ism::is_usable(r.status));
+    for (std::size_t i = 1; i < r.log.size(); ++i) CHECK(r.log[i].energy <= r.log[i - 1].energy);
+    const ism::SurfaceMap map(r);
+    const Vector3d end = b.mesh.vertices.row(to).transpose();
+    return (map.position_on_b(map.forward_vertex(from)) - end).norm();
+  };
+  const double hinted = distance(0), pulled = distance(1), held = distance(50);
+  CHECK(pulled < hinted);
+  CHECK(held < 0.9 * pulled);
+}
+
+TEST_CASE("landmarks that the map contradicts are named") {
+  const TriangleMesh a = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity());
+  std::vector<ism::Landmark> landmarks;
+  for (int v : {3, 100, 200, 300, 400, 500}) landmarks.push_back({v, v});
+  const auto warning_of = [&] {
+    const Result r = ism::compute_map(a, a, landmarks, on_one_thread());
+    REQUIRE(ism::is_usable(r.status));
+    for (const ism::Warning& w : r.warnings)
+      if (w.message.find("landmarks may be wrong") != std::string::npos) return w;
+    return ism::Warning();
+  };
+  CHECK(warning_of().message.empty());
+  std::swap(landmarks[1].b, landmarks[2].b);
+  const ism::Warning warning = warning_of();
+  CAPTURE(warning.message);
+  CHECK(warning.message.find("2 of 6 landmarks") == 0);
+  REQUIRE(warning.ids.size() == 4);
+  for (const ism::ElementId& id : warning.ids) CHECK((id.id == 100 || id.id == 200));
+}
+
 }  // namespace starts_tests
 
 #endif  // ISM_TESTS_PART_STARTS_HPP
