@@ -356,6 +356,9 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 /// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
+  /// How strongly it pulls to the end: its ends, d roots of the area apart, add about weight · d²
+  /// to E per area, less once d passes 0.2, as it may be wrong. More than 50 of weight 1 share
+  /// that. 0: it only guides the start.
   double weight = 1;
 };
 
@@ -566,8 +569,9 @@ struct Embedding : Outcome {
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
   std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
-  double distortion = std::numeric_limits<double>::infinity();  // mean, divided by coverage
-  int iterations = 0;                                           // it got
+  /// Mean, divided by coverage, and up to 1.3 times that if it misses the landmarks.
+  double distortion = std::numeric_limits<double>::infinity();
+  int iterations = 0;  // it got
   /// Mean distance on B between images by its map and by that of the best one, in roots of the
   /// area. A start with hardly more distortion and a large difference may be the one that is meant.
   double difference = 0;
@@ -11126,16 +11130,18 @@ struct SamplePair {
 /// An affine map of samples of A close to samples of B.
 class Alignment {
  public:
-  Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) {
-    for (const SurfaceSample& s : pair.a) moved_.push_back(map_(s));
-    match();
+  Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) { move(); }
+
+  /// The similarity that the landmarks tell.
+  explicit Alignment(const SamplePair& pair) : pair_(&pair) {
+    fit(false);
+    move();
   }
 
   /// Improves the map by a round of closest points.
   void improve(bool is_affine) {
     fit(is_affine);
-    for (int k = 0; k < moved_.size(); ++k) moved_[k] = map_(pair_->a[k]);
-    match();
+    move();
   }
 
   const AffineMap& map() const { return map_; }
@@ -11164,6 +11170,12 @@ class Alignment {
   }
 
  private:
+  void move() {
+    moved_.clear();
+    for (const SurfaceSample& s : pair_->a) moved_.push_back(map_(s));
+    match();
+  }
+
   void match() {
     const Array<SurfaceSample>& b = pair_->b;
     double sum_a = 0, sum_b = 0;
@@ -11208,6 +11220,10 @@ class Alignment {
       }
     });
     AffineMap L = M;
+    const AffineMap across = M.cofactors();  // makes det > 0 where all points are in a plane
+    const double size = std::sqrt(squared_norm(M.column[0]) + squared_norm(M.column[1]) +
+                                  squared_norm(M.column[2]));
+    for (int c = 0; c < 3; ++c) L.column[c] += 1e-6 / size * across.column[c];
     if (!nearest_rotation(L)) return;
     const double spread = P.column[0].x + P.column[1].y + P.column[2].z;
     double scale = 0;
@@ -11258,10 +11274,11 @@ inline Array<Alignment> best_of(const Array<Alignment>& all, int most) {
   return best;
 }
 
-/// Aligns A with B in space, in different ways, the closest first.
+/// Aligns A with B in space, in different ways, the closest first; last as landmarks tell, which
+/// alone know how a part lies in a whole.
 inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair& many, int most,
                                         const Executor& executor) {
-  constexpr int kFirst = 8, kNext = 15, kLast = 25, kKept = 6;
+  constexpr int kFirst = 8, kNext = 15, kLast = 25, kKept = 6, kEnough = 3;
   const auto improved = [&](Array<Alignment> all, int similar, int affine) {
     executor.run(all.size(), [&](int i) {
       for (int k = 0; k < similar + affine && !executor.is_stopped(); ++k)
@@ -11278,7 +11295,12 @@ inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair&
   }
   first = best_of(improved(first, kFirst, 0), kKept);
   for (const Alignment& alignment : first) next.push_back(Alignment(many, alignment.map()));
-  return best_of(improved(next, kNext, kLast), most);
+  Array<Alignment> best = best_of(improved(next, kNext, kLast), most);
+  if (many.a.size() - many.sampled_a < kEnough) return best;
+  best.push_back(Alignment(many));
+  for (int i = 0; i + 1 < best.size(); ++i)
+    if (best.back().is_like(best[i])) return best.pop_back(), best;
+  return best;
 }
 
 }  // namespace detail
@@ -13847,6 +13869,7 @@ class StartFinder {
   Array<VertexPair> own_landmarks() const;
   void add_candidate(const Array<Alignment>& alignments, int which, int most);
   void improve(Candidate& candidate, int iterations) const;
+  double missed_landmarks(const Candidate& candidate) const;
   void drop_worst();
   double difference(const Candidate& one, const Candidate& other) const;
   bool add_tips();
@@ -14649,9 +14672,33 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
   const Result& result = candidate.run->result();
   const int done = static_cast<int>(result.log.size());
   candidate.has_more = done < iterations && candidate.run->step();
+  constexpr double kMissed = 0.3;  // what landmarks weigh that are missed
   const IterationLog& last = candidate.run->result().final_state();
   if (!candidate.has_more && is_usable(candidate.run->result().status))
-    candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b);
+    candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b) *
+                      (1 + kMissed * missed_landmarks(candidate));
+}
+
+/// The share of the landmarks given that a map misses.
+inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
+  constexpr double kFar = 0.2;  // in roots of the area
+  const Array<VertexPair> landmarks = own_landmarks();
+  if (landmarks.empty()) return 0;
+  const SurfaceMap map(candidate.run->result());
+  if (map.status() != Status::kDone) return 1;
+  double sum = 0;
+  for (const VertexPair& l : landmarks) {
+    const SurfacePoint image = map.forward_vertex(l.a);
+    if (!image.exists()) {
+      sum += 1;
+      continue;
+    }
+    const Eigen::Vector3d at = map.position_on_b(image);
+    const double distance =
+        norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
+    sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
+  }
+  return sum / landmarks.size();
 }
 
 /// Keeps the best, and until tips were tried the landmarks alone: they tell other maps.
