@@ -13888,8 +13888,10 @@ class StartFinder {
   Tips tips_a_, tips_b_;
   SamplePair samples_;
   static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
+  static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
   Array<Candidate> candidates_;
   int running_ = 0;  // the first ones
+  int next_ = 0;     // to take a step
   int round_ = 0;
   Array<PlacedLandmark> guides_;
   OpeningPair opening_;
@@ -14577,7 +14579,10 @@ inline bool StartFinder::step() {
   if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
   if (candidates_.empty()) return find_candidates(), true;
   executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
-  executor_.run(running_, [&](int i) { improve(candidates_[i], kIterations[round_]); });
+  const int first = next_, n = (std::min)(int{kAtOnce}, running_ - first);
+  executor_.run(n, [&](int i) { improve(candidates_[first + i], kIterations[round_]); });
+  next_ = first + n < running_ ? first + n : 0;
+  if (next_ > 0) return true;
   for (int i = 0; i < running_; ++i)
     if (candidates_[i].has_more) return true;
   if (round_ == kLast) return take_best(), false;
