@@ -4124,6 +4124,7 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
 /// Moves both planes to put the anchors in place, unless rounding would invert thin triangles.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
+  if (origin == Vec2() && axis.y == 0 && axis.x > 0) return;  // else by rounding
   Points2 y = transformed(x, rigid_motion({axis.x, -axis.y}, origin, Vec2()));
   set_row(y, anchors.center, Vec2());
   y(anchors.rim, 1) = 0;
