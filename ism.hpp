@@ -71,7 +71,7 @@
 //            [15] map evaluation and meta mesh
 //            II, what surfaces and programs need besides
 //            [16] scaffold                   [17] checked and prepared meshes
-//            [18] coarse to fine             [19] applications
+//            [18] alignments in space        [19] applications
 //            [20] closed surfaces            [21] verification
 //            [22] threads and progress       [23] entry points
 //
@@ -356,6 +356,10 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 /// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
+  /// How strongly it pulls to the end: its ends, d roots of the area apart, add about weight · d²
+  /// to E per area, less once d passes 0.2, as it may be wrong. More than 50 of weight 1 share
+  /// that. 0: it only guides the start.
+  double weight = 1;
 };
 
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
@@ -376,10 +380,11 @@ enum class Boundary {
 /// units of the scaled meshes, see Options::keep_scale.
 struct IterationLog {
   int iteration = 0;
-  double energy = 0;           // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g)
-  double map_energy = 0;       // E_Φ, Eq. 4
-  double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
-  double energy_g = 0;         // E_g, symmetric Dirichlet energy of the embedding of B
+  double energy = 0;      // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g), and the pull of
+                          // landmarks
+  double map_energy = 0;  // E_Φ, Eq. 4
+  double energy_f = 0;    // E_f, symmetric Dirichlet energy of the embedding of A
+  double energy_g = 0;    // E_g, symmetric Dirichlet energy of the embedding of B
   double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 for an isometry (default measure)
   double coverage_a = 0;       // area A' / area A, in [0, 1]
   double coverage_b = 0;       // area B' / area B
@@ -503,8 +508,8 @@ struct Options {
   bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
   /// ≥ 0: Algorithm 1 first runs on decimated surfaces, each with a quarter of the vertices of the
-  /// next, from about this many per surface up; change() skips these levels. 0 is the paper's
-  /// method and takes 1.3 to 2 times as long; 350 ends 3% higher on a pair of animals.
+  /// next, from about this many per surface up. 0 is the paper's method. Exact landmarks, held
+  /// boundaries, given positions and change() skip these levels.
   int coarsest = 700;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
@@ -512,6 +517,13 @@ struct Options {
   /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
   /// suit a start that is good already.
   double omega_start = 1e4;
+  /// true: maps surfaces of at most 400 vertices from several starts, and goes on from the map with
+  /// the least distortion for its coverage, see Result::candidates. The starts are the landmarks
+  /// alone, and with them alignments of the surfaces in space, which find the right map of shapes
+  /// in about one pose without landmarks; then ends of limbs are brought together. Costs a few
+  /// seconds. false: the landmarks alone, e.g. where poses differ and landmarks are many.
+  /// as_published and given positions have no candidates.
+  bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
 
@@ -555,15 +567,26 @@ struct Embedding : Outcome {
   double seconds = 0;
 };
 
+/// A start that was tried on decimated surfaces, see Options::candidates.
+struct StartCandidate {
+  std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
+  /// Mean, divided by coverage, and up to 1.3 times that if it misses the landmarks.
+  double distortion = std::numeric_limits<double>::infinity();
+  int iterations = 0;  // it got
+  /// Mean distance on B between images by its map and by that of the best one, in roots of the
+  /// area. A start with hardly more distortion and a large difference may be the one that is meant.
+  double difference = 0;
+};
+
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
 struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
-  Points2 f, g;          // final planar positions of the vertices of *start.a and *start.b
-  Embedding start;       // the start of the optimisation
-  IterationLog initial;  // the energies of the start (iteration 0, no step)
+  Points2 f, g;     // final planar positions of the vertices of *start.a and *start.b
+  Embedding start;  // the start of the optimisation
+  std::vector<StartCandidate> candidates;  // that were tried, the best one first
+  IterationLog initial;                    // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
-  /// The state before log[0]: the start, or the map of the coarse levels, whose E may be higher.
-  IterationLog log_begin;
+  IterationLog log_begin;            // the state before log[0]
   /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
   /// is from then on that of the whole map, and may begin higher.
   std::vector<IterationLog> log;
@@ -573,10 +596,9 @@ struct Result : Outcome {
 };
 
 /// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
-/// kNumericalFailure names the vertex for which rounding leaves no room. With fewer than two
-/// landmarks, a few iterations of the optimisation compare rotations of one plane against the
-/// other. Closed surfaces are cut open: where landmarks are alike and no point is far away; with
-/// fewer than three landmarks, four pairs of places are tried. If an outline blocks itself or a
+/// kNumericalFailure names the vertex for which rounding leaves no room. Maps of decimated surfaces
+/// decide how the planes lie on each other (Options::candidates), and where closed surfaces are cut
+/// open. If an outline blocks itself or a
 /// surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
 /// Ignores Options::initial_f and initial_g. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
 /// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
@@ -584,8 +606,8 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
 
-/// Maps A onto B: initial embedding (or Options::initial_f / initial_g), then Algorithm 1. Every
-/// iterate is injective, decided exactly. Any status. Thread-safe.
+/// Maps A onto B: a start from coarse levels (or Options::initial_f / initial_g), then Algorithm 1.
+/// Every iterate is injective, decided exactly. Any status. Thread-safe.
 ///
 /// Outcome::warnings reports sizes taken from landmarks, landmarks that were skipped or fit the
 /// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above
@@ -850,7 +872,6 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 #ifdef __linux__
 #include <sched.h>
 
-#include <cstdio>
 #endif
 #endif
 
@@ -4104,6 +4125,7 @@ inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& foll
 /// Moves both planes to put the anchors in place, unless rounding would invert thin triangles.
 inline void move_to_anchors(const HalfEdgeMesh& m, const Anchors& anchors, Points2& x) {
   const Vec2 origin = row2(x, anchors.center), axis = row2(x, anchors.rim) - origin;
+  if (origin == Vec2() && axis.y == 0 && axis.x > 0) return;  // else by rounding
   Points2 y = transformed(x, rigid_motion({axis.x, -axis.y}, origin, Vec2()));
   set_row(y, anchors.center, Vec2());
   y(anchors.rim, 1) = 0;
@@ -4206,6 +4228,10 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
     blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
   }
 }
+
+/// Hook: springs that follow the map. Fills them for positions x; returns the energy they stand
+/// for, of which they are a majorizer at x.
+using Pull = std::function<double(const Points2& x, Array<Spring>& springs)>;
 
 // ---- line search ----
 
@@ -4465,6 +4491,8 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_a,
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
+    if (pull_) result.initial.energy += pull_(x_.x, springs_);
+    sum_others();
     result.initial.omega = omega_;
     result.log_begin = result.initial;
     result.status = Status::kUnfinished;
@@ -4478,6 +4506,7 @@ class Optimizer {
   /// stays, and the next call repeats the iteration.
   bool iterate(Result& result) {
     if (!may_iterate(result)) return false;
+    renew_springs();                        // beyond the paper
     bool found = take_quasi_newton_step();  // beyond the paper
     while (!found && !executor_.is_stopped()) {
       if (!has_hessian_here() && !differentiate(true)) break;  // lines 4 to 8
@@ -4516,6 +4545,7 @@ class Optimizer {
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
     describe(s_, followers_, x_, result.log_begin);
+    if (pull_) result.log_begin.energy += pull_(x_.x, springs_);
     return true;
   }
 
@@ -4534,10 +4564,13 @@ class Optimizer {
 
   /// Replaces the springs in the objective.
   void set_springs(Array<Spring> springs) {
-    springs_ = std::move(springs);
+    held_springs_ = std::move(springs);
     quick_ = QuickSteps();
-    sum_others();
+    renew_springs();
   }
+
+  /// Adds an energy to E; before start().
+  void set_pull(Pull pull) { pull_ = std::move(pull); }
 
   /// Estimates the finished fraction of a run: E falls the slower the closer the end is, which
   /// comes after a window of iterations at the earliest.
@@ -4733,6 +4766,7 @@ class Optimizer {
     omega_ = best.omega;
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
+    if (pull_) log_.energy += pull_(x_.x, springs_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
     log_.step = best.step.length;
@@ -4786,6 +4820,13 @@ class Optimizer {
   void build_scaffold_here() {
     scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
     has_scaffold_ = true;
+    sum_others();
+  }
+
+  void renew_springs() {
+    springs_.clear();
+    if (pull_) pull_(x_.x, springs_);
+    for (const Spring& spring : held_springs_) springs_.push_back(spring);
     sum_others();
   }
 
@@ -5041,8 +5082,10 @@ class Optimizer {
   bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
   bool has_scaffold_ = false;
   Scaffold scaffold_;
-  Array<Spring> springs_;
-  BlockMatrix others_;  // the Hessian of scaffold and springs
+  Array<Spring> held_springs_;
+  Pull pull_;
+  Array<Spring> springs_;  // of both
+  BlockMatrix others_;     // the Hessian of scaffold and springs
 };
 
 // ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
@@ -5852,15 +5895,17 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
-//             landmarks near each other. It stands behind the loop, which it calls to try
-//             rotations.
+//             landmarks near each other. It stands behind the loop, which maps its
+//             coarse levels.
 // Method:     Tutte's embedding of a whole limb shrinks exponentially, below what doubles resolve;
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. There are two approaches, tried in this order:
 //               by shape: triangles are to keep the shape they have on the surface, the boundary is
-//               free. Fails or strains where a long outline gets in its own way or a fold has no
-//               good coarse shape.
+//               free. Both planes meet at some hundred vertices, or come from there with a map
+//               (part [23], candidates), and from there on Algorithm 1 maps every level (but for
+//               exact landmarks). Fails or strains where a long outline gets
+//               in its own way or a fold has no good coarse shape.
 //               by connectivity: all edges alike, the boundary on a circle, until every vertex is
 //               back; then step by step to their own lengths. The uniform triangles leave room
 //               everywhere.
@@ -5870,9 +5915,8 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex even then; the status names it.
 
-/// What the levels of an embedding are relaxed to: the surface, triangles that are all alike, or,
-/// of a surface that is embedded already, its triangles in the plane.
-enum class Approach { kShape, kConnectivity, kEmbedded };
+/// What the levels of an embedding are relaxed to: the surface, or triangles that are all alike.
+enum class Approach { kShape, kConnectivity };
 
 inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
                           int j) {
@@ -6140,6 +6184,7 @@ inline int add_place(const Place& p, int n, std::vector<AddedVertex>& added) {
 struct PlacedLandmark {
   Place a, b;
   Landmark given;
+  double weight = 1;  // less for pairs that were found, not given
 };
 
 /// Landmarks after the last vertices of the surfaces, a and b, were added.
@@ -6203,6 +6248,66 @@ inline void add_springs(const Place& p, const Place& q, double weight, Array<Spr
 }
 
 // ---- alignment ----
+
+/// The area in the plane of what is around a place, relative to that on the surface.
+inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
+  double flat = 0, area = 0;
+  for (int v : p.corners)
+    if (v >= 0)
+      s.mesh.for_each_outgoing(v, [&](int h) {
+        const int f = h / 3;
+        flat += 0.5 * cross(row2(x, s.mesh.corner(f, 1)) - row2(x, s.mesh.corner(f, 0)),
+                            row2(x, s.mesh.corner(f, 2)) - row2(x, s.mesh.corner(f, 0)));
+        area += s.area[f];
+      });
+  return flat / area;
+}
+
+/// The energy of landmarks that hold: Σ w S ρ(d²/S), where ρ(t) = t / (1 + t/c²) [Geman and McClure
+/// 1985], S is the mean area of the surfaces, and d the distance between both ends in the plane, by
+/// the scale the surfaces have there at the start. A landmark that the map contradicts loses its
+/// pull. Springs of weight w ρ'(t) majorise it.
+class LandmarkPull {
+ public:
+  LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks, const Points2& x)
+      : unit_(0.5 * s.total_area) {
+    constexpr double kWeight = 1;
+    constexpr double kMost = 50;  // landmarks of full weight; more share it
+    double total = 0;
+    for (const PlacedLandmark& l : landmarks) total += l.given.weight;
+    for (PlacedLandmark l : landmarks) {
+      if (!(l.weight == 1 && l.given.weight > 0)) continue;
+      for (int& corner : l.b.corners)
+        if (corner >= 0) corner += s.n_a;
+      const double scale = std::sqrt(planar_scale(s, x, l.a) * planar_scale(s, x, l.b));
+      ends_.push_back({l.a, l.b, kWeight * l.given.weight * (std::min)(1.0, kMost / total),
+                       1 / (scale * unit_)});
+    }
+  }
+
+  bool is_empty() const { return ends_.empty(); }
+
+  double operator()(const Points2& x, Array<Spring>& springs) const {
+    constexpr double kDoubt = 0.2;  // c, in roots of the area
+    double energy = 0;
+    for (const Ends& e : ends_) {
+      const double t = e.scale * squared_norm(mean(e.a, x) - mean(e.b, x));
+      const double share = 1 / (1 + t / (kDoubt * kDoubt));
+      energy += unit_ * e.weight * t * share;
+      add_springs(e.a, e.b, unit_ * e.weight * e.scale * share * share, springs);
+    }
+    return energy;
+  }
+
+ private:
+  struct Ends {
+    Place a, b;  // of the joint surface
+    double weight, scale;
+  };
+
+  double unit_;
+  Array<Ends> ends_;
+};
 
 inline Vec2 centroid(const Points2& x) {
   Vec2 sum;
@@ -6614,31 +6719,27 @@ struct Quadric {
 /// Chooses the collapses, cheapest first. By shape the cost is the error quadric plus a little of
 /// the edge length, and protected vertices go as late as the shape of triangles allows. By
 /// connectivity it is the number of vertices that are then merged into one, times its valence, so
-/// that every level is as even as the full mesh. Of an embedded surface the shape counts, the plane
-/// stays injective, and protected vertices stay.
+/// that every level is as even as the full mesh.
 class Decimation {
  public:
   Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
-             const Points2& plane, const Executor& executor, DynamicMesh& mesh)
+             const Executor& executor, DynamicMesh& mesh)
       : s_(s),
         protected_(is_protected),
         approach_(approach),
-        plane_(plane),
         executor_(executor),
         mesh_(mesh),
         version_(s.mesh.n_vertices, 0),
         merged_(s.mesh.n_vertices, 1) {
     compute_quadrics();
-    if (approach == Approach::kEmbedded) outline_.build(mesh, plane);
   }
 
-  /// Collapses until at most `target` vertices are left, first with, then, if there is no plane
-  /// yet, without regard to the shape of triangles; or until the caller stops.
+  /// Collapses until at most `target` vertices are left, first with, then without regard to the
+  /// shape of triangles; or until the caller stops.
   Array<Collapse> run(int target) {
     Array<Collapse> collapses;
     int active = s_.mesh.n_vertices;
     for (bool keep_shape : {true, false}) {
-      if (!keep_shape && approach_ == Approach::kEmbedded) break;
       keep_shape_ = keep_shape;
       heap_.clear();
       for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
@@ -6655,8 +6756,6 @@ class Decimation {
         quadric_[c.v].add(quadric_[c.u]);
         merged_[c.v] += merged_[c.u];
         collapses.push_back(mesh_.collapse(c.u, c.v));
-        if (approach_ == Approach::kEmbedded && mesh_.on_boundary(c.u))
-          for (int v : {mesh_.boundary_prev[c.u], c.u}) outline_.update(mesh_, plane_, v);
         ++version_[c.u];
         --active;
         for (int w : ring) push(w);
@@ -6692,7 +6791,7 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
-    if ((approach_ == Approach::kEmbedded && protected_[u]) || is_hub(u)) return;
+    if (is_hub(u)) return;
     const Array<int> ring = mesh_.neighbours(u);
     const bool by_shape = approach_ != Approach::kConnectivity;
     for (int v : ring) {
@@ -6713,29 +6812,7 @@ class Decimation {
   bool is_hub(int v) const { return mesh_.faces_of[v].size() > kHub; }
 
   bool may_collapse(int u, int v, const Array<int>& ring) const {
-    return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring) &&
-           (approach_ != Approach::kEmbedded || plane_allows(u, v));
-  }
-
-  /// True if the plane stays injective, and its triangles no thinner than they may be.
-  bool plane_allows(int u, int v) const {
-    constexpr double kQuality = 0.05;  // least 4√3 area / Σ length² unless it was worse before
-    for (int f : mesh_.faces_of[u]) {
-      if (mesh_.has(f, v)) continue;
-      std::array<int, 3> after = mesh_.face[f];
-      const double q0 = planar_quality(after);
-      std::replace(after.begin(), after.end(), u, v);
-      const double q1 = planar_quality(after);
-      if (!(q1 > 0) || q1 < (std::min)(kQuality, q0)) return false;
-    }
-    return !mesh_.on_boundary(u) ||
-           outline_.edge_fits(mesh_, plane_, mesh_.boundary_prev[u], mesh_.boundary_next[u]);
-  }
-
-  double planar_quality(const std::array<int, 3>& t) const {
-    const Vec2 p = row2(plane_, t[0]), q = row2(plane_, t[1]), r = row2(plane_, t[2]);
-    const double sum = squared_norm(q - p) + squared_norm(r - q) + squared_norm(p - r);
-    return 2 * std::sqrt(3.0) * orient2d(p, q, r) / sum;
+    return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
   double connectivity_cost(int u, int v) const {
@@ -6786,10 +6863,8 @@ class Decimation {
   const Surface& s_;
   const Array<char>& protected_;
   const Approach approach_;
-  const Points2& plane_;
   const Executor& executor_;
   DynamicMesh& mesh_;
-  PlanarOutline outline_;  // of the plane, if there is one
   Array<Quadric> quadric_;
   Array<int> version_;
   Array<int> merged_;  // per vertex, those it stands for
@@ -6992,6 +7067,48 @@ inline Surface softened(const Surface& s, double t, double total_area) {
   return soft;
 }
 
+/// Barycentric coordinates, of any sign, of the point closest to p in the plane of a triangle.
+inline Vec3 weights_in_plane(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 normal = cross(b - a, c - a);
+  return 1 / squared_norm(normal) *
+         Vec3{dot(normal, cross(b - p, c - p)), dot(normal, cross(c - p, a - p)),
+              dot(normal, cross(a - p, b - p))};
+}
+
+/// The square root of a symmetric positive definite matrix, by Cayley and Hamilton:
+/// (S + √det S I) / √(tr S + 2 √det S).
+inline Mat2 square_root(const Mat2& S) {
+  const double root = std::sqrt(determinant(S));
+  return 1 / std::sqrt(S(0, 0) + S(1, 1) + 2 * root) * (S + diagonal(root));
+}
+
+/// A surface whose triangles are to be mapped to the plane as those around their corners are in x,
+/// on average, in the mean S of J Jᵀ: their rest shapes are S^(1/2) Q R with the nearest rotation
+/// Q. Where the energy of x is least, x is smooth, however strained it is.
+inline Surface smoothed_rest(Surface s, const Points2& x) {
+  constexpr double kLeastArea = 0.1;  // of a triangle in x, else it keeps its shape there
+  const HalfEdgeMesh& m = s.mesh;
+  Array<Mat2> J(m.n_faces), sum(m.n_vertices);
+  Array<double> area(m.n_vertices, 0);
+  for (int f = 0; f < m.n_faces; ++f) {
+    J[f] = jacobian(row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)),
+                    s.rest_inverse[f]);
+    for (int k = 0; k < 3; ++k) {
+      sum[m.corner(f, k)] += s.area[f] * (J[f] * transposed(J[f]));
+      area[m.corner(f, k)] += s.area[f];
+    }
+  }
+  for (int f = 0; f < m.n_faces; ++f) {
+    Mat2 S;
+    for (int k = 0; k < 3; ++k) S += 1 / (3 * area[m.corner(f, k)]) * sum[m.corner(f, k)];
+    const Mat2 root = square_root(S), turn = inverse(root) * J[f];
+    const Mat2 mean = root * rotation_to({turn(0, 0) + turn(1, 1), turn(1, 0) - turn(0, 1)});
+    const bool is_usual = determinant(mean) > kLeastArea * determinant(J[f]);
+    s.rest_inverse[f] = s.rest_inverse[f] * inverse(is_usual && is_finite(mean) ? mean : J[f]);
+  }
+  return s;
+}
+
 /// Clips a convex polygon by the half-plane left of p → q.
 inline Array<Vec2> clip(const Array<Vec2>& polygon, Vec2 p, Vec2 q) {
   Array<Vec2> result;
@@ -7024,30 +7141,18 @@ class Hierarchy {
 
   /// `base`: how many vertices the coarsest mesh has. `angle`: where those of the boundary go on
   /// the circle, by connectivity.
+  /// `outer`: a vertex of the loop that becomes the outline, or -1.
   Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
-            Approach approach, const Array<double>& angle, const Executor& executor)
+            Approach approach, const Array<double>& angle, int outer, const Executor& executor)
       : s_(s),
         side_(side),
+        outer_(outer),
         approach_(approach),
         executor_(executor),
         angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, approach, plane_, executor, mesh_).run(base);
-    goal_ = active();
-  }
-
-  /// Of a surface that is embedded. Protected vertices are in all levels.
-  Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
-            const Points2& plane, const Executor& executor)
-      : s_(s),
-        side_(side),
-        approach_(Approach::kEmbedded),
-        executor_(executor),
-        plane_(plane),
-        mesh_(s.mesh),
-        x_(plane) {
-    collapses_ = Decimation(s, is_protected, approach_, plane_, executor, mesh_).run(base);
+    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(base);
     goal_ = active();
   }
 
@@ -7058,11 +7163,12 @@ class Hierarchy {
   bool has(int v) const { return mesh_.is_present(v); }
   bool is_full() const { return collapses_.empty(); }
 
-  /// Embeds the coarsest mesh by Tutte's theorem: boundary on a circle, every other vertex the
-  /// mean of its neighbours.
+  /// Embeds the coarsest mesh by Tutte's theorem: outline on a circle, every other vertex the mean
+  /// of its neighbours, while openings are closed.
   bool embed_base() {
     const Level level = current();
-    const HalfEdgeMesh& m = level.surface.mesh;
+    const Surface disk = closed_openings(level.surface, outer_loop_of(level));
+    const HalfEdgeMesh& m = disk.mesh;
     Points2 x = Points2::Zero(m.n_vertices, 2);
     Array<Vec2> right(m.n_vertices);
     Array<Block> blocks;
@@ -7095,6 +7201,19 @@ class Hierarchy {
     return true;
   }
 
+  /// The loop of a level that becomes its outline.
+  int outer_loop_of(const Level& level) const {
+    const HalfEdgeMesh &full = s_.mesh, &m = level.surface.mesh;
+    if (m.loops() <= 1) return 0;
+    const int outer = outer_loop(s_, outer_);
+    Array<char> is_outer(full.n_vertices, 0);
+    for (int k = full.loop[outer]; k < full.loop[outer + 1]; ++k)
+      is_outer[full.tail[full.boundary[k]]] = 1;
+    int i = 0;
+    while (!is_outer[level.vertex[m.tail[m.boundary[m.loop[i]]]]]) ++i;
+    return i;
+  }
+
   Level current() const {
     Level level;
     level.place.assign(s_.mesh.n_vertices, -1);
@@ -7118,12 +7237,6 @@ class Hierarchy {
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x, i, row2(x_, level.vertex[i]));
-    return x;
-  }
-  /// That of the embedding there was.
-  Points2 plane(const Level& level) const {
-    Points2 x(level.vertex.size(), 2);
-    for (int i = 0; i < level.vertex.size(); ++i) set_row(x, i, row2(plane_, level.vertex[i]));
     return x;
   }
   void set(const Level& level, const Points2& x) {
@@ -7159,10 +7272,7 @@ class Hierarchy {
     collapses_.pop_back();
     if (!is_outline_known_) outline_.build(mesh_, x_);
     is_outline_known_ = true;
-    if (approach_ == Approach::kEmbedded && c.changed.empty())
-      look_around(mesh_.faces_of[c.v]);
-    else
-      look_around(c.changed);
+    local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
     mesh_.undo(c);
     const bool has_room = place(c);
     if (mesh_.on_boundary(c.u)) update_outline(c.u);
@@ -7170,14 +7280,6 @@ class Hierarchy {
   }
 
  private:
-  /// How the embedding is strained around the vertex to come.
-  template <class Faces>
-  void look_around(const Faces& faces) {
-    if (approach_ == Approach::kEmbedded)
-      mean_jacobian_ = mean_over(faces, [](const Mat2& J) { return J; });
-    local_metric_ = local_metric(faces);
-  }
-
   /// The edges of the boundary at u have changed.
   void update_outline(int u) {
     for (int v : {mesh_.boundary_prev[u], u}) outline_.update(mesh_, x_, v);
@@ -7195,49 +7297,37 @@ class Hierarchy {
 
   Mat2 rest(int a, int b, int c) const {
     if (approach_ == Approach::kConnectivity) return rest_frame(1.0, 1.0, 1.0);
-    if (approach_ == Approach::kEmbedded)
-      return columns(row2(plane_, b) - row2(plane_, a), row2(plane_, c) - row2(plane_, a));
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
-  }
-
-  /// The mean over some faces, weighted by area, of a function of their Jacobians.
-  template <class Faces, class Function>
-  Mat2 mean_over(const Faces& faces, const Function& function) const {
-    Mat2 sum;
-    double total = 0;
-    for (int f : faces) {
-      const std::array<int, 3>& t = mesh_.face[f];
-      const Mat2 R = rest(t[0], t[1], t[2]);
-      const double area = 0.5 * determinant(R);
-      sum += area * function(jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R)));
-      total += area;
-    }
-    return 1 / total * sum;
   }
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
   template <class Faces>
   Mat2 local_metric(const Faces& faces) const {
-    if (faces.empty()) return diagonal(1);
-    const Mat2 S = mean_over(faces, [](const Mat2& J) { return J * transposed(J); });
-    // S^(1/2) = (S + √det S I) / √(tr S + 2 √det S), by Cayley and Hamilton.
-    const double root = std::sqrt(determinant(S));
-    const Mat2 metric = std::sqrt(S(0, 0) + S(1, 1) + 2 * root) * inverse(S + diagonal(root));
+    Mat2 S;
+    double total = 0;
+    for (int f : faces) {
+      const std::array<int, 3>& t = mesh_.face[f];
+      const Mat2 R = rest(t[0], t[1], t[2]);
+      const Mat2 J = jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R));
+      const double area = 0.5 * determinant(R);
+      S += area * (J * transposed(J));
+      total += area;
+    }
+    const Mat2 metric = inverse(square_root(1 / total * S));
     return is_finite(metric) ? metric : diagonal(1);
   }
 
-  /// Puts u into the kernel of its ring. The neighbour v it was merged with sees the whole ring,
-  /// so points between v and the centre of the kernel are in the kernel too. On the boundary other
-  /// parts of it may be in the way; then u goes inside of the edge it splits, or, if it has but one
-  /// triangle, close to the middle of that edge. Of an embedded surface, u first tries where the
-  /// mean map of the triangles around it takes it.
+  /// Puts u where the map of the triangles it changes takes it, else into the kernel of its ring.
+  /// The neighbour v it was merged with sees the whole ring, so points between v and the centre of
+  /// the kernel are in the kernel too. On the boundary other parts of it may be in the way; then u
+  /// goes inside of the edge it splits, or, if it has but one triangle, close to the middle of that
+  /// edge.
   bool place(const Collapse& c) {
     if (approach_ == Approach::kConnectivity && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
-    if (approach_ == Approach::kEmbedded) {
-      const Vec2 way = row2(plane_, c.u) - row2(plane_, c.v);
-      set_row(x_, c.u, corner + mean_jacobian_ * way);
+    if (approach_ == Approach::kShape && !c.changed.empty()) {
+      set_row(x_, c.u, place_by_map(c));
       if (fits(c.u)) return relax(c.u), true;
     }
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
@@ -7246,6 +7336,17 @@ class Hierarchy {
     const Vec2 p = row2(x_, mesh_.boundary_prev[c.u]), q = row2(x_, mesh_.boundary_next[c.u]);
     const Vec2 middle = 0.5 * (p + q);
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
+  }
+
+  Vec2 place_by_map(const Collapse& c) const {
+    Vec2 sum;
+    const auto point = [this](int v) { return row3(s_.vertices, v); };
+    for (int f : c.changed) {
+      const Opposite edge = opposite(f, c.u);
+      const Vec3 w = weights_in_plane(point(c.u), point(c.v), point(edge.p), point(edge.q));
+      sum += w.x * row2(x_, c.v) + w.y * row2(x_, edge.p) + w.z * row2(x_, edge.q);
+    }
+    return 1.0 / c.changed.size() * sum;
   }
 
   /// The angle from u on to v, on the full boundary.
@@ -7401,17 +7502,17 @@ class Hierarchy {
 
   const Surface& s_;
   const Side side_;
+  const int outer_;
   const Approach approach_;
   const Executor& executor_;
   const Array<double> angle_;  // per vertex of the full mesh
-  const Points2 plane_;        // kEmbedded only: the embedding there was
   DynamicMesh mesh_;
   Points2 x_;
   PlanarOutline outline_;  // of x_
   bool is_outline_known_ = false;
   Array<Collapse> collapses_;
   int goal_ = 0;
-  Mat2 mean_jacobian_, local_metric_ = diagonal(1);  // around the next vertex
+  Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
 // ---- both boundaries on one square ----
@@ -7834,7 +7935,9 @@ class OutlineBuilder {
 
 inline constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
 inline constexpr int kMostSteps = 30;        // Newton steps per level
+inline constexpr int kMostSmoothing = 10;    // and once it is mapped
 inline constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
+inline constexpr double kNextOmega = 1e-3;   // ω_L at the map of a coarser level
 
 inline double distance_to_segment(Vec2 p, Vec2 u, Vec2 v) {
   const Vec2 edge = v - u;
@@ -7897,21 +8000,68 @@ inline double badness(const JointSurface& s, const Points2& positions) {
   return value < kInfinity ? value : kInfinity;  // NaN, too
 }
 
+/// A map of both surfaces decimated, from which Algorithm 1 may go on.
+struct MappedLevel {
+  std::unique_ptr<Hierarchy> a, b;
+  Points2 f, g;
+  IterationLog log;  // the last iteration
+  std::vector<Warning> warnings;
+};
+
 class PairEmbedder {
  public:
-  /// `outlines`: null if boundaries are free.
+  /// `outlines`: null if boundaries are free. `mapped`: the coarsest level, or null.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                const RunOptions& options, const Executor& executor, Approach approach,
-               const OutlinePair* outlines)
+               const OutlinePair* outlines, MappedLevel* mapped = nullptr)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
+        level_options_(options),
         executor_(executor),
         approach_(approach),
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
-        outline_b_(is_held_ ? &outlines->b : nullptr) {
-    plan();
+        outline_b_(is_held_ ? &outlines->b : nullptr),
+        depth_(!has_levels(approach, options) ? 0
+               : mapped == nullptr            ? depth_of(pair, options.coarsest)
+                                              : depth_above(pair, options.coarsest, *mapped)),
+        level_(depth_),
+        first_level_(depth_) {
+    level_options_.initial_f.resize(0, 2);
+    level_options_.initial_g.resize(0, 2);
+    level_options_.max_iterations = 500;
+    level_options_.exact_landmarks = false;
+    level_options_.boundary = Boundary::kFree;
+    for (std::vector<int>* ids : {&level_options_.pins_a, &level_options_.pins_b,
+                                  &level_options_.fixed_a, &level_options_.fixed_b})
+      ids->clear();
+    if (mapped != nullptr)
+      plan_from(*mapped);
+    else
+      plan();
+  }
+
+  /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
+  static bool has_levels(Approach approach, const RunOptions& options) {
+    return approach == Approach::kShape && options.boundary == Boundary::kFree &&
+           !options.exact_landmarks && options.max_iterations > 0;
+  }
+
+  /// The last iteration on each level that was mapped, the coarsest first.
+  const std::vector<IterationLog>& levels() const { return levels_; }
+
+  /// The map so far, on the given meshes; false if there is none yet, or no room for a vertex.
+  bool coarse_map(Embedding& result) const {
+    if (levels_.empty() || levels_.front().iteration == 0) return false;
+    Hierarchy a = *a_, b = *b_;
+    if (optimizer_) take_positions(a, b);
+    for (Hierarchy* h : {&a, &b})
+      while (!h->is_full())
+        if (h->grow_by_one() >= 0) return false;
+    result.f = a.positions();
+    result.g = b.positions();
+    return true;
   }
 
   /// The next step; false after the last one. The result then has positions, or says why not.
@@ -7924,7 +8074,6 @@ class PairEmbedder {
 
  private:
   static constexpr int kTrial = 800;           // vertices at which rotations are tried
-  static constexpr int kTrialIterations = 20;  // of Algorithm 1 for each
   static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
   static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
   static constexpr double kUnfoldingTolerance = 1e-4;
@@ -7943,19 +8092,177 @@ class PairEmbedder {
     add([this] { return finish(); });
   }
 
+  void plan_from(MappedLevel& mapped) {
+    levels_.push_back(mapped.log);
+    first_level_ = depth_ - 1;
+    a_ = std::move(mapped.a), b_ = std::move(mapped.b);
+    level_a_ = a_->current(), level_b_ = b_->current();
+    a_->set(level_a_, mapped.f);
+    b_->set(level_b_, mapped.g);
+    begin_next_level();
+    add([this, warnings = std::move(mapped.warnings)] {
+      result_->warnings.insert(result_->warnings.end(), warnings.begin(), warnings.end());
+      return false;
+    });
+    add([this] { return map_levels(); });
+    add([this] { return finish(); });
+  }
+
   void plan_to_meet_early() {
-    add_embed_alone(kTrial);
-    if (landmarks_.size() < 2) add_align_by_trial(kTrialIterations);
-    add_embed_alone(kCoarse);
+    if (depth_ == 0) {
+      add_embed_alone(kTrial);
+      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
+      add_embed_alone(kCoarse);
+    } else {
+      add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_)); });
+      add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_)); });
+      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
+    }
     add_bring_together();
-    add([this] { return embed_both(); });
+    add([this] { return depth_ == 0 ? embed_both() : map_levels(); });
+  }
+
+  // ---- Algorithm 1 on coarse levels ----
+  //
+  // What returns between mapped levels goes where the map around it takes it: all move together
+  // until the map is smooth, held by springs between what lies on each other.
+
+  static constexpr int kRatio = 4;  // of the vertices of a level and of the next coarser one
+
+  /// How many times the number of vertices can be divided.
+  static int depth_of(const SurfacePair& pair, int coarsest) {
+    if (coarsest == 0) return 0;
+    const double most = (std::max)(pair.a.mesh.n_vertices, pair.b.mesh.n_vertices);
+    int depth = 0;
+    for (double ratio = most / coarsest; ratio >= std::sqrt(kRatio); ratio /= kRatio) ++depth;
+    return depth;
+  }
+
+  /// The same from a level that is mapped already, without those that have hardly more vertices.
+  static int depth_above(const SurfacePair& pair, int coarsest, const MappedLevel& mapped) {
+    const int least = (std::max)(mapped.a->active(), mapped.b->active()) * 3 / 2;
+    return 1 + depth_of(pair, (std::max)(coarsest, least));
+  }
+
+  /// How many vertices a level should have; level 0 is the finest.
+  int vertices_of(const Surface& s, int level) const {
+    int n = s.mesh.n_vertices;
+    if (level == 0) return n;
+    for (int i = 0; i < level; ++i) n /= kRatio;
+    return (std::max)(n, options_.coarsest);
+  }
+
+  /// Maps the level, then brings back what the next finer one has.
+  bool map_levels() {
+    if (optimizer_) return optimize_level();
+    if (!a_->has_grown()) return grow(*a_);
+    if (!b_->has_grown()) return grow(*b_);
+    if (!is_relaxed_) {
+      is_relaxed_ = !(levels_.empty() ? relax_both(kStiffest) : smooth_both());
+      return true;
+    }
+    if (level_ == 0) return false;
+    begin_level();
+    return true;
+  }
+
+  /// What the coarsest level gets wrong stays wrong; what the others leave undone, the next one
+  /// does faster.
+  void begin_level() {
+    const bool is_first = level_ == first_level_;
+    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
+    level_options_.tuning.window = is_first ? 20 : 10;
+    level_a_ = a_->current(), level_b_ = b_->current();
+    joint_ = join({level_a_.surface, level_b_.surface});
+    optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
+    log_ = Result();
+    const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
+    Array<PlacedLandmark> there;
+    for (PlacedLandmark l : landmarks_)
+      if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, 0, l.b)) there.push_back(l);
+    const LandmarkPull pull(joint_, there, x);
+    if (!pull.is_empty()) optimizer_->set_pull(pull);
+    optimizer_->start(x, log_);
+    if (is_first)
+      rules_ = optimizer_->rules();
+    else
+      optimizer_->keep_covered(rules_);
+    if (!levels_.empty()) optimizer_->lower_omega(kNextOmega);
+    if (log_.status == Status::kUnfinished) levels_.push_back(log_.log_begin);
+  }
+
+  bool optimize_level() {
+    const bool has_more = log_.status == Status::kUnfinished && optimizer_->iterate(log_);
+    if (!levels_.empty()) levels_.back() = log_.final_state();
+    tell({"optimising a coarse map, ", joint_.mesh.n_vertices, " vertices"});
+    if (has_more || executor_.is_stopped()) return true;
+    take_positions(*a_, *b_);
+    optimizer_.reset();
+    begin_next_level();
+    return true;
+  }
+
+  void begin_next_level() {
+    tied_a_ = level_a_.vertex, tied_b_ = level_b_.vertex;
+    --level_;
+    a_->set_goal(vertices_of(pair_.a, level_));
+    b_->set_goal(vertices_of(pair_.b, level_));
+    is_relaxed_ = false;
+  }
+
+  void take_positions(Hierarchy& a, Hierarchy& b) const {
+    const Points2& x = optimizer_->positions();
+    a.set(level_a_, rows_between(x, 0, joint_.n_a));
+    b.set(level_b_, rows_between(x, joint_.n_a, joint_.mesh.n_vertices));
+  }
+
+  bool smooth_both() {
+    return relax([this](FlatProblem& problem, const Points2& x) {
+      const int n_a = level_a_.vertex.size();
+      problem.springs = springs_to_map(join({level_a_.surface, level_b_.surface}), x);
+      problem.surface = join({smoothed_rest(level_a_.surface, rows_between(x, 0, n_a)),
+                              smoothed_rest(level_b_.surface, rows_between(x, n_a, rows_of(x)))});
+    });
+  }
+
+  /// Between each vertex of the coarser level and where it lies on the other surface. Moved by the
+  /// length of an edge, it costs about as much as its triangles when they are strained by 1.
+  Array<Spring> springs_to_map(const JointSurface& s, const Points2& x) const {
+    constexpr double kStiffness = 3;
+    Overlay overlay;
+    compute_overlay(s, x, overlay);
+    Array<int> face(s.mesh.n_vertices, -1);  // on which it lies
+    for (const OverlayPolygon& p : overlay.polygons)
+      for (int i = 0; i < p.count; ++i) {
+        const int k = p.piece(i);
+        if (!same_triangle(p.piece(i > 0 ? i - 1 : p.count - 1), k)) continue;
+        face[s.mesh.tail[k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3]] = k < 3 ? p.tb : p.ta;
+      }
+    Array<Spring> springs;
+    const auto tie = [&](int v) {
+      if (face[v] < 0) return;
+      Place on;
+      Vec2 corner[3];
+      for (int k = 0; k < 3; ++k) {
+        on.corners[k] = s.mesh.corner(face[v], k);
+        corner[k] = row2(x, on.corners[k]);
+      }
+      const Vec2 p = row2(x, v);
+      for (int k = 0; k < 3; ++k)
+        on.weights[k] = cross(corner[(k + 1) % 3] - p, corner[(k + 2) % 3] - p) /
+                        cross(corner[1] - corner[0], corner[2] - corner[0]);
+      add_springs(copy_of(v), on, kStiffness, springs);
+    };
+    for (int v : tied_a_) tie(level_a_.place[v]);
+    for (int v : tied_b_) tie(s.n_a + level_b_.place[v]);
+    return springs;
   }
 
   void plan_to_meet_last() {
     add_embed_alone((std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices));
     add_unfold(a_, outline_a_);
     add_unfold(b_, outline_b_);
-    if (!is_held_ && landmarks_.size() < 2) add_align_by_trial(0);
+    if (!is_held_ && landmarks_.size() < 2) add([this] { return align_by_trial(); });
     add_bring_together();
   }
 
@@ -7983,11 +8290,12 @@ class PairEmbedder {
     for (const PlacedLandmark& l : landmarks_)
       for (int k = 0; k < 3; ++k) {
         const int v = (side == Side::kA ? l.a : l.b).corners[k];
-        if (v >= 0) keep[v] = 1;
+        if (v >= 0 && (l.weight == 1 || approach_ == Approach::kShape)) keep[v] = 1;
       }
     const Array<double> angle = boundary_angles(s.mesh, outline);
     for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) {
-      h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, executor_);
+      const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
+      h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, outer, executor_);
       if (executor_.is_stopped()) return true;
       const bool is_embedded = h->embed_base();
       if (executor_.is_stopped()) return true;
@@ -8111,7 +8419,7 @@ class PairEmbedder {
     h.set(level_a_, newton_->positions());
     newton_.reset();
     if (h.is_full() || h.active() >= target) return false;
-    h.set_goal(2 * h.active());
+    h.set_goal((std::min)(2 * h.active(), target));
     return true;
   }
 
@@ -8194,109 +8502,71 @@ class PairEmbedder {
       set_row(from, i, mean(landmarks[i].a, x));
       set_row(to, i, mean(landmarks[i].b, x));
     }
-    warn_if_mirrored(from, to);
+    int given = 0;
+    while (given < landmarks.size() && landmarks[given].weight == 1) ++given;
+    warn_if_mirrored(rows_between(from, 0, given), rows_between(to, 0, given));
     a_->move(rigid_fit(from, to));
     return false;
   }
 
-  /// Rotations of A about the landmark, or about its centre and its deepest point: the most
-  /// promising ones are optimised for a while, and the one with the least distortion for its
-  /// coverage wins.
-  struct Trials {
-    JointSurface coarse;
-    Points2 f, g;
-    Array<RigidMotion> motions;
-    Array<double> at_first;  // badness
-    Array<int> order;        // the most promising one first
-    int tried = 0, best = -1;
-    double least = kInfinity;
-    RunOptions options;                    // of the one that is optimised
-    const Array<Follower> followers = {};  // none
-    Result result;
-    std::unique_ptr<Optimizer> optimizer;
-  };
-
-  void add_align_by_trial(int iterations) {
-    add([this] { return prepare_trials(); });
-    add([this] { return rank_trial(); });
-    add([this, iterations] { return try_motion(iterations); });
-  }
-
-  bool prepare_trials() {
-    const Level level_a = a_->current(), level_b = b_->current();
-    trials_.coarse = join({level_a.surface, level_b.surface});
-    const Points2& f = trials_.f = a_->positions(level_a);
-    const Points2& g = trials_.g = b_->positions(level_b);
-    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
-    if (landmarks.empty()) {
-      add_rotations(centroid(f), centroid(g));
-      add_rotations(deepest_point(level_a.surface.mesh, f), deepest_point(level_b.surface.mesh, g));
-    } else {
-      const Points2 x = stacked(f, g);
-      add_rotations(mean(landmarks[0].a, x), mean(landmarks[0].b, x));
-    }
-    return false;
-  }
-
-  void add_rotations(Vec2 from, Vec2 to) {
+  /// Turns the plane of A about the landmark, or about its centre, to where the map is least
+  /// distorted for its coverage.
+  bool align_by_trial() const {
     constexpr int kRotations = 24;
-    for (int i = 0; i < kRotations; ++i)
-      trials_.motions.push_back(rigid_motion(on_circle(2 * kPi * i / kRotations), from, to));
-  }
-
-  Points2 trial_start(int motion) const {
-    return stacked(transformed(trials_.f, trials_.motions[motion]), trials_.g);
-  }
-
-  bool rank_trial() {
-    const int i = trials_.at_first.size();
-    trials_.at_first.push_back(badness(trials_.coarse, trial_start(i)));
-    if (i + 1 < trials_.motions.size()) return true;
-    trials_.order = sorted_by(trials_.at_first);
-    return false;
-  }
-
-  /// An iteration of Algorithm 1 from one of the motions.
-  bool try_motion(int iterations) {
-    constexpr int kOptimized = 4;
-    Trials& t = trials_;
-    tell({"trying rotation ", t.tried + 1, " of ", int{kOptimized}});
-    const int i = t.order[t.tried];
-    if (!t.optimizer) {
-      t.options = options_;
-      t.options.max_iterations = iterations;
-      t.options.boundary = Boundary::kFree;
-      t.options.fixed_a.clear();
-      t.options.fixed_b.clear();
-      t.result = Result();
-      t.optimizer = std::make_unique<Optimizer>(t.coarse, t.options, t.followers, executor_);
-      t.optimizer->start(trial_start(i), t.result);
+    const Level level_a = a_->current(), level_b = b_->current();
+    const JointSurface s = join({level_a.surface, level_b.surface});
+    const Points2 f = a_->positions(level_a), g = b_->positions(level_b);
+    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
+    const Points2 x = stacked(f, g);
+    const Vec2 from = landmarks.empty() ? centroid(f) : mean(landmarks[0].a, x);
+    const Vec2 to = landmarks.empty() ? centroid(g) : mean(landmarks[0].b, x);
+    RigidMotion best = rigid_motion({1, 0}, from, to);
+    double least = kInfinity;
+    for (int i = 0; i < kRotations && !executor_.is_stopped(); ++i) {
+      const RigidMotion motion = rigid_motion(on_circle(2 * kPi * i / kRotations), from, to);
+      const double value = badness(s, stacked(transformed(f, motion), g));
+      if (value < least) least = value, best = motion;
     }
-    if (t.optimizer->iterate(t.result) || executor_.is_stopped()) return true;
-    const double value =
-        badness(t.coarse, is_usable(t.result.status) ? t.optimizer->positions() : trial_start(i));
-    t.optimizer.reset();
-    if (t.best < 0 || value < t.least || (value == t.least && i < t.best))
-      t.best = i, t.least = value;
-    if (++t.tried < kOptimized) return true;
-    a_->move(t.motions[t.best]);
-    return false;
+    if (!executor_.is_stopped()) a_->move(best);
+    return executor_.is_stopped();
   }
 
   /// Minimises E_f + E_g + weight · mean squared landmark distance on the current levels: takes a
   /// step.
   bool relax_both(double weight) {
+    return relax([this, weight](FlatProblem& problem, const Points2& x) {
+      problem.surface = join({level_a_.surface, level_b_.surface});
+      const Array<PlacedLandmark> landmarks = landmarks_on(level_a_, level_b_);
+      constexpr double kMostScale = 100;  // distances count as on the surface, within limits
+      double total = 0;
+      int given = 0;
+      for (const PlacedLandmark& l : landmarks) total += l.weight, given += l.weight == 1;
+      // At last those that were found let go, but for a single landmark, about which planes turn.
+      const bool are_released = depth_ == 0 && weight == kStiffest && given != 1;
+      for (const PlacedLandmark& l : landmarks)
+        if (l.weight == 1 || !are_released) {
+          const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) *
+                                         planar_scale(problem.surface, x, l.b));
+          add_springs(l.a, l.b, weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale),
+                      problem.springs);
+        }
+    });
+  }
+
+  /// Takes a step on the current levels; state(problem, x) states the problem at first.
+  template <class State>
+  bool relax(const State& state) {
     if (!newton_) {
       level_a_ = a_->current(), level_b_ = b_->current();
-      JointSurface s = join({level_a_.surface, level_b_.surface});
-      FlatProblem problem = {std::move(s), boundary()};
-      const Array<PlacedLandmark> landmarks = landmarks_on(level_a_, level_b_);
-      for (const PlacedLandmark& l : landmarks)
-        add_springs(l.a, l.b, weight / landmarks.size(), problem.springs);
-      newton_ = std::make_unique<FlatNewton>(
-          std::move(problem), stacked(a_->positions(level_a_), b_->positions(level_b_)), executor_);
+      const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
+      FlatProblem problem = {};
+      problem.boundary = boundary();
+      state(problem, x);
+      newton_ = std::make_unique<FlatNewton>(std::move(problem), x, executor_);
     }
-    if (newton_->minimize(kMostSteps, kTolerance)) return true;
+    const bool is_last = depth_ == 0 && landmarks_.size() > 0 && landmarks_.back().weight < 1;
+    const double tolerance = is_last ? 1e-2 * kTolerance : kTolerance;
+    if (newton_->minimize(levels_.empty() ? kMostSteps : kMostSmoothing, tolerance)) return true;
     const Points2& x = newton_->positions();
     const int n_a = level_a_.vertex.size();
     a_->set(level_a_, rows_between(x, 0, n_a));
@@ -8308,6 +8578,7 @@ class PairEmbedder {
   const SurfacePair& pair_;
   const Array<PlacedLandmark> landmarks_;
   const RunOptions& options_;
+  RunOptions level_options_;  // of Algorithm 1 on the levels
   const Executor& executor_;
   const Approach approach_;
   const bool is_held_;
@@ -8320,7 +8591,16 @@ class PairEmbedder {
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of embed_both()
   Unfolding unfolding_;
-  Trials trials_;
+  const int depth_;     // how many coarse levels there are
+  int level_;           // the one the hierarchies are at, depth_ is the coarsest
+  int first_level_;     // that is mapped here
+  JointSurface joint_;  // the level being mapped
+  const Array<Follower> no_followers_ = {};
+  std::unique_ptr<Optimizer> optimizer_;  // maps it
+  Result log_;
+  StepRules rules_;             // of the coarsest level
+  Array<int> tied_a_, tied_b_;  // its vertices
+  std::vector<IterationLog> levels_;
 };
 
 // ---- exact landmarks ----
@@ -8507,10 +8787,18 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 /// exact landmarks are joined. May add vertices to the meshes of the pair.
 class Embedder {
  public:
-  /// `landmarks`: where they lie on the surfaces of the pair as it was given.
-  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks, const RunOptions& options,
-           const Executor& executor)
-      : pair_(pair), landmarks_(landmarks), options_(options), executor_(executor) {}
+  /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
+  /// which are never exact.
+  /// `mapped`: a coarse map of the pair, or null.
+  Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
+           const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
+           const RunOptions& options, const Executor& executor)
+      : pair_(pair),
+        landmarks_(landmarks),
+        guides_(guides),
+        mapped_(std::move(mapped)),
+        options_(options),
+        executor_(executor) {}
 
   /// The next step; false after the last one: the result then has positions, or says why not.
   bool step() {
@@ -8528,6 +8816,13 @@ class Embedder {
   }
 
   Embedding& result() { return result_; }
+  /// The map of the coarse levels so far, see PairEmbedder.
+  const PairEmbedder* levels_now() const {
+    const bool has_levels = embedder_ && !embedder_->levels().empty();
+    return has_levels && stage_ == Stage::kByShape ? embedder_.get() : nullptr;
+  }
+  /// The last iteration on each coarse level that was mapped.
+  const std::vector<IterationLog>& levels() const { return levels_; }
 
  private:
   enum class Stage { kBegin, kByShape, kByConnectivity, kInSquare, kJoining, kEnd };
@@ -8542,20 +8837,32 @@ class Embedder {
 
   /// What follows on a stage.
   Stage next_stage() {
-    constexpr double kStrained = 100;  // of isometries: 4
+    constexpr double kStrained = 100;      // of isometries: 4
+    constexpr double kMostStrained = 1e4;  // with a map
     switch (stage_) {
       case Stage::kBegin:
+        if (!PairEmbedder::has_levels(Approach::kShape, options_) || options_.coarsest == 0)
+          mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
-        close_openings();
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
-        if (strain(disks(), result_) < kStrained) return after_free();
+        if (mapped_ && !(strain(pair_, result_) < kMostStrained)) {
+          mapped_.reset();
+          static_cast<Outcome&>(result_) = Outcome();
+          return begin(Stage::kByShape, Approach::kShape, nullptr);
+        }
+        if (result_.status == Status::kDone) levels_ = embedder_->levels();
+        if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
+        close_openings();
         return begin(Stage::kByConnectivity, Approach::kConnectivity, nullptr);
       case Stage::kByConnectivity:
         other_.seconds = result_.seconds;
-        if (strain(disks(), other_) < strain(disks(), result_)) result_ = std::move(other_);
+        if (strain(disks(), other_) < strain(pair_, result_)) {
+          result_ = std::move(other_);
+          levels_.clear();
+        }
         return after_free();
       case Stage::kInSquare:
         return after_embedding();
@@ -8582,8 +8889,11 @@ class Embedder {
   }
 
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
-    embedder_ = std::make_unique<PairEmbedder>(disks(), landmarks(), options_, executor_, approach,
-                                               outlines);
+    Array<PlacedLandmark> all = landmarks();
+    for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
+    embedder_ =
+        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines,
+                                       stage == Stage::kByShape ? mapped_.get() : nullptr);
     return stage;
   }
 
@@ -8622,7 +8932,8 @@ class Embedder {
   SurfacePair& pair_;
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
-  const Array<PlacedLandmark> landmarks_;
+  const Array<PlacedLandmark> landmarks_, guides_;
+  std::unique_ptr<MappedLevel> mapped_;
   const RunOptions& options_;
   const Executor& executor_;
   Stage stage_ = Stage::kBegin;
@@ -8631,6 +8942,7 @@ class Embedder {
   std::unique_ptr<PairEmbedder> embedder_;
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding result_, other_;  // the other one by connectivity
+  std::vector<IterationLog> levels_;
 };
 
 // ==== [15] MAP EVALUATION AND META MESH (paper §3.1, §4.1) =======================================
@@ -8840,11 +9152,7 @@ inline Vec3 closest_on_sides(const Vec3& p, const std::array<Vec3, 3>& corner) {
 
 /// Returns barycentric coordinates of the point closest to p in a triangle or on its sides.
 inline Vec3 closest_weights(const Vec3& p, const std::array<Vec3, 3>& corner) {
-  const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
-  const Vec3 normal = cross(b - a, c - a);
-  const Vec3 weights = 1 / squared_norm(normal) *
-                       Vec3{dot(normal, cross(b - p, c - p)), dot(normal, cross(c - p, a - p)),
-                            dot(normal, cross(a - p, b - p))};
+  const Vec3 weights = weights_in_plane(p, corner[0], corner[1], corner[2]);
   return (std::min)({weights.x, weights.y, weights.z}) >= 0 ? weights : closest_on_sides(p, corner);
 }
 
@@ -10625,300 +10933,377 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 
 }  // namespace detail
 
-// ==== [18] COARSE TO FINE ========================================================================
+// ==== [18] ALIGNMENTS IN SPACE ===================================================================
 //
-// Purpose:    a start for Algorithm 1 that is near its end already: its own result on surfaces with
-//             a fraction of the vertices, where an iteration costs as much less.
-// Method:     both surfaces, embedded, are decimated: by shape, and such that the planes stay
-//             injective. Algorithm 1 maps the coarsest level. Then vertices return to where the map
-//             around them, from the embedding there was to the planes there are, takes them; and
-//             all move together until that map is smooth, held by springs between what lies on each
-//             other. The next level begins there.
-// Invariants: on each level every iterate is injective, decided exactly; what returns keeps that.
-// Fails:      where nothing can be removed, or the map of a level is no better than the embedding,
-//             by handing over none. Then Algorithm 1 begins at the embedding.
+// Purpose:    pairs of points of two surfaces that correspond if both have about one shape and
+//             pose, however they lie in space.
+// Method:     iterative closest points in position and normal [Besl and McKay 1992], from the 60
+//             rotations of the icosahedron between their principal axes, which leave none farther
+//             away than 45 degrees. The best ones go on with more points, at last by affine maps.
+// Fails:      never; where shapes or poses differ, the pairs are wrong, and a map guided by them is
+//             more distorted than others.
 
 namespace detail {
 
-/// A surface whose rest shapes are the triangles of an earlier embedding, mapped as that is mapped
-/// to x on average around their corners: where the energy of x is least, this map is smooth.
-inline Surface smoothed_rest(Surface s, const Points2& before, const Points2& x) {
-  constexpr double kLeastArea = 0.1;  // of a triangle in x, else it keeps its shape there
+/// A point of a surface with its normal.
+struct SurfaceSample {
+  Vec3 point, normal;
+  SurfacePoint on;
+};
+
+/// Samples evenly by area: along the triangles in order, in each by an additive recurrence.
+inline Array<SurfaceSample> sampled(const Surface& s, int n) {
+  Array<SurfaceSample> samples;
   const HalfEdgeMesh& m = s.mesh;
-  const auto edges = [&](const Points2& y, int f) {
-    const Vec2 p = row2(y, m.corner(f, 0));
-    return columns(row2(y, m.corner(f, 1)) - p, row2(y, m.corner(f, 2)) - p);
-  };
-  Array<Mat2> sum(m.n_vertices);
-  Array<double> area(m.n_vertices, 0);
+  double passed = 0;
   for (int f = 0; f < m.n_faces; ++f) {
-    const Mat2 J = edges(x, f) * inverse(edges(before, f));
-    for (int k = 0; k < 3; ++k) {
-      sum[m.corner(f, k)] += s.area[f] * J;
-      area[m.corner(f, k)] += s.area[f];
+    const Vec3 a = s.corner(f, 0), b = s.corner(f, 1), c = s.corner(f, 2);
+    passed += s.area[f];
+    while (samples.size() < n && (samples.size() + 0.5) * s.total_area <= n * passed) {
+      constexpr double kStep[2] = {0.7548776662466927, 0.5698402909980532};
+      const double i = samples.size() + 1, u = i * kStep[0], v = i * kStep[1];
+      double s1 = u - std::floor(u), s2 = v - std::floor(v);
+      if (s1 + s2 > 1) s1 = 1 - s1, s2 = 1 - s2;
+      const Vec3 weights = {1 - s1 - s2, s1, s2};
+      samples.push_back({weights.x * a + weights.y * b + weights.z * c,
+                         normalized(cross(b - a, c - a)), surface_point(f, weights)});
     }
   }
-  for (int f = 0; f < m.n_faces; ++f) {
-    Mat2 mean;
-    for (int k = 0; k < 3; ++k) mean += 1 / (3 * area[m.corner(f, k)]) * sum[m.corner(f, k)];
-    const Mat2 here = edges(x, f), rest = mean * edges(before, f);
-    s.rest_inverse[f] = inverse(determinant(rest) > kLeastArea * determinant(here) ? rest : here);
-  }
-  return s;
+  return samples;
 }
 
-class CoarseToFine {
+/// p → L p + shift, L by columns.
+struct AffineMap {
+  Vec3 column[3] = {unit3(0), unit3(1), unit3(2)};
+  Vec3 shift;
+
+  Vec3 linear(const Vec3& p) const { return p.x * column[0] + p.y * column[1] + p.z * column[2]; }
+  SurfaceSample operator()(SurfaceSample s) const {
+    s.point = linear(s.point) + shift;
+    s.normal = normalized(cofactors().linear(s.normal));
+    return s;
+  }
+  /// det(L) L⁻ᵀ, which maps normals.
+  AffineMap cofactors() const {
+    return {{cross(column[1], column[2]), cross(column[2], column[0]), cross(column[0], column[1])},
+            {}};
+  }
+  double determinant() const { return dot(column[0], cross(column[1], column[2])); }
+};
+
+inline AffineMap transposed(const AffineMap& m) {
+  AffineMap t;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 3; ++r) t.column[c][r] = m.column[r][c];
+  return t;
+}
+
+inline AffineMap product(const AffineMap& a, const AffineMap& b) {
+  AffineMap c;
+  for (int i = 0; i < 3; ++i) c.column[i] = a.linear(b.column[i]);
+  return c;
+}
+
+/// The rotation nearest to L by the Newton iteration of the polar decomposition [Higham 1986];
+/// false if L mirrors or is singular.
+inline bool nearest_rotation(AffineMap& m) {
+  constexpr int kSteps = 30;
+  for (int i = 0; i < kSteps; ++i) {
+    const double det = m.determinant();
+    if (!(det > 0)) return false;
+    const AffineMap cofactors = m.cofactors();
+    double size = 0, size_inverse = 0;
+    for (int c = 0; c < 3; ++c) {
+      size += squared_norm(m.column[c]);
+      size_inverse += squared_norm(cofactors.column[c]) / (det * det);
+    }
+    const double g = std::sqrt(std::sqrt(size_inverse / size));  // Higham's scaling
+    for (int c = 0; c < 3; ++c)
+      m.column[c] = 0.5 * (g * m.column[c] + 1 / (g * det) * cofactors.column[c]);
+  }
+  return true;
+}
+
+/// The 60 rotations of the icosahedron, the identity first: unit quaternions (±1, 0, 0, 0),
+/// (±1, ±1, ±1, ±1) / 2, and even permutations of (±φ, ±1, ±1/φ, 0) / 2, one of each ±q.
+inline Array<AffineMap> icosahedral_rotations() {
+  constexpr double kPhi = 1.6180339887498949, kPart[3] = {0.5 * kPhi, 0.5, 0.5 / kPhi};
+  Array<std::array<double, 4>> quaternions;
+  for (int k = 0; k < 4; ++k)
+    quaternions.push_back(
+        {{k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0, k == 3 ? 1.0 : 0.0}});
+  for (int signs = 0; signs < 8; ++signs) {
+    const auto sign = [&](int k) { return signs >> k & 1 ? -1.0 : 1.0; };
+    quaternions.push_back({{0.5, 0.5 * sign(0), 0.5 * sign(1), 0.5 * sign(2)}});
+    // An even permutation is known by where 0 goes and where φ goes.
+    for (std::size_t zero = 0; zero < 4; ++zero)
+      for (std::size_t turn = 0; turn < 3 && signs < 4; ++turn) {
+        std::array<double, 4> q = {};
+        std::size_t other[3], n = 0;
+        for (std::size_t k = 0; k < 4; ++k)
+          if (k != zero) other[n++] = k;
+        const bool is_odd = zero % 2 == 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t to = is_odd ? (turn + 3 - k) % 3 : (turn + k) % 3;
+          q[other[to]] = kPart[k] * (k == 0 ? 1 : sign(static_cast<int>(k) - 1));
+        }
+        quaternions.push_back(q);
+      }
+  }
+  Array<AffineMap> rotations;
+  for (const auto& q : quaternions) {
+    const double w = q[0];
+    const Vec3 v = {q[1], q[2], q[3]};
+    AffineMap R;
+    for (int c = 0; c < 3; ++c)
+      R.column[c] = (w * w - dot(v, v)) * unit3(c) + 2 * v[c] * v + 2 * w * cross(v, unit3(c));
+    rotations.push_back(R);
+  }
+  return rotations;
+}
+
+inline Vec3 mean(const Array<SurfaceSample>& samples) {
+  Vec3 sum;
+  for (const SurfaceSample& s : samples) sum += 1.0 / samples.size() * s.point;
+  return sum;
+}
+
+/// The axes of the second moments of samples, the longest first, as columns of a rotation, by
+/// Jacobi's method. Along the first two, third moments are positive.
+inline AffineMap principal_axes(const Array<SurfaceSample>& samples) {
+  constexpr int kSweeps = 12;
+  const Vec3 center = mean(samples);
+  AffineMap C = {{{}, {}, {}}, {}}, axes;
+  for (const SurfaceSample& s : samples)
+    for (int c = 0; c < 3; ++c) C.column[c] += (s.point - center)[c] * (s.point - center);
+  for (int i = 0; i < 3 * kSweeps; ++i) {
+    const int p = i % 3, q = (p + 1) % 3;
+    const double off = C.column[q][p], slope = C.column[q][q] - C.column[p][p];
+    if (off == 0) continue;
+    const double t =
+        2 * off / ((slope < 0 ? -1 : 1) * std::sqrt(slope * slope + 4 * off * off) + slope);
+    const double c = 1 / std::sqrt(1 + t * t), s = t * c;
+    const auto turn = [&](AffineMap& m) {
+      const Vec3 u = m.column[p], v = m.column[q];
+      m.column[p] = c * u - s * v;
+      m.column[q] = s * u + c * v;
+    };
+    turn(axes);
+    turn(C);
+    C = transposed(C);
+    turn(C);
+  }
+  for (int i : {0, 1, 0})
+    if (C.column[i][i] < C.column[i + 1][i + 1]) {
+      std::swap(C.column[i][i], C.column[i + 1][i + 1]);
+      std::swap(axes.column[i], axes.column[i + 1]);
+    }
+  for (int i = 0; i < 2; ++i) {
+    double third = 0;
+    for (const SurfaceSample& s : samples) third += power(dot(s.point - center, axes.column[i]), 3);
+    if (third < 0) axes.column[i] = -1 * axes.column[i];
+  }
+  axes.column[2] = cross(axes.column[0], axes.column[1]);
+  return axes;
+}
+
+/// Squared distance in position and normal, at total area 1.
+inline double distance2(const SurfaceSample& p, const SurfaceSample& q) {
+  constexpr double kNormal = 0.1;  // a right angle counts as almost half of the size
+  return squared_norm(p.point - q.point) + kNormal * squared_norm(p.normal - q.normal);
+}
+
+inline int closest(const SurfaceSample& p, const Array<SurfaceSample>& among, int n) {
+  int best = 0;
+  double least = kInfinity;
+  for (int i = 0; i < n; ++i) {
+    const double d = distance2(p, among[i]);
+    if (d < least) least = d, best = i;
+  }
+  return best;
+}
+
+/// Samples of two surfaces, and behind them those at the ends of landmarks.
+struct SamplePair {
+  Array<SurfaceSample> a, b;
+  int sampled_a = 0, sampled_b = 0;
+};
+
+/// An affine map of samples of A close to samples of B.
+class Alignment {
  public:
-  static constexpr double kNextOmega =
-      1e-3;  // ω_L where a level begins at the map of a coarser one
+  Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) { move(); }
 
-  /// `x`: the embeddings of both surfaces.
-  CoarseToFine(const SurfacePair& pair, const JointSurface& s, const Points2& x,
-               const Array<Follower>& followers, const RunOptions& options,
-               const Executor& executor)
-      : pair_(pair),
-        s_(s),
-        x_(x),
-        followers_(followers),
-        options_(options),
-        executor_(executor),
-        depth_(depth_of(s, options.coarsest)) {
-    options_.max_iterations = 500;
-    options_.initial_f.resize(0, 2);
-    options_.initial_g.resize(0, 2);
+  /// The similarity that the landmarks tell.
+  explicit Alignment(const SamplePair& pair) : pair_(&pair) {
+    fit(false);
+    move();
   }
 
-  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
-  /// it anew.
-  bool step() {
-    if (!a_) return decimate();
-    if (optimizer_) return optimize();
-    return newton_ ? smooth() : refine();
+  /// Improves the map by a round of closest points.
+  void improve(bool is_affine) {
+    fit(is_affine);
+    move();
   }
 
-  /// True if the surfaces have enough vertices for a coarse level.
-  static bool has_levels(const JointSurface& s, const RunOptions& options) {
-    return depth_of(s, options.coarsest) > 0;
+  const AffineMap& map() const { return map_; }
+  double residual() const { return residual_; }
+
+  /// True if another map takes A to nearly the same place.
+  bool is_like(const Alignment& other) const {
+    constexpr double kNear = 0.05;
+    double sum = 0;
+    for (const SurfaceSample& s : pair_->a) sum += norm(map_(s).point - other.map_(s).point);
+    return sum < kNear * pair_->a.size();
   }
 
-  const std::vector<IterationLog>& levels() const { return levels_; }
-  int level() const { return level_; }
-
-  /// By how much E fell on the coarsest level, from the embedding on. What returns makes E rise,
-  /// but locally, which is soon mended; where it rises by more than this, the embedding was better.
-  double gain() const { return gain_; }
-
-  /// The map so far on the surfaces given, or the embedding if there is none.
-  Points2 positions() const {
-    if (!a_ || levels_.front().iteration == 0) return x_;
-    Hierarchy a = *a_, b = *b_;
-    if (optimizer_) take_positions(a, b);
-    for (Hierarchy* h : {&a, &b})
-      while (!h->is_full())
-        if (h->grow_by_one() >= 0) return x_;
-    return stacked(a.positions(), b.positions());
+  /// Pairs that come back to where they started, and whose normals agree.
+  Array<std::array<int, 2>> mutual_pairs() const {
+    constexpr double kBack = 0.05, kAgree = 0.5;
+    Array<std::array<int, 2>> pairs;
+    for (int i = 0; i < pair_->sampled_a; ++i) {
+      const int j = to_b_[i], back = to_a_[j];
+      const SurfaceSample &p = moved_[i], &q = pair_->b[j];
+      if (norm(pair_->a[back].point - pair_->a[i].point) < kBack &&
+          dot(p.normal, q.normal) > kAgree)
+        pairs.push_back({{i, j}});
+    }
+    return pairs;
   }
 
  private:
-  static constexpr int kRatio = 4;  // of the vertices of a level and of the next coarser one
-
-  /// Both surfaces on one level, and what is held there.
-  struct LevelPair {
-    Level a, b;
-    JointSurface s;
-    Points2 x;
-    Array<Follower> followers;
-    RunOptions options;
-  };
-
-  /// How many times the number of vertices can be divided.
-  static int depth_of(const JointSurface& s, int coarsest) {
-    if (coarsest == 0) return 0;
-    const double most = (std::max)(s.n_a, s.mesh.n_vertices - s.n_a);
-    int depth = 0;
-    for (double ratio = most / coarsest; ratio >= std::sqrt(kRatio); ratio /= kRatio) ++depth;
-    return depth;
+  void move() {
+    moved_.clear();
+    for (const SurfaceSample& s : pair_->a) moved_.push_back(map_(s));
+    match();
   }
 
-  /// How many of n vertices a coarse level should have; level 0 is the finest.
-  int vertices_of(int n, int level) const {
-    for (int i = 0; i < level; ++i) n /= kRatio;
-    return (std::max)(n, options_.coarsest);
-  }
-
-  bool decimate() {
-    constexpr double kWorthwhile = 0.75;  // of the vertices may be left
-    executor_.tell(false, 0, {"decimating both surfaces"}, nullptr);
-    const auto hierarchy = [&](const Surface& s, Side side, int first) {
-      const int n = s.mesh.n_vertices;
-      return std::make_unique<Hierarchy>(s, side, protected_vertices(first, n),
-                                         vertices_of(n, depth_), rows_between(x_, first, first + n),
-                                         executor_);
-    };
-    auto a = hierarchy(pair_.a, Side::kA, 0), b = hierarchy(pair_.b, Side::kB, s_.n_a);
-    if (executor_.is_stopped()) return true;
-    if (a->active() + b->active() > kWorthwhile * s_.mesh.n_vertices) return false;
-    a_ = std::move(a);
-    b_ = std::move(b);
-    level_ = depth_;
-    return begin(level_pair(*a_, *b_));
-  }
-
-  /// Per vertex from `first` on, whether a constraint needs it.
-  Array<char> protected_vertices(int first, int n) const {
-    Array<char> result(n, 0);
-    const auto protect = [&](int v) {
-      if (v >= first && v < first + n) result[v - first] = 1;
-    };
-    for (const Follower& follower : followers_) {
-      protect(follower.row);
-      for (int v : follower.master) protect(v);
+  void match() {
+    const Array<SurfaceSample>& b = pair_->b;
+    double sum_a = 0, sum_b = 0;
+    to_b_.clear(), to_a_.clear();
+    for (int i = 0; i < pair_->sampled_a; ++i) {
+      to_b_.push_back(closest(moved_[i], b, pair_->sampled_b));
+      sum_a += distance2(moved_[i], b[to_b_.back()]);
     }
-    for (int v : options_.fixed_a) protect(v);
-    for (int v : options_.fixed_b) protect(s_.n_a + v);
-    if (options_.boundary != Boundary::kFree)
-      for (int h : s_.mesh.boundary) protect(s_.mesh.tail[h]);
-    return result;
-  }
-
-  /// What the hierarchies are at.
-  LevelPair level_pair(const Hierarchy& a, const Hierarchy& b) const {
-    LevelPair l = {a.current(), b.current(), {}, {}, followers_, options_};
-    l.s = join({l.a.surface, l.b.surface});
-    l.x = stacked(a.positions(l.a), b.positions(l.b));
-    const auto place = [&](int v) {
-      return v < s_.n_a ? l.a.place[v] : l.s.n_a + l.b.place[v - s_.n_a];
-    };
-    for (Follower& follower : l.followers) {
-      follower.row = place(follower.row);
-      for (int& v : follower.master) v = place(v);
+    for (int j = 0; j < pair_->sampled_b; ++j) {
+      to_a_.push_back(closest(b[j], moved_, pair_->sampled_a));
+      sum_b += distance2(b[j], moved_[to_a_.back()]);
     }
-    for (int& v : l.options.fixed_a) v = l.a.place[v];
-    for (int& v : l.options.fixed_b) v = l.b.place[v];
-    return l;
+    residual_ = 0.5 * (sum_a / to_b_.size() + sum_b / to_a_.size());
   }
 
-  /// Algorithm 1 on a level; false if it cannot begin. What the coarsest level gets wrong stays
-  /// wrong; what the others leave undone, the next one does faster.
-  bool begin(LevelPair level) {
-    const bool is_first = levels_.empty();
-    here_ = std::move(level);
-    here_.options.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
-    here_.options.tuning.window = is_first ? 20 : 10;
-    optimizer_ = std::make_unique<Optimizer>(here_.s, here_.options, here_.followers, executor_);
-    log_ = Result();
-    optimizer_->start(here_.x, log_);
-    if (is_first) {
-      rules_ = optimizer_->rules();
-    } else {
-      optimizer_->keep_covered(rules_);
-      optimizer_->lower_omega(kNextOmega);
+  /// Calls visit(sample of A, where it should go, weight).
+  template <class Visit>
+  void for_each_pair(const Visit& visit) const {
+    constexpr double kLandmark = 10;  // as much as so many samples
+    for (int i = 0; i < to_b_.size(); ++i) visit(i, pair_->b[to_b_[i]].point, 1);
+    for (int j = 0; j < to_a_.size(); ++j) visit(to_a_[j], pair_->b[j].point, 1);
+    for (int i = pair_->sampled_a, j = pair_->sampled_b; i < pair_->a.size(); ++i, ++j)
+      visit(i, pair_->b[j].point, kLandmark);
+  }
+
+  /// The similarity, or the affine map, that is held close to it, with least squared distances.
+  void fit(bool is_affine) {
+    constexpr double kRigid = 0.1;
+    Vec3 p0, q0;
+    double total = 0;
+    for_each_pair([&](int i, const Vec3& q, double weight) {
+      p0 += weight * pair_->a[i].point, q0 += weight * q;
+      total += weight;
+    });
+    p0 = 1 / total * p0, q0 = 1 / total * q0;
+    AffineMap M = {{{}, {}, {}}, {}}, P = M;  // Σ q pᵀ and Σ p pᵀ about the means
+    for_each_pair([&](int i, const Vec3& q, double weight) {
+      const Vec3 p = weight / total * (pair_->a[i].point - p0);
+      for (int c = 0; c < 3; ++c) {
+        M.column[c] += p[c] * (q - q0);
+        P.column[c] += p[c] * (pair_->a[i].point - p0);
+      }
+    });
+    AffineMap L = M;
+    const AffineMap across = M.cofactors();  // makes det > 0 where all points are in a plane
+    const double size = std::sqrt(squared_norm(M.column[0]) + squared_norm(M.column[1]) +
+                                  squared_norm(M.column[2]));
+    for (int c = 0; c < 3; ++c) L.column[c] += 1e-6 / size * across.column[c];
+    if (!nearest_rotation(L)) return;
+    const double spread = P.column[0].x + P.column[1].y + P.column[2].z;
+    double scale = 0;
+    for (int c = 0; c < 3; ++c) scale += dot(L.column[c], M.column[c]) / spread;
+    if (!(scale > 0.2 && scale < 5)) return;
+    for (Vec3& column : L.column) column = scale * column;
+    if (is_affine) {
+      for (int c = 0; c < 3; ++c) {
+        M.column[c] += kRigid * spread * L.column[c];
+        P.column[c] += kRigid * spread * unit3(c);
+      }
+      const AffineMap inverse = transposed(P.cofactors());
+      for (int c = 0; c < 3; ++c) L.column[c] = 1 / P.determinant() * M.linear(inverse.column[c]);
+      if (!(L.determinant() > 0.1 * scale * scale * scale)) return;
     }
-    levels_.push_back(log_.log_begin);
-    return log_.status == Status::kUnfinished;
+    map_ = L;
+    map_.shift = q0 - L.linear(p0);
   }
 
-  bool optimize() {
-    const bool has_more = optimizer_->iterate(log_);
-    levels_.back() = log_.final_state();
-    tell({"optimising a coarse map, ", here_.s.mesh.n_vertices, " vertices"});
-    if (has_more || executor_.is_stopped()) return true;
-    if (level_ == depth_) gain_ = log_.initial.energy - log_.final_state().energy;
-    take_positions(*a_, *b_);
-    optimizer_.reset();
-    return !log_.log.empty();
-  }
-
-  void tell(Words what) const {
-    constexpr double kShare = 0.2;  // of the optimisation
-    const double done = depth_ - level_ + (optimizer_ ? optimizer_->fraction(log_) : 1);
-    executor_.tell(false, kShare * done / depth_, what, nullptr);
-  }
-
-  void take_positions(Hierarchy& a, Hierarchy& b) const {
-    const Points2& x = optimizer_->positions();
-    a.set(here_.a, rows_between(x, 0, here_.s.n_a));
-    b.set(here_.b, rows_between(x, here_.s.n_a, here_.s.mesh.n_vertices));
-  }
-
-  /// Brings back what the next finer level has; false if there is no room for a vertex.
-  bool refine() {
-    tell({"refining a coarse map of ", here_.s.mesh.n_vertices, " vertices"});
-    const int n_a = s_.n_a, n_b = s_.mesh.n_vertices - n_a;
-    a_->set_goal(level_ == 1 ? n_a : vertices_of(n_a, level_ - 1));
-    b_->set_goal(level_ == 1 ? n_b : vertices_of(n_b, level_ - 1));
-    if (a_->grow() >= 0 || b_->grow() >= 0) return false;
-    if (executor_.is_stopped()) return true;
-    next_ = level_pair(*a_, *b_);
-    newton_ = std::make_unique<FlatNewton>(smoothing_problem(next_), next_.x, executor_);
-    return true;
-  }
-
-  /// Moves the vertices of a level, those of the coarser one on what they lie on; false after the
-  /// finest level.
-  bool smooth() {
-    constexpr int kSteps = 10;
-    if (newton_->minimize(kSteps, kTolerance)) return true;
-    next_.x = newton_->positions();
-    newton_.reset();
-    if (--level_ > 0) return begin(std::move(next_));
-    x_ = next_.x;
-    a_.reset();
-    b_.reset();
-    return false;
-  }
-
-  FlatProblem smoothing_problem(const LevelPair& l) const {
-    const int n_a = l.s.n_a, n = l.s.mesh.n_vertices;
-    FlatProblem problem;
-    problem.surface = join({smoothed_rest(l.a.surface, a_->plane(l.a), rows_between(l.x, 0, n_a)),
-                            smoothed_rest(l.b.surface, b_->plane(l.b), rows_between(l.x, n_a, n))});
-    problem.boundary = options_.boundary;
-    problem.springs = springs(l);
-    problem.followers = l.followers;
-    for (int v : l.options.fixed_a) problem.held.push_back(v);
-    for (int v : l.options.fixed_b) problem.held.push_back(n_a + v);
-    return problem;
-  }
-
-  /// Between each vertex of the coarser level and where it lies on the other surface. Moved by the
-  /// length of an edge, it costs about as much as its triangles when they are strained by 1.
-  Array<Spring> springs(const LevelPair& level) const {
-    constexpr double kStiffness = 3;
-    Array<Spring> springs;
-    const EmbeddedPair pair(level.s, level.x);
-    const auto tie = [&](int v) {
-      const SurfacePoint image = pair.map_vertex(v);
-      if (!image.exists()) return;
-      Place on, here;
-      here.corners[0] = v;
-      here.weights[0] = 1;
-      for (int k = 0; k < 3; ++k) on.corners[k] = level.s.mesh.corner(image.face, k);
-      on.weights = image.barycentric;
-      add_springs(here, on, kStiffness, springs);
-    };
-    for (int v : here_.a.vertex) tie(level.a.place[v]);
-    for (int v : here_.b.vertex) tie(level.s.n_a + level.b.place[v]);
-    return springs;
-  }
-
-  const SurfacePair& pair_;
-  const JointSurface& s_;
-  Points2 x_;
-  const Array<Follower>& followers_;
-  RunOptions options_;  // of all levels
-  const Executor& executor_;
-  const int depth_;  // how many coarse levels there are
-  int level_ = 0;    // the one the hierarchies are at, depth_ is the coarsest
-  std::unique_ptr<Hierarchy> a_, b_;
-  LevelPair here_, next_;
-  std::unique_ptr<Optimizer> optimizer_;  // on a level,
-  std::unique_ptr<FlatNewton> newton_;    // and on the way to the next one
-  StepRules rules_;                       // of the coarsest level
-  Result log_;
-  std::vector<IterationLog> levels_;
-  double gain_ = 0;
+  const SamplePair* pair_;
+  AffineMap map_;
+  Array<SurfaceSample> moved_;  // of A
+  Array<int> to_b_, to_a_;
+  double residual_ = kInfinity;
 };
+
+inline SamplePair sampled(const SurfacePair& pair, const Array<VertexPair>& landmarks, int n) {
+  SamplePair samples = {sampled(pair.a, n), sampled(pair.b, n)};
+  samples.sampled_a = samples.a.size(), samples.sampled_b = samples.b.size();
+  for (const VertexPair& l : landmarks) {
+    samples.a.push_back({row3(pair.a.vertices, l.a), unit3(0), {}});
+    samples.b.push_back({row3(pair.b.vertices, l.b), unit3(0), {}});
+  }
+  return samples;
+}
+
+/// Keeps the alignments with the least residuals, of those that are alike one.
+inline Array<Alignment> best_of(const Array<Alignment>& all, int most) {
+  Array<double> residual;
+  for (const Alignment& alignment : all) residual.push_back(alignment.residual());
+  constexpr double kWorse = 2.5;  // than the best one
+  Array<Alignment> best;
+  for (int i : sorted_by(residual)) {
+    bool is_new = best.size() < most && (best.empty() || residual[i] < kWorse * best[0].residual());
+    for (const Alignment& other : best) is_new = is_new && !all[i].is_like(other);
+    if (is_new) best.push_back(all[i]);
+  }
+  return best;
+}
+
+/// Aligns A with B in space, in different ways, the closest first; last as landmarks tell, which
+/// alone know how a part lies in a whole.
+inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair& many, int most,
+                                        const Executor& executor) {
+  constexpr int kFirst = 8, kNext = 15, kLast = 25, kKept = 6, kEnough = 3;
+  const auto improved = [&](Array<Alignment> all, int similar, int affine) {
+    executor.run(all.size(), [&](int i) {
+      for (int k = 0; k < similar + affine && !executor.is_stopped(); ++k)
+        all[i].improve(k >= similar);
+    });
+    return all;
+  };
+  Array<Alignment> first, next;
+  const AffineMap from_a = transposed(principal_axes(many.a)), to_b = principal_axes(many.b);
+  for (const AffineMap& rotation : icosahedral_rotations()) {
+    AffineMap map = product(to_b, product(rotation, from_a));
+    map.shift = mean(many.b) - map.linear(mean(many.a));
+    first.push_back(Alignment(few, map));
+  }
+  first = best_of(improved(first, kFirst, 0), kKept);
+  for (const Alignment& alignment : first) next.push_back(Alignment(many, alignment.map()));
+  Array<Alignment> best = best_of(improved(next, kNext, kLast), most);
+  if (many.a.size() - many.sampled_a < kEnough) return best;
+  best.push_back(Alignment(many));
+  for (int i = 0; i + 1 < best.size(); ++i)
+    if (best.back().is_like(best[i])) return best.pop_back(), best;
+  return best;
+}
 
 }  // namespace detail
 
@@ -11219,6 +11604,41 @@ inline Sites find_sites(const Surface& s, const Array<Place>& landmarks,
   return sites;
 }
 
+/// Vertices that are farther from everything than all around them, the ends of limbs, ears and
+/// tails, with the distances from each to all vertices. Lengths are in units of the root of the
+/// area.
+struct Tips {
+  Array<int> vertex;
+  Array<Array<double>> distance;
+};
+
+inline Tips find_tips(const Surface& s) {
+  constexpr double kAround = 0.12;
+  constexpr int kMost = 16;
+  const int n = s.mesh.n_vertices;
+  const Array<double> mass = vertex_areas(s);
+  Array<Array<double>> distance;
+  Array<double> nearness(n, 0);  // minus the mean distance from all points
+  for (int v = 0; v < n; ++v) {
+    distance.push_back(edge_distances(s, Array<int>(1, v)));
+    for (double& d : distance[v]) d /= std::sqrt(s.total_area);
+    for (int w = 0; w < n; ++w) nearness[v] -= mass[w] / s.total_area * distance[v][w];
+  }
+  Tips tips;
+  Array<char> is_behind(n, 0);  // something farther is around
+  for (int v : sorted_by(nearness)) {
+    if (!is_behind[v] && tips.vertex.size() < kMost) {
+      tips.vertex.push_back(v);
+      tips.distance.push_back(distance[v]);
+    }
+    for (int w = 0; w < n; ++w)
+      if (distance[v][w] < kAround) is_behind[w] = 1;
+    s.mesh.for_each_outgoing(
+        v, [&](int h) { is_behind[s.mesh.tip(h)] = is_behind[s.mesh.tail[prev(h)]] = 1; });
+  }
+  return tips;
+}
+
 /// A place on A and one on B, of which closed ones are opened there; -1 for a surface that is open.
 struct OpeningPair {
   int a = -1, b = -1;
@@ -11228,8 +11648,7 @@ inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the 
 
 /// Finds where two surfaces are to be opened: where they unfold with little strain, as seen from
 /// there nothing is far, and where both are as far from their landmarks; or at a landmark, if that
-/// only guides the start. Fewer than three landmarks do not tell places apart: there is then more
-/// than one pair, to be tried.
+/// only guides the start.
 class OpeningFinder {
  public:
   /// `is_bound`: per landmark, whether it has to stay where it is. No surface is opened there.
@@ -11244,13 +11663,10 @@ class OpeningFinder {
         at_landmarks_.push_back({vertex_at(a[i]), vertex_at(b[i])});
   }
 
-  /// None, if all vertices of a surface are bound.
-  Array<OpeningPair> find() const {
-    constexpr int kTrials = 4, kEnough = 3;
+  /// False, if all vertices of a surface are bound.
+  bool find(OpeningPair& best) const {
     const Array<int> a = clear_of_landmarks(a_), b = clear_of_landmarks(b_);
-    if (a.empty() || b.empty()) return {};
-    if (a_.to_landmark.size() < kEnough) return trials(a, b, kTrials);
-    OpeningPair best;
+    if (a.empty() || b.empty()) return false;
     double least = kInfinity;
     const auto consider = [&](int v, int w) {
       const double value = strain(v, w) + mismatch(v, w);
@@ -11269,7 +11685,7 @@ class OpeningFinder {
       const double value = strain(at_landmarks_[i].a, at_landmarks_[i].b) + kLoss;
       if (value < least) least = value, best = at_landmarks_[i];
     }
-    return Array<OpeningPair>(1, best);
+    return true;
   }
 
  private:
@@ -11303,27 +11719,7 @@ class OpeningFinder {
       const double difference = a_.distance(i, v) - b_.distance(i, w);
       sum += difference * difference;
     }
-    return kWeight * sum / a_.to_landmark.size();
-  }
-
-  /// The best place on A, or if that is open, on B, with several on the other one.
-  Array<OpeningPair> trials(Array<int> a, Array<int> b, int most) const {
-    const auto sort = [](const Sites& sites, Array<int>& places) {
-      if (places[0] >= 0)
-        std::sort(places.begin(), places.end(), [&](int v, int w) {
-          const double d = sites.remoteness[v] - sites.remoteness[w];
-          return d != 0 ? d < 0 : v < w;
-        });
-    };
-    sort(a_, a);
-    sort(b_, b);
-    Array<OpeningPair> pairs;
-    for (int i = 0; i < (std::min)(most, (std::max)(a.size(), b.size())); ++i) {
-      const int v = b[0] < 0 ? a[(std::min)(i, a.size() - 1)] : a[0];
-      const int w = b[0] < 0 ? -1 : b[(std::min)(i, b.size() - 1)];
-      pairs.push_back({v, w});
-    }
-    return pairs;
+    return kWeight * sum / (std::max)(1, a_.to_landmark.size());
   }
 
   Sites a_, b_;
@@ -12924,6 +13320,27 @@ class LandmarkPlacer {
   Array<char> used_;
 };
 
+/// The point of a surface nearest to p, of the triangles around the nearest vertex.
+inline Place nearest_place(const Surface& s, const Vec3& p) {
+  int nearest = 0;
+  for (int v = 0; v < s.mesh.n_vertices; ++v)
+    if (squared_norm(row3(s.vertices, v) - p) < squared_norm(row3(s.vertices, nearest) - p))
+      nearest = v;
+  Place best = copy_of(nearest);
+  double least = kInfinity;
+  s.mesh.for_each_outgoing(nearest, [&](int h) {
+    const int f = h / 3;
+    const std::array<Vec3, 3> corners = {{s.corner(f, 0), s.corner(f, 1), s.corner(f, 2)}};
+    const Vec3 w = closest_weights(p, corners);
+    const double distance = norm(w.x * corners[0] + w.y * corners[1] + w.z * corners[2] - p);
+    if (distance >= least) return;
+    least = distance;
+    for (int k = 0; k < 3; ++k) best.corners[k] = s.mesh.corner(f, k), best.weights[k] = w[k];
+  });
+  tidy(best);
+  return best;
+}
+
 /// Returns "vertex 5 of A" or "the point in triangle 7 of B".
 inline std::string end_of(const Landmark& l, bool of_a) {
   const LandmarkPoint& p = of_a ? l.a : l.b;
@@ -12939,7 +13356,7 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
   if (landmarks.empty()) return true;
   LandmarkPlacer on_a(a, prepared_a, Side::kA), on_b(b, prepared_b, Side::kB);
   for (const Landmark& l : landmarks) {
-    PlacedLandmark here = {{}, {}, l};
+    PlacedLandmark here = {{}, {}, l, 1};
     const auto refuse = [&](Words why, bool of_a) {
       const std::string reason = sentence(why);
       const ElementId id = of_a ? element_id(Side::kA, l.a) : element_id(Side::kB, l.b);
@@ -13395,6 +13812,94 @@ class LandmarkPuller {
   bool was_stopped_ = false;  // during the last step
 };
 
+// ---- candidates ----
+//
+// Purpose:    the right start, where the landmarks given do not tell it.
+// Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
+//             alone, and with them pairs of points from alignments in space, as many as are tried
+//             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
+//             iterations from each; the better half goes on. The map with the least distortion for
+//             its coverage wins. Where it leaves the tip of a limb near to another one, new starts
+//             bring both together, and win if that is better. Surfaces with boundaries then go on
+//             from the map itself; closed ones, which are cut open before they are decimated, from
+//             points spread over it.
+// Invariants: results do not depend on pauses.
+// Fails:      by finding nothing, where no start can be mapped.
+
+/// What a run is to compute: the initial embedding, the map of surfaces cut open, or the map.
+enum class Goal { kStart, kOpenMap, kMap };
+
+class Run;
+
+/// Tips of A and B that may correspond, and by how much a map misses that.
+struct TipPair {
+  int a = -1, b = -1;
+  double miss = kInfinity;
+};
+
+class StartFinder {
+ public:
+  StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
+              const Options& options, const Executor& executor);
+  ~StartFinder();
+
+  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
+  /// it anew.
+  bool step();
+
+  const Array<PlacedLandmark>& guides() const { return guides_; }
+  std::vector<StartCandidate> candidates() const;  // best first
+  OpeningPair opening() const { return opening_; }
+  /// The map itself; null where surfaces were opened for it, which is done before they are
+  /// decimated.
+  std::unique_ptr<MappedLevel> take_level() { return std::move(level_); }
+
+ private:
+  struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
+    std::string name;
+    int alignment = -1;  // -1: the landmarks alone
+    std::vector<Landmark> landmarks;
+    std::unique_ptr<Run> run;
+    double value = kInfinity;
+    bool has_more = true;
+    bool has_tried_tips = false;
+  };
+
+  void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
+                std::unique_ptr<Level>& level) const;
+  void find_candidates();
+  Array<VertexPair> own_landmarks() const;
+  void add_candidate(const Array<Alignment>& alignments, int which, int most);
+  void improve(Candidate& candidate, int iterations) const;
+  double missed_landmarks(const Candidate& candidate) const;
+  void drop_worst();
+  double difference(const Candidate& one, const Candidate& other) const;
+  bool add_tips();
+  Array<TipPair> match_tips(const SurfaceMap& map) const;
+  Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
+                              const Array<TipPair>& tips) const;
+  void take_best();
+
+  const SurfacePair& whole_;
+  const Array<PlacedLandmark>& landmarks_;
+  Options options_;  // of all candidates
+  const double landmark_weight_;
+  const Executor& executor_;
+  std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
+  std::unique_ptr<Level> a_, b_;
+  SharedPrepared coarse_a_, coarse_b_;
+  Tips tips_a_, tips_b_;
+  SamplePair samples_;
+  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
+  static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
+  Array<Candidate> candidates_;
+  int running_ = 0;  // the first ones
+  int next_ = 0;     // to take a step
+  int round_ = 0;
+  Array<PlacedLandmark> guides_;
+  OpeningPair opening_;
+};
+
 // ---- compute_map() in steps ----
 
 class Run {
@@ -13402,20 +13907,19 @@ class Run {
   static constexpr double kMostRise = 1.5;      // relative to the start
 
  public:
-  /// `only_start`: computes the initial embedding only. `sized`: surfaces whose scales are taken;
-  /// null: landmarks may determine them.
+  /// `sized`: surfaces whose scales are taken; null: landmarks may determine them.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
-      const Options& options, bool only_start, const SurfacePair* sized = nullptr)
+      const Options& options, Goal goal, const SurfacePair* sized = nullptr)
       : a_(std::move(a)),
         b_(std::move(b)),
         landmarks_(landmarks),
         given_options_(options),
         options_(options),
-        only_start_(only_start),
+        goal_(goal),
         executor_(options_) {
     const NoTraps no_traps;
     return_input();
-    if (only_start) {
+    if (goal == Goal::kStart) {
       executor_.set_embedding_share(1);
       options_.initial_f.resize(0, 2);
       options_.initial_g.resize(0, 2);
@@ -13430,6 +13934,8 @@ class Run {
         rescale(sized->b.scale / pair_.b.scale, pair_.b);
       }
       result_.status = Status::kNoMapYet;
+      is_embedding_ = true;
+      if (goal == Goal::kStart) options_.coarsest = 0;  // landmarks stay together
       whole_ = pair_;
       opened_ = placed_;
     } else {
@@ -13437,16 +13943,15 @@ class Run {
     }
   }
 
-  /// Refining a coarse map to the given meshes costs about as much as some iterations, so this
+  /// Bringing a coarse map to the given meshes costs about as much as some iterations, so this
   /// happens once per level, and when the caller has stopped.
   Result& result() {
-    if (is_behind_ && (executor_.is_stopped() || level_shown_ != coarse_->level())) {
-      hand_over_positions();
-      level_shown_ = coarse_->level();
-    }
+    const PairEmbedder* const levels =
+        is_embedding_ && embedder_ ? embedder_->levels_now() : nullptr;
+    if (levels != nullptr) show_coarse_map(*levels);
     return latest();
   }
-  bool is_embedding() const { return result_.status == Status::kNoMapYet; }
+  bool is_embedding() const { return is_embedding_; }
   double fraction() const { return executor_.fraction(); }
 
   /// Returns a run on the same surfaces that continues from the current map with other landmarks
@@ -13457,8 +13962,8 @@ class Run {
     options.keep_scale = given_options_.keep_scale;
     options.initial_f = given_options_.initial_f;
     options.initial_g = given_options_.initial_g;
-    auto run = std::make_unique<Run>(a_, b_, landmarks, options, only_start_, &whole_);
-    if (run->is_embedding() && optimizer_) run->go_on_from(*this);
+    auto run = std::make_unique<Run>(a_, b_, landmarks, options, goal_, &whole_);
+    if (run->is_embedding() && is_usable(result_.status)) run->go_on_from(*this);
     if (run->is_embedding() || is_usable(run->result_.status)) return run;
     fail(outcome, run->result_.status, {run->result_.message}, run->result_.ids);
     return nullptr;
@@ -13471,14 +13976,12 @@ class Run {
     if (!is_embedding() && !is_usable(result_.status)) return false;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
-      result_.status = optimized_;
+      result_.status = is_embedding() ? Status::kUnfinished : optimized_;
     Timer timer;
     if (is_embedding())
       embed();
     else if (puller_)
       bring_together();
-    else if (coarse_)
-      optimize_coarse();
     else if (optimizer_ && is_to_be_closed())
       close();
     else if (optimizer_)
@@ -13524,12 +14027,16 @@ class Run {
     opening_ = before.opening_;
     open();
     pair_ = before.joiner_ ? before.pair_before_ : before.pair_;
-    scale_ = before.scale_;
-    omega_before_ = before.optimizer_->omega();
-    const Points2 x = before.own_positions();
     Embedding& start = result_.start;
-    start.f = rows_between(x, 0, before.s_.n_a);
-    start.g = rows_between(x, before.s_.n_a, before.s_.mesh.n_vertices);
+    start.f = before.result_.f, start.g = before.result_.g;  // of coarse levels
+    omega_before_ = kNextOmega;
+    if (before.optimizer_) {
+      scale_ = before.scale_;
+      omega_before_ = before.optimizer_->omega();
+      const Points2 x = before.own_positions();
+      start.f = rows_between(x, 0, before.s_.n_a);
+      start.g = rows_between(x, before.s_.n_a, before.s_.mesh.n_vertices);
+    }
     start.seconds = before.result_.start.seconds;
     result_.seconds = before.result_.seconds;
     is_changed_ = true;
@@ -13539,9 +14046,7 @@ class Run {
   }
 
   /// Returns positions of all vertices, in the unit of given positions.
-  Points2 own_positions() const {
-    return scaled(1 / scale_, coarse_ ? coarse_->positions() : optimizer_->positions());
-  }
+  Points2 own_positions() const { return scaled(1 / scale_, optimizer_->positions()); }
 
   /// Returns the landmarks to pull: all exact ones; guiding ones that are new or being pulled.
   Array<int> landmarks_to_pull(const std::vector<Landmark>& landmarks, bool are_exact) const {
@@ -13645,41 +14150,64 @@ class Run {
   }
 
   void embed() {
-    if (!embedder_ && !has_positions()) return begin_embedding();
+    if (!embedder_ && !has_positions()) {
+      if (finds_start() && !has_start_) return find_start();
+      return begin_embedding();
+    }
     if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
     Embedding& start = result_.start;
     const bool is_given = !embedder_;
-    if (!is_given && !take_best()) return;
-    if (is_given) take_positions(pair_, options_, start);
+    if (is_given)
+      take_positions(pair_, options_, start);
+    else
+      take_start();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
     for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
+    if (!result_.coarse.empty()) omega_before_ = kNextOmega;
     if (is_given && start.status == Status::kDone)
       begin_at_positions();
     else
       accept_start();
-    if (optimizer_ && !puller_ && result_.status == Status::kUnfinished) begin_coarse();
   }
 
-  /// Begins an embedding, for closed surfaces with the next candidate opening.
+  /// The paper's start is that of the landmarks alone.
+  bool finds_start() const { return options_.candidates && !options_.as_published; }
+
+  void find_start() {
+    if (!finder_)
+      finder_ = std::make_unique<StartFinder>(whole_, placed_, given_options_, executor_);
+    Timer timer;
+    const bool has_more = finder_->step();
+    finder_seconds_ += timer.lap();
+    if (has_more) return;
+    has_start_ = true;
+    guides_ = finder_->guides();
+    mapped_ = finder_->take_level();
+    result_.candidates = finder_->candidates();
+    const OpeningPair opening = finder_->opening();
+    if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) opening_ = opening;
+    finder_.reset();
+  }
+
   void begin_embedding() {
-    if (openings_.empty()) find_openings();
-    if (openings_.empty()) return;
-    opening_ = openings_[tried_];
+    if (!find_opening()) return;
     open();
-    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), options_, executor_);
+    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
+                                           std::move(mapped_), options_, executor_);
   }
 
-  void find_openings() {
-    openings_.resize(1);
-    if (!is_closed(whole_.a) && !is_closed(whole_.b)) return;
+  bool find_opening() {
+    const bool is_found = opening_.a >= 0 || opening_.b >= 0;
+    if (is_found || (!is_closed(whole_.a) && !is_closed(whole_.b))) return true;
     executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
-    openings_ = OpeningFinder(whole_, placed_, bound_landmarks()).find();
-    if (!openings_.empty()) return;
+    if (OpeningFinder(whole_, placed_, bound_landmarks()).find(opening_)) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
           "at one: refine it, or leave one of them out"});
+    is_embedding_ = false;
     static_cast<Outcome&>(result_.start) = result_;
+    return false;
   }
 
   /// Returns per landmark whether its place is constrained.
@@ -13694,6 +14222,15 @@ class Run {
     return is_bound;
   }
 
+  bool is_bound(const OpeningPair& opening) const {
+    const Array<char> is_bound = bound_landmarks();
+    for (int i = 0; i < placed_.size(); ++i)
+      if (is_bound[i] && ((opening.a >= 0 && vertex_at(placed_[i].a) == opening.a) ||
+                          (opening.b >= 0 && vertex_at(placed_[i].b) == opening.b)))
+        return true;
+    return false;
+  }
+
   /// Returns the landmarks except for the one at the opening.
   Array<PlacedLandmark> landmarks_apart() const {
     Array<PlacedLandmark> apart;
@@ -13703,44 +14240,38 @@ class Run {
   }
 
   void open() {
-    pair_ = {opened(whole_.a, opening_.a), opened(whole_.b, opening_.b)};
-    opened_ = placed_;
-    for (PlacedLandmark& l : opened_) {
-      l.a = opened(l.a, whole_.a.mesh, pair_.a.mesh);
-      l.b = opened(l.b, whole_.b.mesh, pair_.b.mesh);
-    }
+    pair_ = {detail::opened(whole_.a, opening_.a), detail::opened(whole_.b, opening_.b)};
+    opened_ = opened(placed_);
   }
 
-  /// Keeps the start with the least distortion for its coverage; false if another opening is left.
-  bool take_best() {
-    Embedding& found = embedder_->result();
-    const bool is_only = openings_.size() == 1;
-    const double value = is_only || found.status != Status::kDone
-                             ? kInfinity
-                             : badness(join(pair_), stacked(found.f, found.g));
-    found.seconds += best_.start.seconds;
-    if (tried_ == 0 || value < best_.badness)
-      best_ = {value, opening_, pair_, opened_, std::move(found)};
-    else
-      best_.start.seconds = found.seconds;
+  Array<PlacedLandmark> opened(Array<PlacedLandmark> landmarks) const {
+    for (PlacedLandmark& l : landmarks) {
+      l.a = detail::opened(l.a, whole_.a.mesh, pair_.a.mesh);
+      l.b = detail::opened(l.b, whole_.b.mesh, pair_.b.mesh);
+    }
+    return landmarks;
+  }
+
+  void take_start() {
+    result_.coarse = embedder_->levels();
+    result_.start = std::move(embedder_->result());
+    result_.start.seconds += finder_seconds_;
     embedder_.reset();
-    if (++tried_ < openings_.size()) return false;
-    opening_ = best_.opening;
-    pair_ = std::move(best_.pair);
-    opened_ = std::move(best_.landmarks);
-    result_.start = std::move(best_.start);
-    return true;
   }
 
   void accept_start() {
     Embedding& start = result_.start;
+    is_embedding_ = false;
     return_input();
     return_meshes(a_->mesh, b_->mesh, pair_, start);
-    if (start.status != Status::kDone)
+    if (start.status != Status::kDone) {
+      result_.f.resize(0, 2);
+      result_.g.resize(0, 2);
       return void(fail(result_, start.status, {start.message}, start.ids));
+    }
     start.landmark_distance = largest_landmark_distance(start, located(opened_, pair_));
     result_.status = Status::kDone;
-    if (!only_start_) begin_loop();
+    if (goal_ != Goal::kStart) begin_loop();
   }
 
   /// Begins Algorithm 1, at first with springs between landmarks to be pulled together.
@@ -13761,8 +14292,31 @@ class Run {
     return executor_.is_stopped() && embedder_->result().status == Status::kDone;
   }
 
+  /// Sets positions to those of a coarse map, unless they are of its level already.
+  void show_coarse_map(const PairEmbedder& levels) {
+    const int level = static_cast<int>(levels.levels().size());
+    if (level == level_shown_ && !executor_.is_stopped()) return;
+    Embedding& start = result_.start;
+    if (!levels.coarse_map(start)) return;
+    level_shown_ = level;
+    static_cast<Outcome&>(start) = Outcome();
+    return_meshes(a_->mesh, b_->mesh, pair_, start);
+    result_.f = start.f, result_.g = start.g;
+    result_.coarse = levels.levels();
+    const JointSurface s = join(pair_);
+    const Array<Follower> none;
+    Optimizer(s, options_, none, executor_).start(stacked(start.f, start.g), result_);
+    result_.status = executor_.stop_status();
+    result_.message = words_of(result_.status).sentence;
+  }
+
   /// Words the outcome while no map exists.
   void wait() {
+    if (is_usable(result_.status)) {
+      result_.status = executor_.stop_status();
+      result_.message = words_of(result_.status).sentence;
+      return;
+    }
     result_.message = executor_.stop_status() == Status::kCancelled
                           ? "cancelled before there was a map"
                       : executor_.stop_status() == Status::kTimeLimit
@@ -13774,8 +14328,6 @@ class Run {
   /// Begins Algorithm 1 at the start. `together`: the landmarks that may be exact.
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
-    coarse_.reset();
-    level_shown_ = -1;
     held_ = Held();
     result_.f.resize(0, 2);
     result_.g.resize(0, 2);
@@ -13788,24 +14340,13 @@ class Run {
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
+    if (!options_.exact_landmarks && !options_.as_published) {
+      const LandmarkPull pull(s_, located(landmarks_apart(), pair_), x);
+      if (!pull.is_empty()) optimizer_->set_pull(pull);
+    }
     optimizer_->start(x, result_);
     optimizer_->lower_omega(omega_before_);
     if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
-  }
-
-  void begin_coarse() {
-    if (CoarseToFine::has_levels(s_, options_) && options_.max_iterations > 0)
-      coarse_ = std::make_unique<CoarseToFine>(pair_, s_, optimizer_->positions(), held_.followers,
-                                               options_, executor_);
-  }
-
-  /// Runs a step on the coarse levels; after the last one, Algorithm 1 continues from their map.
-  void optimize_coarse() {
-    if (coarse_->step()) return;
-    result_.coarse = coarse_->levels();
-    if (optimizer_->begin_at(coarse_->positions(), coarse_->gain(), result_))
-      optimizer_->lower_omega(CoarseToFine::kNextOmega);
-    coarse_.reset();
   }
 
   void tell_iteration() {
@@ -13819,8 +14360,6 @@ class Run {
   void hand_over() {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
     if (!has_reason_) result_.message = words_of(result_.status).sentence;
-    is_behind_ = coarse_ && is_usable(result_.status);
-    if (is_behind_) return;  // refining a coarse map takes longer than a step
     if (is_usable(result_.status)) {
       hand_over_positions();
     } else {
@@ -13843,7 +14382,7 @@ class Run {
 
   /// True if the map of two opened surfaces is optimised but not closed.
   bool is_to_be_closed() const {
-    if (only_start_ || !can_close()) return false;
+    if (goal_ != Goal::kMap || !can_close()) return false;
     if (closer_) return closer_->status() == Status::kUnfinished;
     return result_.status == Status::kConverged || result_.status == Status::kIterationLimit ||
            result_.status == Status::kStalled;
@@ -13889,6 +14428,7 @@ class Run {
     r.initial = result_.initial;
     r.log_begin = result_.log_begin;
     r.coarse = result_.coarse;
+    r.candidates = result_.candidates;
     r.start = result_.start;
     r.start.f = r.f;
     r.start.g = r.g;
@@ -13901,6 +14441,7 @@ class Run {
     const bool has_risen = !is_changed_ && mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;
+    if (!placed_.empty()) warn_of_landmarks(r);
     if (!(mean > kMostDistortion || has_risen)) return;
     Warning warning;
     warning.message = "the map is hardly of use: its mean distortion is " + decimal(mean) +
@@ -13909,6 +14450,40 @@ class Run {
     if (map.status() == Status::kDone) add_worst_place(map, warning);
     warning.message +=
         "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles?";
+    r.warnings.push_back(std::move(warning));
+  }
+
+  /// Names the landmarks that the others and the map contradict, the farthest ones.
+  void warn_of_landmarks(Result& r) const {
+    constexpr double kFar = 0.1;  // of the diagonal of the box of B
+    constexpr int kMostNamed = 8;
+    const SurfaceMap map(r);
+    if (map.status() != Status::kDone) return;
+    const Points3& b = b_->given->vertices;
+    const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
+    Array<double> distance(placed_.size(), 0);
+    int far = 0;
+    for (int i = 0; i < placed_.size(); ++i) {
+      const Landmark& l = placed_[i].given;
+      const SurfacePoint image =
+          l.a.vertex >= 0 ? map.forward_vertex(l.a.vertex) : map.forward(l.a.point);
+      if (!image.exists()) continue;
+      const Eigen::Vector3d to =
+          l.b.vertex >= 0 ? b.row(l.b.vertex).transpose() : map.position_on_b(l.b.point);
+      distance[i] = -(map.position_on_b(image) - to).norm() / diagonal;
+      far += distance[i] < -kFar;
+    }
+    if (far == 0) return;
+    const Array<int> order = sorted_by(distance);
+    Warning warning;
+    warning.message = sentence(
+        {far, " of ", placed_.size(), " landmarks may be wrong: the map takes ", "them up to ",
+         decimal(-distance[order[0]]), " of the diagonal of B from where they should be:"});
+    for (int i = 0; i < (std::min)(far, int{kMostNamed}); ++i) {
+      const Landmark& l = placed_[order[i]].given;
+      warning.message += sentence({" ", name_of(l.a), "-", name_of(l.b)});
+      for (const ElementId& id : ids_of(l)) warning.ids.push_back(id);
+    }
     r.warnings.push_back(std::move(warning));
   }
 
@@ -13947,22 +14522,18 @@ class Run {
   std::vector<Landmark> landmarks_;  // without skipped ones
   const Options given_options_;
   RunOptions options_;  // with ids of the prepared meshes
-  const bool only_start_;
+  const Goal goal_;
   Executor executor_;
   SurfacePair whole_;             // the prepared surfaces
   SurfacePair pair_;              // the surfaces being optimised
   Array<PlacedLandmark> placed_;  // the landmarks on whole_,
   Array<PlacedLandmark> opened_;  // and after opening
-  Array<OpeningPair> openings_;   // candidates
-  int tried_ = 0;
+  std::unique_ptr<StartFinder> finder_;
+  bool has_start_ = false;        // the finder has ended
+  Array<PlacedLandmark> guides_;  // found on whole_
+  std::unique_ptr<MappedLevel> mapped_;
+  double finder_seconds_ = 0;
   OpeningPair opening_;  // of pair_
-  struct {
-    double badness = kInfinity;
-    OpeningPair opening;
-    SurfacePair pair;
-    Array<PlacedLandmark> landmarks;
-    Embedding start;
-  } best_;  // of the candidates tried
   std::unique_ptr<Closer> closer_;
   Status optimized_ = Status::kUnfinished;  // the status before closing the map
   Result closed_result_;
@@ -13972,20 +14543,347 @@ class Run {
   double scale_ = 0;  // of the planes, relative to given positions; 0 until known
   Held held_;
   std::unique_ptr<Optimizer> optimizer_;
-  std::unique_ptr<CoarseToFine> coarse_;  // runs before the optimizer
-  bool is_behind_ = false;                // the result lags behind the map of the coarse levels
-  int level_shown_ = -1;                  // of the map in the result
-  std::size_t told_ = 0;                  // entries of the log that were reported
-  bool is_changed_ = false;               // continues from the map of another run,
-  double omega_before_ = kInfinity;       // with this ω_L
-  Array<int> pulled_;                     // to be pulled together if apart
+  std::size_t told_ = 0;             // entries of the log that were reported
+  bool is_changed_ = false;          // continues from the map of another run,
+  double omega_before_ = kInfinity;  // with this ω_L
+  Array<int> pulled_;                // to be pulled together if apart
   std::unique_ptr<LandmarkPuller> puller_;
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding joining_;
   SurfacePair pair_before_;
+  bool is_embedding_ = false;
+  int level_shown_ = 0;      // of the coarse map in the result
   bool has_reason_ = false;  // the message says more than the status
   bool is_judged_ = false;   // warn_of_distortion() has judged the final map
 };
+
+// ---- candidates, defined ----
+
+inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
+                                const Options& options, const Executor& executor)
+    : whole_(whole),
+      landmarks_(landmarks),
+      options_(options),
+      landmark_weight_(options.exact_landmarks ? 100 : 1),
+      executor_(executor) {
+  options_.keep_scale = true;
+  options_.progress = nullptr;
+  options_.stop = nullptr;
+  options_.parallel_for = nullptr;
+  options_.threads = 1;  // candidates run side by side
+  options_.max_iterations = 200;
+  options_.tolerance = 1e-3;
+  options_.max_seconds = kInfinity;
+  options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
+  options_.exact_landmarks = options_.candidates = false;
+  options_.boundary = Boundary::kFree;
+  options_.outer_a = options_.outer_b = -1;
+  options_.coarsest = 0;
+}
+
+inline StartFinder::~StartFinder() = default;
+
+inline bool StartFinder::step() {
+  constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
+  constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
+  if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
+  if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
+  if (candidates_.empty()) return find_candidates(), true;
+  executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
+  const int first = next_, n = (std::min)(int{kAtOnce}, running_ - first);
+  executor_.run(n, [&](int i) { improve(candidates_[first + i], kIterations[round_]); });
+  next_ = first + n < running_ ? first + n : 0;
+  if (next_ > 0) return true;
+  for (int i = 0; i < running_; ++i)
+    if (candidates_[i].has_more) return true;
+  if (round_ == kLast) return take_best(), false;
+  drop_worst();
+  if (++round_ < kWithTips) return true;
+  if (round_ == kLast || candidates_[0].value < kGood || !add_tips()) round_ = kLast, running_ = 1;
+  return true;
+}
+
+inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
+                                  std::unique_ptr<Level>& level) const {
+  executor_.tell(true, 0, {"decimating ", letter(side)}, nullptr);
+  Array<char> keep(s.mesh.n_vertices, 0);
+  for (const PlacedLandmark& l : landmarks_)
+    for (int v : (side == Side::kA ? l.a : l.b).corners)
+      if (v >= 0) keep[v] = 1;
+  constexpr int kFewest = 100, kMost = 400, kRatio = 2;
+  const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
+  h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
+                                  executor_);
+  if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
+}
+
+inline void StartFinder::find_candidates() {
+  constexpr int kAlignments = 3, kPairs = 24;
+  const auto prepared_from = [](const Surface& s) {
+    return std::make_shared<const Prepared>(prepared(
+        std::make_shared<const TriangleMesh>(TriangleMesh{s.vertices, triangles_from(s.mesh.tail)}),
+        {}, false));
+  };
+  coarse_a_ = prepared_from(a_->surface);
+  coarse_b_ = prepared_from(b_->surface);
+  tips_a_ = find_tips(a_->surface);
+  tips_b_ = find_tips(b_->surface);
+  constexpr int kFew = 120, kMany = 480;
+  const SurfacePair pair = {a_->surface, b_->surface};
+  const Array<VertexPair> landmarks = own_landmarks();
+  samples_ = sampled(pair, landmarks, kMany);
+  const Array<Alignment> alignments =
+      find_alignments(sampled(pair, landmarks, kFew), samples_, kAlignments, executor_);
+  if (executor_.is_stopped()) return;
+  if (landmarks.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
+  for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
+  for (int n : {12, 16, 32, 48})
+    if (!alignments.empty()) add_candidate(alignments, 0, n);
+  running_ = candidates_.size();
+}
+
+/// The landmarks given, at the nearest of their corners that are left.
+inline Array<VertexPair> StartFinder::own_landmarks() const {
+  Array<VertexPair> result;
+  Array<char> is_used_a(a_->vertex.size(), 0), is_used_b(b_->vertex.size(), 0);
+  for (PlacedLandmark l : landmarks_) {
+    if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) continue;
+    const int v = l.a.corners[0], w = l.b.corners[0];
+    if (is_used_a[v]++ || is_used_b[w]++) continue;
+    result.push_back({v, w});
+  }
+  return result;
+}
+
+/// `which`: the alignment that gives at most `most` pairs; -1: none.
+inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int which, int most) {
+  Candidate candidate;
+  candidate.name = "landmarks";
+  candidate.alignment = which;
+  for (const VertexPair& l : own_landmarks())
+    candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
+  if (which >= 0) {
+    candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
+    const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
+    Array<double> distance(pairs.size(), kInfinity);
+    const auto spread = [&](const Vec3& from) {
+      for (int i = 0; i < pairs.size(); ++i)
+        distance[i] = (std::min)(distance[i], norm(samples_.a[pairs[i][0]].point - from));
+    };
+    for (const Landmark& l : candidate.landmarks) spread(row3(a_->surface.vertices, l.a.vertex));
+    for (int n = 0; n < most && !pairs.empty(); ++n) {
+      const int i =
+          static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
+      if (!(distance[i] > 0)) break;
+      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
+      spread(samples_.a[pairs[i][0]].point);
+    }
+  }
+  candidate.run =
+      std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
+  candidates_.push_back(std::move(candidate));
+}
+
+/// Takes a step, up to a number of iterations.
+inline void StartFinder::improve(Candidate& candidate, int iterations) const {
+  const Result& result = candidate.run->result();
+  const int done = static_cast<int>(result.log.size());
+  candidate.has_more = done < iterations && candidate.run->step();
+  constexpr double kMissed = 2;  // how much all landmarks weigh
+  const IterationLog& last = candidate.run->result().final_state();
+  if (!candidate.has_more && is_usable(candidate.run->result().status))
+    candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b) *
+                      (1 + kMissed * missed_landmarks(candidate));
+}
+
+/// The share of the landmarks given that a map misses; one that it does not cover counts half.
+inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
+  constexpr double kFar = 0.5;  // in roots of the area
+  const Array<VertexPair> landmarks = own_landmarks();
+  if (landmarks.empty()) return 0;
+  const SurfaceMap map(candidate.run->result());
+  if (map.status() != Status::kDone) return 1;
+  double sum = 0;
+  for (const VertexPair& l : landmarks) {
+    const SurfacePoint image = map.forward_vertex(l.a);
+    if (!image.exists()) {
+      sum += 0.5;
+      continue;
+    }
+    const Eigen::Vector3d at = map.position_on_b(image);
+    const double distance =
+        norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
+    sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
+  }
+  return sum / landmarks.size();
+}
+
+/// Keeps the best, and until tips were tried the landmarks alone: they tell other maps.
+inline void StartFinder::drop_worst() {
+  const auto first = candidates_.begin(), last = first + running_;
+  std::stable_sort(first, last,
+                   [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
+  running_ = (std::min)(running_, round_ == 0 ? 4 : 2);
+  if (round_ >= kWithTips) return;
+  const auto other =
+      std::find_if(first + running_, last, [](const Candidate& c) { return c.alignment < 0; });
+  if (other != last) std::iter_swap(first + running_ - 1, other);
+}
+
+inline std::vector<StartCandidate> StartFinder::candidates() const {
+  std::vector<StartCandidate> result;
+  for (const Candidate& c : candidates_) {
+    const int iterations = static_cast<int>(c.run->result().log.size());
+    result.push_back({c.name, c.value, iterations, difference(candidates_[0], c)});
+  }
+  return result;
+}
+
+/// The mean distance between images of vertices of A that both maps cover.
+inline double StartFinder::difference(const Candidate& one, const Candidate& other) const {
+  if (!(one.value < kInfinity && other.value < kInfinity)) return 0;
+  const SurfaceMap f(one.run->result()), g(other.run->result());
+  double sum = 0;
+  int both = 0;
+  for (int v = 0; v < a_->vertex.size(); ++v) {
+    const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
+    if (!p.exists() || !q.exists()) continue;
+    sum += (f.position_on_b(p) - g.position_on_b(q)).norm();
+    ++both;
+  }
+  return both > 0 ? sum / both / std::sqrt(b_->surface.total_area) : 0;
+}
+
+/// Starts that lead tips of A to those tips of B to which the maps so far bring them closest; false
+/// if that leaves nothing to try.
+inline bool StartFinder::add_tips() {
+  constexpr double kReach = 0.6;
+  Array<Candidate> next;
+  for (int i = 0; i < running_; ++i) {
+    Candidate candidate;
+    if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
+    candidates_[i].has_tried_tips = true;
+    const SurfaceMap map(candidates_[i].run->result());
+    if (map.status() != Status::kDone) continue;
+    Array<TipPair> tips;
+    for (const TipPair& tip : match_tips(map))
+      if (tip.miss < kReach) tips.push_back(tip);
+    if (tips.empty()) continue;
+    candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
+    candidate.alignment = candidates_[i].alignment;
+    for (const VertexPair& l : own_landmarks())
+      candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
+    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
+    for (const Landmark& l : spread_over(candidates_[i], map, tips))
+      candidate.landmarks.push_back(l);
+    candidate.run =
+        std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
+    next.push_back(std::move(candidate));
+  }
+  const bool has_more = !next.empty();
+  next.push_back(std::move(candidates_[0]));
+  running_ = next.size();
+  for (int i = 1; i < candidates_.size(); ++i) next.push_back(std::move(candidates_[i]));
+  candidates_.swap(next);
+  return has_more;
+}
+
+/// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to its
+/// image, if both are of one mind.
+inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
+  const auto distance = [](const Surface& s, const Array<double>& to, const SurfacePoint& p) {
+    double d = 0;
+    for (int k = 0; k < 3; ++k) d += p.barycentric[k] * to[s.mesh.corner(p.face, k)];
+    return d;
+  };
+  Array<TipPair> of_a(tips_a_.vertex.size(), TipPair()), of_b(tips_b_.vertex.size(), TipPair());
+  for (int i = 0; i < of_a.size(); ++i) {
+    const SurfacePoint p = map.forward_vertex(tips_a_.vertex[i]);
+    for (int j = 0; j < of_b.size(); ++j) {
+      const SurfacePoint q = map.backward_vertex(tips_b_.vertex[j]);
+      if (!p.exists() || !q.exists()) continue;
+      const double miss = (std::max)(distance(b_->surface, tips_b_.distance[j], p),
+                                     distance(a_->surface, tips_a_.distance[i], q));
+      if (miss < of_a[i].miss) of_a[i] = {i, j, miss};
+      if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
+    }
+  }
+  constexpr double kClear = 0.1;  // of landmarks, which tell enough
+  Array<TipPair> pairs;
+  for (const TipPair& p : of_a) {
+    bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
+    for (const VertexPair& l : own_landmarks())
+      is_free =
+          is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
+    if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
+  }
+  return pairs;
+}
+
+/// Pairs of a map spread over A, but for the surroundings of tips that it misses.
+inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, const SurfaceMap& map,
+                                                const Array<TipPair>& tips) const {
+  constexpr double kClear = 0.15;  // of an opening
+  const std::vector<SurfacePoint> images = map.forward_vertices();
+  const Surface& a = a_->surface;
+  Array<double> distance(a.mesh.n_vertices, kInfinity);
+  const auto spread = [&](int from, double offset) {
+    for (int v = 0; v < a.mesh.n_vertices; ++v)
+      distance[v] =
+          (std::min)(distance[v], norm(row3(a.vertices, v) - row3(a.vertices, from)) - offset);
+  };
+  for (int v = 0; v < a.mesh.n_vertices; ++v)
+    if (!images.data()[v].exists()) distance[v] = -kInfinity;
+  const int opening = candidate.run->result().start.opening_a;
+  if (opening >= 0) spread(opening, kClear);
+  for (const TipPair& tip : tips) {
+    spread(tip.a, tip.miss);
+    const Vec3 end = row3(b_->surface.vertices, tip.b);
+    for (int v = 0; v < a.mesh.n_vertices; ++v) {
+      if (!images.data()[v].exists()) continue;
+      const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
+      if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) distance[v] = -kInfinity;
+    }
+  }
+  for (PlacedLandmark l : landmarks_)
+    if (move_to_level(*a_, 0, l.a)) spread(l.a.corners[0], 0);
+  Array<Landmark> pairs;
+  while (pairs.size() < kGuides) {
+    const int v =
+        static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
+    if (!(distance[v] > 0)) break;
+    spread(v, 0);
+    pairs.push_back({v, images.data()[v], 0});
+  }
+  return pairs;
+}
+
+inline void StartFinder::take_best() {
+  constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
+  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return level_.reset();
+  const Result& best = candidates_[0].run->result();
+  const bool is_same = rows_of(best.f) == a_->vertex.size() && rows_of(best.g) == b_->vertex.size();
+  if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
+  if (level_) {
+    level_->f = best.f, level_->g = best.g;
+    level_->log = best.final_state();
+    for (const Candidate& c : candidates_)
+      if (c.alignment < 0 && c.name == "landmarks")
+        level_->warnings = c.run->result().start.warnings;
+  }
+  if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
+  if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
+  const SurfaceMap map(best);
+  if (map.status() != Status::kDone) return;
+  for (const Landmark& l : spread_over(candidates_[0], map, {})) {
+    PlacedLandmark guide;
+    guide.weight = kWeight;
+    guide.a = copy_of(a_->vertex[l.a.vertex]);
+    const Eigen::Vector3d at = map.position_on_b(l.b.point);
+    guide.b = nearest_place(whole_.b, {at.x(), at.y(), at.z()});
+    guides_.push_back(guide);
+  }
+}
 
 // ---- data of a SurfaceMap ----
 
@@ -14094,7 +14992,8 @@ Options Options::paper() {
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks, const Options& options) {
   detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
-                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options, true);
+                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options,
+                  detail::Goal::kStart);
   while (run.step()) {
   }
   return std::move(run.result().start);
@@ -14103,7 +15002,8 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                    const Options& options) {
   detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
-                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options, false);
+                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options,
+                  detail::Goal::kMap);
   while (run.step()) {
   }
   return std::move(run.result());
@@ -14114,7 +15014,7 @@ Solver::Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>
                const Options& options)
     : run_(std::make_unique<detail::Run>(detail::input_of(a, Side::kA, landmarks, options),
                                          detail::input_of(b, Side::kB, landmarks, options),
-                                         landmarks, options, false)) {}
+                                         landmarks, options, detail::Goal::kMap)) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&& other) noexcept = default;
 Solver& Solver::operator=(Solver&& other) noexcept = default;

@@ -160,6 +160,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("coarsest", o.coarsest);
+  visit("candidates", o.candidates);
   visit("history_length", o.history_length);
   visit("omega_start", o.omega_start);
   visit("as_published", o.as_published);
@@ -555,7 +556,6 @@ ism::Triangles by_written_ids(const WrittenIds& ids, ism::Triangles triangles) {
 /// How far landmarks end from where they belong, in diagonals of the bounding box of B.
 struct LandmarkError {
   double largest = 0;
-  ism::Landmark worst = {-1, -1};
   int uncovered = 0;  // without an image
 };
 
@@ -570,9 +570,7 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
     if (!image.exists()) continue;
     const Eigen::Vector3d target = landmarks::position(input.b, l.b);
     const double distance = (map.position_on_b(image) - target).norm() / diagonal;
-    if (distance < result.largest) continue;
-    result.largest = distance;
-    result.worst = l;
+    result.largest = std::max(result.largest, distance);
   }
   return result;
 }
@@ -627,6 +625,13 @@ Json json_iteration(const ism::IterationLog& it) {
                {"seconds_solve", it.seconds_solve},
                {"seconds_search", it.seconds_search}});
   return json;
+}
+
+Json json_candidate(const ism::StartCandidate& c) {
+  return {{"name", c.name},
+          {"distortion", c.distortion},
+          {"iterations", c.iterations},
+          {"difference", c.difference}};
 }
 
 Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
@@ -698,6 +703,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
       {"is_closed", found.is_closed},
       {"options", json_options(args)},
       {"start", start},
+      {"candidates", json_list(result.candidates, json_candidate)},
       {"coarse", json_list(result.coarse, json_iteration)},
       {"final", final},
       {"seconds", json_seconds(s)},
@@ -962,14 +968,10 @@ std::string write_files(const std::string& folder, std::vector<mesh_io::TextFile
 }
 
 void print_landmarks(const Input& input, const ism::Result& result, const LandmarkError& error) {
-  constexpr double kFar = 0.1;
   std::printf("landmarks    %zu, at most %.3g apart in the plane at the start (1: its radius),\n",
               input.landmarks.size(), result.start.landmark_distance);
   std::printf("             %.3g on B at the end (1: the diagonal of its box), %d not covered\n",
               error.largest, error.uncovered);
-  if (error.largest > kFar)
-    std::printf("             %s goes far from %s: is it right, and is outside outside on both?\n",
-                landmarks::name(error.worst.a).c_str(), landmarks::name(error.worst.b).c_str());
 }
 
 /// What was done to a mesh, a line for each thing.
@@ -986,6 +988,19 @@ int count_added(const std::vector<ism::AddedVertex>& added) {
   int n = 0;
   for (const ism::AddedVertex& p : added) n += p.corners[1] >= 0;
   return n;
+}
+
+/// The start that won, and another one that is hardly worse but leads to a different map.
+void print_start(const std::vector<ism::StartCandidate>& tried) {
+  if (tried.empty()) return;
+  const ism::StartCandidate& best = tried[0];
+  std::printf("start        %s: the best of %zu\n", best.name.c_str(), tried.size());
+  for (const ism::StartCandidate& c : tried)
+    if (c.distortion < 1.05 * best.distortion && c.difference > 0.1)
+      return void(
+          std::printf("             %s has %.3f instead of %.3f on coarse surfaces and maps to "
+                      "other places: landmarks tell which one is meant\n",
+                      c.name.c_str(), c.distortion, best.distortion));
 }
 
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
@@ -1005,6 +1020,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("added        %d vertices to A, %d to B, behind those given\n", added_a, added_b);
   std::printf("status       %s after %zu iterations%s%s\n", ism::to_string(result.status),
               result.log.size(), result.message.empty() ? "" : ": ", result.message.c_str());
+  print_start(result.candidates);
   for (const ism::IterationLog& coarse : result.coarse)
     std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",

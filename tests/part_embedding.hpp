@@ -361,7 +361,7 @@ TEST_CASE("decimation leaves a valid disk of the size asked for") {
     const Array<char> free(s.mesh.n_vertices, 0);
     const Executor executor{on_one_thread()};
     const Hierarchy h(s, ism::Side::kA, free, Hierarchy::kBase, Approach::kShape,
-                      even_angles(s.mesh), executor);
+                      even_angles(s.mesh), -1, executor);
     CHECK(h.active() <= std::max(Hierarchy::kBase, 3));
     CHECK(h.is_full() == (s.mesh.n_vertices <= Hierarchy::kBase));
     const Level level = h.current();
@@ -388,7 +388,7 @@ TEST_CASE("decimation keeps protected vertices while there are others") {
   for (int v = 0; v < 30; ++v) is_protected[4 * v] = 1;
   const Executor executor{on_one_thread()};
   const Level level = Hierarchy(s, ism::Side::kA, is_protected, Hierarchy::kBase, Approach::kShape,
-                                even_angles(s.mesh), executor)
+                                even_angles(s.mesh), -1, executor)
                           .current();
   for (int v = 0; v < 30; ++v) CHECK(level.place[4 * v] >= 0);
 }
@@ -407,7 +407,7 @@ TEST_CASE("a fan around two vertices is embedded from a smaller base") {
   const Array<char> free(s.mesh.n_vertices, 0);
   const Executor executor{on_one_thread()};
   const auto embeds = [&](int base) {
-    return Hierarchy(s, ism::Side::kA, free, base, Approach::kConnectivity, even_angles(s.mesh),
+    return Hierarchy(s, ism::Side::kA, free, base, Approach::kConnectivity, even_angles(s.mesh), -1,
                      executor)
         .embed_base();
   };
@@ -427,7 +427,7 @@ TEST_CASE("a mesh refined from its base has every vertex and is embedded at ever
       const Surface s = build_surface(shape.mesh, false);
       const Array<char> free(s.mesh.n_vertices, 0);
       const Executor executor{on_one_thread()};
-      Hierarchy h(s, ism::Side::kA, free, Hierarchy::kBase, approach, even_angles(s.mesh),
+      Hierarchy h(s, ism::Side::kA, free, Hierarchy::kBase, approach, even_angles(s.mesh), -1,
                   executor);
       const bool has_base = h.embed_base();
       if (approach == Approach::kConnectivity) REQUIRE(has_base);

@@ -382,7 +382,7 @@ TEST_CASE("decimation of 100,000 boundary edges, and of hubs, is undone vertex b
     for (int i = 0; i < s.mesh.boundary.size(); ++i)
       angle[s.mesh.tail[s.mesh.boundary[i]]] = 2 * kPi * i / s.mesh.boundary.size();
     Hierarchy h(s, ism::Side::kA, Array<char>(s.mesh.n_vertices, 0), Hierarchy::kBase,
-                Approach::kConnectivity, angle, executor);
+                Approach::kConnectivity, angle, -1, executor);
     CHECK(h.active() <= Hierarchy::kBase);
     REQUIRE(h.embed_base());
     h.set_goal(s.mesh.n_vertices);

@@ -207,7 +207,8 @@ std::vector<Change> changes() {
   }
   Change late = {cases()[1], cases()[2]};
   late.to.name = "landmarks become exact, one is new";
-  late.to.landmarks.push_back({48, 40});
+  late.from.landmarks = {{22, 20}, {75, 76}};  // pins stay where no new start is needed
+  late.to.landmarks = {{22, 20}, {75, 76}, {48, 43}};
   late.to.options.pins_b = {31};
   late.to.options.coverage_weight = 0.1;
   all.push_back(late);

@@ -12,4 +12,5 @@
 #include "part_landmarks.hpp"
 #include "part_map.hpp"
 #include "part_openings.hpp"
+#include "part_starts.hpp"
 #include "part_verify.hpp"

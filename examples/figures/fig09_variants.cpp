@@ -75,7 +75,7 @@ int fig09_variants(int argc, char** argv) {
       picture::draw_texture(picture::scene_of(map, axes), ism::Side::kB, panel(i + 2), canvas);
       caption(i + 2, figure::format("%.3f, %zu iterations", r.final_state().mean_distortion,
                                     r.log.size()));
-      ends[i] = figure::excess(r.final_state());
+      ends[i] = figure::excess(figure::map_of(r));
     }
     claims.push_back(
         {start.pair.name + ": SPN ends lower than PN, or as low", ends[1] < kAsLow * ends[0]});

@@ -104,6 +104,12 @@ ism::SurfaceMap inverse_of(const ism::Result& result) {
 
 ism::SurfaceMap start_of(const ism::Result& result) { return ism::SurfaceMap(result.start); }
 
+ism::SurfaceMap composed(const Pair& pair) {
+  ism::Options options;
+  options.candidates = false;
+  return ism::SurfaceMap(embed(pair, options));
+}
+
 std::string distortion_words(const ism::SurfaceMap& map) {
   const ism::DistortionSummary d = ism::summarize(map.distortion());
   return format("%.3f on average, below %.3f on half, %.2f on 95%% of the area", d.mean, d.median,
@@ -138,7 +144,7 @@ int finish(const Arguments& args, const render::Canvas& canvas, const std::vecto
   return code;
 }
 
-double excess(const ism::IterationLog& state) { return state.mean_distortion - 2; }
+double excess(const ism::SurfaceMap& map) { return ism::summarize(map.distortion()).mean - 2; }
 
 bool is_proved(const ism::SurfaceMap& map) { return ism::verify(map).status == ism::Status::kDone; }
 

@@ -76,6 +76,8 @@ ism::Embedding embed(const Pair& pair, const ism::Options& options);
 ism::SurfaceMap map_of(const ism::Result& result);
 ism::SurfaceMap inverse_of(const ism::Result& result);
 ism::SurfaceMap start_of(const ism::Result& result);
+/// Both surfaces embedded one by one, brought together by the landmarks.
+ism::SurfaceMap composed(const Pair& pair);
 /// One mesh on the surface of another one that lies in the same plane and covers it.
 ism::TriangleMesh remeshed(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
                            const ism::Points2& f, const ism::Points2& g);
@@ -99,7 +101,7 @@ constexpr int kClaimFails = 3;  // exit code
 int finish(const Arguments& args, const render::Canvas& canvas, const std::vector<Claim>& claims);
 
 /// The mean distortion beyond that of an isometry.
-double excess(const ism::IterationLog& state);
+double excess(const ism::SurfaceMap& map);
 /// Proved to be injective, the meta mesh included.
 bool is_proved(const ism::SurfaceMap& map);
 /// How far apart on B two maps take the vertices of A, on average, in diagonals of B.

@@ -1,0 +1,230 @@
+// Where a map begins without landmarks, or with few: alignments in space, tips, and the starts that
+// are tried.
+
+#ifndef ISM_TESTS_PART_STARTS_HPP
+#define ISM_TESTS_PART_STARTS_HPP
+
+#include "ism.hpp"
+#include "runs.hpp"
+#include "shapes.hpp"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace starts_tests {
+namespace {
+
+using namespace ism::detail;
+using Eigen::Vector3d;
+using ism::Result;
+using ism::TriangleMesh;
+using runs::on_one_thread;
+
+/// Four limbs, no two of one length or at one angle to the others, about a body: the image of the
+/// unit sphere.
+Vector3d body(const Vector3d& direction) {
+  const Vector3d axis[] = {Vector3d(1, 0.2, 0.1).normalized(), Vector3d(-0.5, 1, 0).normalized(),
+                           Vector3d(-0.4, -0.6, 0.9).normalized(),
+                           Vector3d(-0.2, -0.5, -1).normalized()};
+  const double length[] = {1.6, 1.1, 0.8, 1.3};
+  double r = 1;
+  for (int i = 0; i < 4; ++i) r += length[i] * std::exp(-12 * (1 - direction.dot(axis[i])));
+  return r * direction;
+}
+
+/// The body on a mesh that is turned by R before it is bent, and turned by S in space.
+TriangleMesh body_mesh(const Eigen::Matrix3d& R, const Eigen::Matrix3d& S) {
+  TriangleMesh mesh = shapes::sphere(4);
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
+    const Vector3d direction = R * mesh.vertices.row(v).transpose();
+    mesh.vertices.row(v) = (S * body(direction)).transpose();
+  }
+  return mesh;
+}
+
+Eigen::Matrix3d turn(double angle, const Vector3d& axis) {
+  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
+}
+
+/// Mean distance of the images from where they should be, in roots of the area of B.
+double mean_error(const Result& r, const Eigen::Matrix3d& S) {
+  const ism::SurfaceMap map(r);
+  REQUIRE(map.status() == ism::Status::kDone);
+  const TriangleMesh& a = map.mesh(ism::Side::kA);
+  double sum = 0;
+  for (int v = 0; v < a.vertices.rows(); ++v) {
+    const Vector3d to = S * a.vertices.row(v).transpose();
+    sum += (map.position_on_b(map.forward_vertex(v)) - to).norm();
+  }
+  const double area = build_surface(map.mesh(ism::Side::kB), false).total_area;
+  return sum / static_cast<double>(a.vertices.rows()) / std::sqrt(area);
+}
+
+}  // namespace
+
+TEST_CASE("the rotations of the icosahedron are 60, and leave none farther away than 45 degrees") {
+  const Array<AffineMap> rotations = icosahedral_rotations();
+  REQUIRE(rotations.size() == 60);
+  const auto matrix = [](const AffineMap& m) {
+    Eigen::Matrix3d M;
+    for (int c = 0; c < 3; ++c) M.col(c) << m.column[c].x, m.column[c].y, m.column[c].z;
+    return M;
+  };
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Matrix3d M = matrix(rotations[i]);
+    CHECK((M * M.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-12);
+    CHECK(M.determinant() == doctest::Approx(1));
+    for (int j = 0; j < i; ++j) CHECK((M - matrix(rotations[j])).norm() > 0.5);
+  }
+  shapes::Rng rng(3);
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3d axis(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
+    const Eigen::Matrix3d R = turn(rng.uniform(0, kPi), axis);
+    double most = -1;
+    for (const AffineMap& rotation : rotations)
+      most = std::max(most, (matrix(rotation).transpose() * R).trace());
+    CHECK(std::acos(std::min(1.0, 0.5 * (most - 1))) < 0.25 * kPi);
+  }
+}
+
+TEST_CASE("the rotation nearest to a matrix is that of its polar decomposition") {
+  shapes::Rng rng(4);
+  for (int i = 0; i < 100; ++i) {
+    AffineMap m;
+    Eigen::Matrix3d M;
+    for (int c = 0; c < 3; ++c) {
+      m.column[c] = {rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1)};
+      M.col(c) << m.column[c].x, m.column[c].y, m.column[c].z;
+    }
+    REQUIRE(nearest_rotation(m) == (M.determinant() > 0));
+    if (M.determinant() <= 0) continue;
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    if (svd.singularValues()[2] < 1e-3) continue;
+    const Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+    for (int c = 0; c < 3; ++c)
+      for (int k = 0; k < 3; ++k) CHECK(m.column[c][k] == doctest::Approx(R(k, c)).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("a surface turned in space is aligned with itself") {
+  const Eigen::Matrix3d S = turn(2.1, {1, 2, -1});
+  const SurfacePair pair = {
+      build_surface(body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()), true),
+      build_surface(body_mesh(turn(0.7, {0, 1, 3}), S), true)};
+  const Executor executor(on_one_thread());
+  const SamplePair many = sampled(pair, {}, 480);
+  const Array<Alignment> found = find_alignments(sampled(pair, {}, 120), many, 3, executor);
+  REQUIRE(!found.empty());
+  for (int c = 0; c < 3; ++c)
+    for (int k = 0; k < 3; ++k) CHECK(std::abs(found[0].map().column[c][k] - S(k, c)) < 0.05);
+  for (int i = 1; i < found.size(); ++i) CHECK(found[i].residual() > 1.2 * found[0].residual());
+}
+
+TEST_CASE("the tips of a star are the ends of its arms") {
+  for (int arms : {3, 4, 6}) {
+    const Surface s = build_surface(shapes::limbs(arms, 8, 0.1).mesh, true);
+    const Tips tips = find_tips(s);
+    REQUIRE(tips.vertex.size() == arms);
+    for (int i = 0; i < arms; ++i) {
+      const int v = tips.vertex[i];
+      CHECK(norm(row3(s.vertices, v)) > 4.99);
+      CHECK(tips.distance[i][v] == 0);
+    }
+  }
+}
+
+TEST_CASE("without landmarks, a surface is mapped onto itself turned, on another mesh") {
+  const Eigen::Matrix3d S = turn(2.1, {1, 2, -1});
+  const TriangleMesh a = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity());
+  const TriangleMesh b = body_mesh(turn(0.7, {0, 1, 3}), S);
+  const Result r = ism::compute_map(a, b, {}, on_one_thread());
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.final_state().mean_distortion < 2.1);
+  CHECK(mean_error(r, S) < 0.1);  // 0.37 with limbs that are exchanged
+
+  REQUIRE(r.candidates.size() > 3);
+  for (std::size_t i = 0; i < r.candidates.size(); ++i) {
+    const ism::StartCandidate& c = r.candidates[i];
+    CHECK(c.iterations >= 0);
+    CHECK(r.candidates[0].distortion <= c.distortion);
+    CHECK((c.name.find("landmarks") == 0 || c.name.find("alignment ") == 0));
+  }
+  CHECK(r.candidates[0].name.find("alignment 1, ") == 0);
+}
+
+TEST_CASE("a map of disks goes on from that of the best start") {
+  shapes::Rng rng(8);
+  shapes::Disk a = shapes::perturbed_grid(24, 24, 0.2, rng),
+               b = shapes::perturbed_grid(25, 23, 0.2, rng);
+  shapes::bend(a, 0.6);
+  shapes::bend(b, -0.5);
+  ism::Options options = on_one_thread();
+  const Result with = ism::compute_map(a.mesh, b.mesh, {}, options);
+  REQUIRE(ism::is_usable(with.status));
+  REQUIRE(!with.candidates.empty());
+  REQUIRE(!with.coarse.empty());
+  CHECK(with.coarse[0].mean_distortion <= 1.02 * with.candidates[0].distortion);
+
+  options.candidates = false;
+  const Result without = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(without.candidates.empty());
+  CHECK(with.final_state().mean_distortion <= 1.01 * without.final_state().mean_distortion);
+
+  options.candidates = true;
+  options.initial_f = a.plane;
+  options.initial_g = b.plane;
+  CHECK(ism::compute_map(a.mesh, b.mesh, {}, options).candidates.empty());
+}
+
+// ---- landmarks that pull ----
+
+TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls to the end") {
+  shapes::Rng rng(12);
+  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
+               b = shapes::perturbed_grid(21, 19, 0.2, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.5);
+  const int from = 10 * 21 + 10, to = 10 * 22 + 12;  // about a tenth of the side apart
+  const auto distance = [&](double weight) {
+    const Result r =
+        ism::compute_map(a.mesh, b.mesh, {{0, 0}, {440, 439}, {from, to, weight}}, on_one_thread());
+    REQUIRE(ism::is_usable(r.status));
+    for (std::size_t i = 1; i < r.log.size(); ++i) CHECK(r.log[i].energy <= r.log[i - 1].energy);
+    const ism::SurfaceMap map(r);
+    const Vector3d end = b.mesh.vertices.row(to).transpose();
+    return (map.position_on_b(map.forward_vertex(from)) - end).norm();
+  };
+  const double hinted = distance(0), pulled = distance(1), held = distance(50);
+  CHECK(pulled < hinted);
+  CHECK(held < 0.9 * pulled);
+}
+
+TEST_CASE("landmarks that the map contradicts are named") {
+  const TriangleMesh a = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity());
+  std::vector<ism::Landmark> landmarks;
+  for (int v : {3, 100, 200, 300, 400, 500}) landmarks.push_back({v, v});
+  const auto warning_of = [&] {
+    const Result r = ism::compute_map(a, a, landmarks, on_one_thread());
+    REQUIRE(ism::is_usable(r.status));
+    for (const ism::Warning& w : r.warnings)
+      if (w.message.find("landmarks may be wrong") != std::string::npos) return w;
+    return ism::Warning();
+  };
+  CHECK(warning_of().message.empty());
+  std::swap(landmarks[1].b, landmarks[2].b);
+  const ism::Warning warning = warning_of();
+  CAPTURE(warning.message);
+  CHECK(warning.message.find("2 of 6 landmarks") == 0);
+  REQUIRE(warning.ids.size() == 4);
+  for (const ism::ElementId& id : warning.ids) CHECK((id.id == 100 || id.id == 200));
+}
+
+}  // namespace starts_tests
+
+#endif  // ISM_TESTS_PART_STARTS_HPP
