@@ -362,6 +362,13 @@ struct Landmark {
   double weight = 1;
 };
 
+/// A line of vertices of A, neighbours one after the other, that shall come to lie on a line of B,
+/// like lips, eyelids, or a midline. Points may slide along. A closed one ends where it begins.
+struct Curve {
+  std::vector<int> a, b;
+  double weight = 1000;  // as that of landmarks, of both lines together
+};
+
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
 /// hold their boundaries (kInvalidOptions).
 enum class Boundary {
@@ -457,6 +464,7 @@ DistortionMeasure asap();
 /// Options of the embedding and the optimisation. Lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
+  std::vector<Curve> curves;
   /// Reward for covered area beyond the cost of an isometry: E gains -κ (area A' + area B'), where
   /// κ = max(0, coverage_weight + measure.isometry()). With 0 an isometry neither gains nor loses
   /// by shrinking; a small weight lets it grow; a large one trades low distortion for coverage.
@@ -6263,39 +6271,73 @@ inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
   return flat / area;
 }
 
+/// The point of a line of vertices that is nearest to p in the plane.
+inline Place nearest_on(const Array<int>& line, const Points2& x, Vec2 p) {
+  Place nearest = copy_of(line[0]);
+  double least = squared_norm(row2(x, line[0]) - p);
+  for (int i = 1; i < line.size(); ++i) {
+    const Vec2 from = row2(x, line[i - 1]), along = row2(x, line[i]) - from;
+    const double t = dot(p - from, along) / squared_norm(along);
+    const double there = t > 0 ? (std::min)(t, 1.0) : 0;  // NaN, too
+    const double distance = squared_norm(from + there * along - p);
+    if (distance >= least) continue;
+    least = distance;
+    nearest.corners = Eigen::Vector3i(line[i - 1], line[i], -1);
+    nearest.weights = Eigen::Vector3d(1 - there, there, 0);
+  }
+  return nearest;
+}
+
 /// The energy of landmarks that hold: Σ w S ρ(d²/S), where ρ(t) = t / (1 + t/c²) [Geman and McClure
 /// 1985], S is the mean area of the surfaces, and d the distance between both ends in the plane, by
 /// the scale the surfaces have there at the start. A landmark that the map contradicts loses its
 /// pull. Springs of weight w ρ'(t) majorise it.
 class LandmarkPull {
  public:
-  LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks, const Points2& x)
+  LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks,
+               const std::vector<Curve>& curves, const Points2& x)
       : unit_(0.5 * s.total_area) {
     constexpr double kWeight = 1;
-    constexpr double kMost = 50;  // landmarks of full weight; more share it
+    constexpr double kMost = 50;       // landmarks of full weight; more share it
+    constexpr int kMostSprings = 300;  // of many landmarks, so many spread over the list pull
+    const int step = 1 + landmarks.size() / (kMostSprings + 1);
     double total = 0;
-    for (const PlacedLandmark& l : landmarks) total += l.given.weight;
-    for (PlacedLandmark l : landmarks) {
+    for (int i = 0; i < landmarks.size(); i += step) total += landmarks[i].given.weight;
+    const double share = kWeight * (std::min)(1.0, kMost / total);
+    for (int i = 0; i < landmarks.size(); i += step) {
+      PlacedLandmark l = landmarks[i];
       if (!(l.weight == 1 && l.given.weight > 0)) continue;
       for (int& corner : l.b.corners)
         if (corner >= 0) corner += s.n_a;
       const double scale = std::sqrt(planar_scale(s, x, l.a) * planar_scale(s, x, l.b));
-      ends_.push_back({l.a, l.b, kWeight * l.given.weight * (std::min)(1.0, kMost / total),
-                       1 / (scale * unit_)});
+      ends_.push_back({l.a, l.b, l.given.weight * share, 1 / (scale * unit_)});
+    }
+    for (const Curve& c : curves) {
+      if (c.a.empty() || c.b.empty()) continue;
+      Array<int> a, b;
+      for (int v : c.a) a.push_back(v);
+      for (int v : c.b) b.push_back(s.n_a + v);
+      const double weight = c.weight / (a.size() + b.size());
+      add_line(s, a, b, weight, x);
+      add_line(s, b, a, weight, x);
     }
   }
 
-  bool is_empty() const { return ends_.empty(); }
+  bool is_empty() const { return ends_.empty() && sliders_.empty(); }
 
   double operator()(const Points2& x, Array<Spring>& springs) const {
     constexpr double kDoubt = 0.2;  // c, in roots of the area
     double energy = 0;
-    for (const Ends& e : ends_) {
+    const auto pull = [&](const Ends& e) {
       const double t = e.scale * squared_norm(mean(e.a, x) - mean(e.b, x));
       const double share = 1 / (1 + t / (kDoubt * kDoubt));
       energy += unit_ * e.weight * t * share;
       add_springs(e.a, e.b, unit_ * e.weight * e.scale * share * share, springs);
-    }
+    };
+    for (const Ends& e : ends_) pull(e);
+    for (const Slider& e : sliders_)
+      pull(
+          {copy_of(e.vertex), nearest_on(lines_[e.line], x, row2(x, e.vertex)), e.weight, e.scale});
     return energy;
   }
 
@@ -6304,9 +6346,23 @@ class LandmarkPull {
     Place a, b;  // of the joint surface
     double weight, scale;
   };
+  struct Slider {  // a vertex of one line, drawn to the nearest point of another
+    int vertex, line;
+    double weight, scale;
+  };
+
+  /// Draws the vertices of a line to another one.
+  void add_line(const JointSurface& s, const Array<int>& from, const Array<int>& to, double weight,
+                const Points2& x) {
+    for (int v : from)
+      sliders_.push_back({v, lines_.size(), weight, 1 / (planar_scale(s, x, copy_of(v)) * unit_)});
+    lines_.push_back(to);
+  }
 
   double unit_;
   Array<Ends> ends_;
+  Array<Slider> sliders_;
+  Array<Array<int>> lines_;
 };
 
 inline Vec2 centroid(const Points2& x) {
@@ -8000,6 +8056,9 @@ inline double badness(const JointSurface& s, const Points2& positions) {
   return value < kInfinity ? value : kInfinity;  // NaN, too
 }
 
+/// Decimation keeps no more landmarks than these; many may be noisy, or wrong.
+inline constexpr int kMostLeading = 50;
+
 /// A map of both surfaces decimated, from which Algorithm 1 may go on.
 struct MappedLevel {
   std::unique_ptr<Hierarchy> a, b;
@@ -8180,7 +8239,12 @@ class PairEmbedder {
     Array<PlacedLandmark> there;
     for (PlacedLandmark l : landmarks_)
       if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, 0, l.b)) there.push_back(l);
-    const LandmarkPull pull(joint_, there, x);
+    std::vector<Curve> curves = options_.curves;
+    for (Curve& c : curves) {
+      keep_there(level_a_, c.a);
+      keep_there(level_b_, c.b);
+    }
+    const LandmarkPull pull(joint_, there, curves, x);
     if (!pull.is_empty()) optimizer_->set_pull(pull);
     optimizer_->start(x, log_);
     if (is_first)
@@ -8189,6 +8253,14 @@ class PairEmbedder {
       optimizer_->keep_covered(rules_);
     if (!levels_.empty()) optimizer_->lower_omega(kNextOmega);
     if (log_.status == Status::kUnfinished) levels_.push_back(log_.log_begin);
+  }
+
+  /// Leaves those vertices that a level has.
+  static void keep_there(const Level& level, std::vector<int>& vertices) {
+    std::vector<int> there;
+    for (int v : vertices)
+      if (level.place[v] >= 0) there.push_back(level.place[v]);
+    vertices.swap(there);
   }
 
   bool optimize_level() {
@@ -8286,11 +8358,14 @@ class PairEmbedder {
   bool decimate(const Surface& s, Side side, const Outline* outline,
                 std::unique_ptr<Hierarchy>& h) const {
     tell({"decimating ", letter(side)});
+    const bool are_many = landmarks_.size() > kMostLeading;
     Array<char> keep(s.mesh.n_vertices, 0);
     for (const PlacedLandmark& l : landmarks_)
       for (int k = 0; k < 3; ++k) {
         const int v = (side == Side::kA ? l.a : l.b).corners[k];
-        if (v >= 0 && (l.weight == 1 || approach_ == Approach::kShape)) keep[v] = 1;
+        const bool is_kept =
+            l.weight == 1 ? options_.exact_landmarks || !are_many : approach_ == Approach::kShape;
+        if (v >= 0 && is_kept) keep[v] = 1;
       }
     const Array<double> angle = boundary_angles(s.mesh, outline);
     for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) {
@@ -8890,6 +8965,8 @@ class Embedder {
 
   Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
+    const bool are_many = all.size() > kMostLeading && !options_.exact_landmarks;
+    if (are_many && !mapped_ && !guides_.empty()) all.clear();  // guides are of those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
     embedder_ =
         std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines,
@@ -11639,6 +11716,41 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
+/// The half of some pairs that agree best on how far they are from each other on both surfaces; of
+/// these at most `most`, spread over A. Others may be wrong, at most half of them.
+inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<VertexPair>& pairs,
+                                    int most) {
+  constexpr int kRounds = 4, kShare = 4;  // a quarter of the others bears a pair out
+  Array<Array<double>> on_a, on_b;
+  Array<int> kept;
+  for (int i = 0; i < pairs.size(); ++i) {
+    on_a.push_back(edge_distances(surfaces.a, Array<int>(1, pairs[i].a)));
+    on_b.push_back(edge_distances(surfaces.b, Array<int>(1, pairs[i].b)));
+    kept.push_back(i);
+  }
+  for (int round = 0; round < kRounds; ++round) {
+    Array<double> miss;
+    for (int i = 0; i < pairs.size(); ++i) {
+      Array<double> difference;
+      for (int j : kept) difference.push_back(std::abs(on_a[i][pairs[j].a] - on_b[i][pairs[j].b]));
+      std::sort(difference.begin(), difference.end());
+      miss.push_back(difference[difference.size() / kShare]);
+    }
+    kept = sorted_by(miss);
+    kept.resize((pairs.size() + 1) / 2);
+  }
+  Array<VertexPair> spread;
+  Array<double> nearest(pairs.size(), -kInfinity);
+  for (int i : kept) nearest[i] = kInfinity;
+  while (spread.size() < (std::min)(most, kept.size())) {
+    const int i =
+        static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+    spread.push_back(pairs[i]);
+    for (int j : kept) nearest[j] = (std::min)(nearest[j], on_a[i][pairs[j].a]);
+  }
+  return spread;
+}
+
 /// A place on A and one on B, of which closed ones are opened there; -1 for a surface that is open.
 struct OpeningPair {
   int a = -1, b = -1;
@@ -13240,7 +13352,7 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
               {"mesh ", letter(side), ": ", problems[0].message, which}, ids);
 }
 
-/// Places the ends of landmarks on one mesh, in order; no two may share a place.
+/// Places the ends of landmarks on one mesh, in order; no two exact ones may share a place.
 class LandmarkPlacer {
  public:
   LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
@@ -13320,12 +13432,24 @@ class LandmarkPlacer {
   Array<char> used_;
 };
 
-/// The point of a surface nearest to p, of the triangles around the nearest vertex.
-inline Place nearest_place(const Surface& s, const Vec3& p) {
+inline Vec3 position(const Surface& s, const Place& p) {
+  Vec3 sum;
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
+    sum += p.weights[k] * row3(s.vertices, p.corners[k]);
+  return sum;
+}
+
+inline int nearest_vertex(const Surface& s, const Vec3& p) {
   int nearest = 0;
   for (int v = 0; v < s.mesh.n_vertices; ++v)
     if (squared_norm(row3(s.vertices, v) - p) < squared_norm(row3(s.vertices, nearest) - p))
       nearest = v;
+  return nearest;
+}
+
+/// The point of a surface nearest to p, of the triangles around the nearest vertex.
+inline Place nearest_place(const Surface& s, const Vec3& p) {
+  const int nearest = nearest_vertex(s, p);
   Place best = copy_of(nearest);
   double least = kInfinity;
   s.mesh.for_each_outgoing(nearest, [&](int h) {
@@ -13374,8 +13498,8 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
            {is_on_a ? element_id(Side::kB, l.b) : element_id(Side::kA, l.a)}});
       continue;
     }
-    const bool is_free_on_a = on_a.claim(here.a);
-    if (!is_free_on_a || !on_b.claim(here.b))
+    const bool is_free_on_a = !are_exact || on_a.claim(here.a);
+    if (!is_free_on_a || (are_exact && !on_b.claim(here.b)))
       return refuse({end_of(l, !is_free_on_a), " is in another landmark"}, !is_free_on_a);
     placed.push_back(here);
   }
@@ -13392,17 +13516,11 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
   constexpr int kMost = 100;
   constexpr double kLeast = 1.25;
   const int n = (std::min)(landmarks.size(), int{kMost});
-  const auto at = [](const Place& p, const Surface& s) {
-    Vec3 sum;
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
-      sum += p.weights[k] * row3(s.vertices, p.corners[k]);
-    return sum;
-  };
   Array<double> ratio;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
-      const double on_a = norm(at(landmarks[i].a, pair.a) - at(landmarks[j].a, pair.a));
-      const double on_b = norm(at(landmarks[i].b, pair.b) - at(landmarks[j].b, pair.b));
+      const double on_a = norm(position(pair.a, landmarks[i].a) - position(pair.a, landmarks[j].a));
+      const double on_b = norm(position(pair.b, landmarks[i].b) - position(pair.b, landmarks[j].b));
       if (on_a > 0 && on_b > 0) ratio.push_back(on_a / on_b);
     }
   if (ratio.size() < 3) return {};
@@ -13582,6 +13700,27 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
   return true;
 }
 
+/// Finds the vertices of curves in the prepared meshes; those that were dropped are left out.
+inline bool take_curves(const Prepared& a, const Prepared& b, std::vector<Curve>& curves,
+                        Outcome& outcome) {
+  for (Curve& curve : curves)
+    for (Side side : {Side::kA, Side::kB}) {
+      const std::vector<int>& ids = side == Side::kA ? a.new_vertex : b.new_vertex;
+      std::vector<int>& line = side == Side::kA ? curve.a : curve.b;
+      std::vector<int> there;
+      for (int v : line) {
+        if (v < 0 || v >= static_cast<int>(ids.size()))
+          return fail(outcome, Status::kInvalidLandmarks,
+                      {"curve ", static_cast<int>(&curve - curves.data()), ": mesh ", letter(side),
+                       " has no vertex ", v},
+                      {vertex_id(side, v)});
+        if (ids.data()[v] >= 0) there.push_back(ids.data()[v]);
+      }
+      line.swap(there);
+    }
+  return true;
+}
+
 /// Checks all arguments of a call, and builds the surfaces. Ids in options become prepared ones.
 inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<Landmark>& landmarks,
                        RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& placed,
@@ -13599,6 +13738,7 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          check_loops(m, a, Side::kA, options, outcome) &&
          check_loops(n, b, Side::kB, options, outcome) &&
          place_landmarks(m, a, n, b, landmarks, options.exact_landmarks, placed, outcome) &&
+         take_curves(a, b, options.curves, outcome) &&
          check_constraints(m, a, n, b, placed, options, outcome);
 }
 
@@ -13868,7 +14008,7 @@ class StartFinder {
   void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
                 std::unique_ptr<Level>& level) const;
   void find_candidates();
-  Array<VertexPair> own_landmarks() const;
+  void find_leading_landmarks(const SurfacePair& pair);
   void add_candidate(const Array<Alignment>& alignments, int which, int most);
   void improve(Candidate& candidate, int iterations) const;
   double missed_landmarks(const Candidate& candidate) const;
@@ -13888,6 +14028,7 @@ class StartFinder {
   std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
   std::unique_ptr<Level> a_, b_;
   SharedPrepared coarse_a_, coarse_b_;
+  Array<VertexPair> leading_;  // landmarks
   Tips tips_a_, tips_b_;
   SamplePair samples_;
   static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
@@ -14340,8 +14481,10 @@ class Run {
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
-    if (!options_.exact_landmarks && !options_.as_published) {
-      const LandmarkPull pull(s_, located(landmarks_apart(), pair_), x);
+    if (!options_.as_published) {
+      Array<PlacedLandmark> apart;
+      if (!options_.exact_landmarks) apart = located(landmarks_apart(), pair_);
+      const LandmarkPull pull(s_, apart, options_.curves, x);
       if (!pull.is_empty()) optimizer_->set_pull(pull);
     }
     optimizer_->start(x, result_);
@@ -14576,6 +14719,7 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
   options_.max_seconds = kInfinity;
   options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
   options_.exact_landmarks = options_.candidates = false;
+  options_.curves.clear();
   options_.boundary = Boundary::kFree;
   options_.outer_a = options_.outer_b = -1;
   options_.coarsest = 0;
@@ -14609,7 +14753,7 @@ inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<H
   Array<char> keep(s.mesh.n_vertices, 0);
   for (const PlacedLandmark& l : landmarks_)
     for (int v : (side == Side::kA ? l.a : l.b).corners)
-      if (v >= 0) keep[v] = 1;
+      if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
   constexpr int kFewest = 100, kMost = 400, kRatio = 2;
   const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
   h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
@@ -14630,29 +14774,35 @@ inline void StartFinder::find_candidates() {
   tips_b_ = find_tips(b_->surface);
   constexpr int kFew = 120, kMany = 480;
   const SurfacePair pair = {a_->surface, b_->surface};
-  const Array<VertexPair> landmarks = own_landmarks();
-  samples_ = sampled(pair, landmarks, kMany);
+  find_leading_landmarks(pair);
+  samples_ = sampled(pair, leading_, kMany);
   const Array<Alignment> alignments =
-      find_alignments(sampled(pair, landmarks, kFew), samples_, kAlignments, executor_);
+      find_alignments(sampled(pair, leading_, kFew), samples_, kAlignments, executor_);
   if (executor_.is_stopped()) return;
-  if (landmarks.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
+  if (leading_.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
   for (int n : {12, 16, 32, 48})
     if (!alignments.empty()) add_candidate(alignments, 0, n);
   running_ = candidates_.size();
 }
 
-/// The landmarks given, at the nearest of their corners that are left.
-inline Array<VertexPair> StartFinder::own_landmarks() const {
-  Array<VertexPair> result;
+/// The landmarks given, at vertices that are left; of many, those that agree.
+inline void StartFinder::find_leading_landmarks(const SurfacePair& pair) {
+  const bool are_many = landmarks_.size() > kMostLeading;
+  Array<VertexPair> found;
   Array<char> is_used_a(a_->vertex.size(), 0), is_used_b(b_->vertex.size(), 0);
   for (PlacedLandmark l : landmarks_) {
-    if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) continue;
+    if (are_many) {
+      l.a = copy_of(nearest_vertex(pair.a, position(whole_.a, l.a)));
+      l.b = copy_of(nearest_vertex(pair.b, position(whole_.b, l.b)));
+    } else if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) {
+      continue;
+    }
     const int v = l.a.corners[0], w = l.b.corners[0];
-    if (is_used_a[v]++ || is_used_b[w]++) continue;
-    result.push_back({v, w});
+    if (is_used_a[v]++ || (is_used_b[w]++ && !are_many)) continue;
+    found.push_back({v, w, l.given});
   }
-  return result;
+  leading_ = are_many ? consistent(pair, found, kMostLeading) : found;
 }
 
 /// `which`: the alignment that gives at most `most` pairs; -1: none.
@@ -14660,8 +14810,7 @@ inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int w
   Candidate candidate;
   candidate.name = "landmarks";
   candidate.alignment = which;
-  for (const VertexPair& l : own_landmarks())
-    candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
+  for (const VertexPair& l : leading_) candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
   if (which >= 0) {
     candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
     const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
@@ -14699,12 +14848,11 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
 /// The share of the landmarks given that a map misses; one that it does not cover counts half.
 inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
   constexpr double kFar = 0.5;  // in roots of the area
-  const Array<VertexPair> landmarks = own_landmarks();
-  if (landmarks.empty()) return 0;
+  if (leading_.empty()) return 0;
   const SurfaceMap map(candidate.run->result());
   if (map.status() != Status::kDone) return 1;
   double sum = 0;
-  for (const VertexPair& l : landmarks) {
+  for (const VertexPair& l : leading_) {
     const SurfacePoint image = map.forward_vertex(l.a);
     if (!image.exists()) {
       sum += 0.5;
@@ -14715,7 +14863,7 @@ inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
         norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
     sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
   }
-  return sum / landmarks.size();
+  return sum / leading_.size();
 }
 
 /// Keeps the best, and until tips were tried the landmarks alone: they tell other maps.
@@ -14771,7 +14919,7 @@ inline bool StartFinder::add_tips() {
     if (tips.empty()) continue;
     candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
     candidate.alignment = candidates_[i].alignment;
-    for (const VertexPair& l : own_landmarks())
+    for (const VertexPair& l : leading_)
       candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
     for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
     for (const Landmark& l : spread_over(candidates_[i], map, tips))
@@ -14812,7 +14960,7 @@ inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
   Array<TipPair> pairs;
   for (const TipPair& p : of_a) {
     bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
-    for (const VertexPair& l : own_landmarks())
+    for (const VertexPair& l : leading_)
       is_free =
           is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
     if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
@@ -14845,8 +14993,7 @@ inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, cons
       if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) distance[v] = -kInfinity;
     }
   }
-  for (PlacedLandmark l : landmarks_)
-    if (move_to_level(*a_, 0, l.a)) spread(l.a.corners[0], 0);
+  for (const VertexPair& l : leading_) spread(l.a, 0);
   Array<Landmark> pairs;
   while (pairs.size() < kGuides) {
     const int v =

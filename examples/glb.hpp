@@ -243,8 +243,8 @@ class Writer {
     const double shown = shape.texture != nullptr || shape.corner_colors.rows() > 0 ? 1 : 0;
     Json surface = {{"metallicFactor", 0}, {"roughnessFactor", 0.8}};
     for (int i = 0; i < shape.color.size(); ++i)
-      surface["baseColorFactor"].push_back(
-          shown > 0 ? 1 : linear(static_cast<double>(shape.color[i])));
+      surface["baseColorFactor"].push_back(shown > 0 ? 1
+                                                     : linear(static_cast<double>(shape.color[i])));
     surface["baseColorFactor"].push_back(1);
     if (shape.texture != nullptr)
       surface["baseColorTexture"] = {{"index", add_texture(shape.texture)}};

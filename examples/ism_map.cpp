@@ -56,7 +56,8 @@ printed.
                      place of an id, x y z stands for the nearest point of the surface, which is at
                      most 1% of its size away. Of four numbers the first is the id if it is a whole
                      number, else the last. Blanks, tabs, commas and semicolons separate them; the
-                     first line may be a header
+                     first line may be a header. `curve <ids in A> | <ids in B>`: a line of
+                     vertices that shall come to lie on another one
   --exact-landmarks  landmarks coincide exactly, from the start to the end
   --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
                      along one square, matched by arc length; slide: there, they may slide
@@ -437,7 +438,8 @@ std::string read_input(Arguments& args, Input& input) {
   std::string error = read_meshes(args, input);
   if (error.empty() && !args.texture.empty()) error = read_texture(args.texture, input.texture);
   if (error.empty() && !args.landmarks.empty())
-    error = landmarks::read(args.landmarks, input.a, input.b, input.landmarks);
+    error =
+        landmarks::read(args.landmarks, input.a, input.b, input.landmarks, &args.options.curves);
   const std::size_t pinned_from = args.pin_landmarks ? 0 : input.landmarks.size();
   if (error.empty() && !args.pins.empty())
     error = landmarks::read(args.pins, input.a, input.b, input.landmarks);

@@ -38,12 +38,12 @@ inline std::string name(const ism::LandmarkPoint& p);
 /// A vertex to stand for an end of a landmark: itself, or the nearest corner of its triangle.
 inline int nearest_vertex(const ism::TriangleMesh& mesh, const ism::LandmarkPoint& p);
 
-/// Adds the landmarks of a file in the form of mesh_io::read_pairs() to those that are there.
-/// Vertices have to exist and be in one landmark only; a point has to be within a hundredth of the
-/// size of its mesh, the diagonal of the bounding box. Returns an empty string, or one sentence
-/// that says what is wrong.
+/// Adds the landmarks (and curves) of a file in the form of mesh_io::read_pairs() to those there.
+/// Vertices have to exist; a point has to be within a hundredth of the size of its mesh, the
+/// diagonal of the bounding box. Returns an empty string, or one sentence that says what is wrong.
 inline std::string read(const std::string& path, const ism::TriangleMesh& a,
-                        const ism::TriangleMesh& b, std::vector<ism::Landmark>& list);
+                        const ism::TriangleMesh& b, std::vector<ism::Landmark>& list,
+                        std::vector<ism::Curve>* curves = nullptr);
 
 namespace detail {
 
@@ -90,16 +90,18 @@ inline std::string find(const char* mesh_name, const ism::TriangleMesh& mesh,
          ", or as the id of a vertex";
 }
 
-/// The vertices of a landmark have to be in no other one.
-inline std::string check_new(const ism::Landmark& l, const std::vector<ism::Landmark>& list) {
-  const auto used = [](const char* mesh_name, int vertex) {
-    return "vertex " + std::to_string(vertex) + " of " + mesh_name + " is in two landmarks";
-  };
-  for (const ism::Landmark& other : list) {
-    if (l.a.vertex >= 0 && l.a.vertex == other.a.vertex) return used("A", l.a.vertex);
-    if (l.b.vertex >= 0 && l.b.vertex == other.b.vertex) return used("B", l.b.vertex);
+/// Finds the vertices of a curve.
+inline std::string find(const char* mesh_name, const ism::TriangleMesh& mesh,
+                        const std::vector<long long>& ids, std::vector<int>& vertices) {
+  std::string error;
+  for (long long id : ids) {
+    mesh_io::PairEnd end;
+    ism::LandmarkPoint point;
+    end.id = id;
+    if (error.empty()) error = find(mesh_name, mesh, end, point);
+    vertices.push_back(point.vertex);
   }
-  return {};
+  return error;
 }
 
 }  // namespace detail
@@ -154,16 +156,24 @@ inline int nearest_vertex(const ism::TriangleMesh& mesh, const ism::LandmarkPoin
 }
 
 inline std::string read(const std::string& path, const ism::TriangleMesh& a,
-                        const ism::TriangleMesh& b, std::vector<ism::Landmark>& list) {
+                        const ism::TriangleMesh& b, std::vector<ism::Landmark>& list,
+                        std::vector<ism::Curve>* curves) {
   const mesh_io::PairsResult file = mesh_io::read_pairs(path);
   if (!file.ok) return file.error;
   for (const mesh_io::IdPair& pair : file.pairs) {
     ism::Landmark l;
     std::string error = detail::find("A", a, pair.a, l.a);
     if (error.empty()) error = detail::find("B", b, pair.b, l.b);
-    if (error.empty()) error = detail::check_new(l, list);
     if (!error.empty()) return path + ", line " + std::to_string(pair.line) + ": " + error;
     list.push_back(l);
+  }
+  for (const mesh_io::IdCurve& curve : file.curves) {
+    ism::Curve c;
+    std::string error = curves ? "" : "a curve is not expected here";
+    if (error.empty()) error = detail::find("A", a, curve.a, c.a);
+    if (error.empty()) error = detail::find("B", b, curve.b, c.b);
+    if (!error.empty()) return path + ", line " + std::to_string(curve.line) + ": " + error;
+    curves->push_back(std::move(c));
   }
   return {};
 }

@@ -71,17 +71,24 @@ struct IdPair {
   long long line;
 };
 
+/// A line of vertices of A, and one of B on which it shall lie.
+struct IdCurve {
+  std::vector<long long> a, b;
+  long long line;
+};
+
 struct PairsResult {
   bool ok = false;
   std::string error;
   std::vector<IdPair> pairs;
+  std::vector<IdCurve> curves;
 };
 
 /// Reads a file of landmarks: lines `<id in A> <id in B>`, '#' starts a comment. Ids may be written
 /// as 17.0. In place of an id there may be a point, `<x> <y> <z>`: six numbers are two points; of
 /// four, the first one is the id if it is written as a whole number (17, not 17.0), else the last
 /// one. Numbers are separated by blanks, tabs, commas or semicolons. A first line without any
-/// number is a header.
+/// number is a header. `curve <ids in A> | <ids in B>` is a curve.
 inline PairsResult read_pairs(const std::string& path);
 
 /// Pairs of vertices as landmarks. An id that is no vertex of any mesh stays one, as does a point;
@@ -1437,6 +1444,18 @@ inline std::string read_pair(const std::vector<std::string_view>& fields, IdPair
   return error.empty() ? read_end(&fields[pair.a.is_point ? 3 : 1], pair.b) : error;
 }
 
+inline std::string read_curve(const std::vector<std::string_view>& fields, IdCurve& curve) {
+  std::vector<long long>* ids = &curve.a;
+  for (std::size_t i = 1; i < fields.size(); ++i) {
+    if (fields[i] == "|" && ids == &curve.a)
+      ids = &curve.b;
+    else if (ids->push_back(0); !parse_id(fields[i], ids->back()))
+      return "'" + std::string(fields[i]) + "' is no vertex id";
+  }
+  if (!curve.a.empty() && !curve.b.empty()) return {};
+  return "a curve has vertex ids of A, then '|', then vertex ids of B";
+}
+
 inline bool has_number(const std::vector<std::string_view>& fields) {
   double x = 0;
   return std::any_of(fields.begin(), fields.end(),
@@ -1466,11 +1485,14 @@ inline PairsResult read_pairs(const std::string& path) {
     const bool is_header = is_first && !detail::has_number(fields);
     is_first = false;
     if (is_header) continue;
-    error = detail::read_pair(fields, pair);
-    if (error.empty())
+    if (fields[0] == "curve") {
+      result.curves.push_back({{}, {}, pair.line});
+      error = detail::read_curve(fields, result.curves.back());
+    } else {
       result.pairs.push_back(pair);
-    else
-      error = detail::at("line", pair.line, error);
+      error = detail::read_pair(fields, result.pairs.back());
+    }
+    if (!error.empty()) error = detail::at("line", pair.line, error);
   }
   result.ok = error.empty();
   if (!result.ok) result.error = path + detail::printable(error);

@@ -101,9 +101,6 @@ refused_marks() {
 
 refused_marks '0 121\n' "1: B has no vertex 121, its ids are 0 to 120"
 refused_marks '-1 0\n' "1: A has no vertex -1, its ids are 0 to 80"
-refused_marks '1 2\n\n3 4\n1 5\n' "4: vertex 1 of A is in two landmarks"
-refused_marks '1 2\n3 2\n' "2: vertex 2 of B is in two landmarks"
-refused_marks '0.0 0 0 3\n0 5\n' "2: vertex 0 of A is in two landmarks"
 forms="two vertex ids are expected, or points x y z in place of them"
 refused_marks '1 2 3\n' "1: $forms: 2, 4 or 6 numbers (1.5, not 1,5), not 3"
 refused_marks 'a,b\n1 x\n' "2: 'x' is no vertex id"
@@ -442,6 +439,11 @@ for pins in "--landmarks marks.txt --pins pins.txt" "--landmarks pins.txt --pin-
   grep -o '"pin_residual": [^,}]*' out/pins/report.json |
     awk '{ n++; if ($2 > 1e-9) bad = 1 } END { exit n < 5 || bad }' || fail "$pins: residual"
 done
+printf '1 2\n1 3\n' >twice.txt
+code=0
+"$ism_map" a.obj b.obj -o out/twice --landmarks twice.txt --exact-landmarks 2>stderr.txt || code=$?
+[ "$code" = 2 ] && grep -q "vertex 1 of A is in another landmark" stderr.txt ||
+  fail "a vertex in two exact landmarks: $(cat stderr.txt)"
 code=0
 "$ism_map" a.obj b.obj -o out/far --landmarks marks.txt --pin-landmarks 2>stderr.txt || code=$?
 [ "$code" = 2 ] && grep -q "pin: vertex [0-9]* of A is not mapped to B by the start" stderr.txt ||
