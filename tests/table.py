@@ -37,6 +37,8 @@ def read_arguments():
     parser.add_argument("--only", action="append", metavar="NAME",
                         help="run this pair; can be repeated")
     parser.add_argument("--no-landmarks", action="store_true")
+    parser.add_argument("--farthest", type=int, metavar="K",
+                        help="only the K landmarks that lie farthest apart on A (vertex ids, OBJ)")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time (1: honest seconds)")
     parser.add_argument("--json", type=pathlib.Path, metavar="F", help="write all reports to F")
     parser.add_argument("--out", type=pathlib.Path, help="keep the results in this folder")
@@ -99,14 +101,30 @@ def registration_error(pair, folder):
     return 100 * sum(errors) / len(errors) / math.sqrt(area_of(vertices, faces))
 
 
+def farthest_landmarks(pair, k, file):
+    """Writes k lines of landmarks.txt: the two farthest apart, then always the farthest one."""
+    vertices, _ = read_obj(find_mesh(pair, "A"))
+    lines = [line for line in (pair / "landmarks.txt").read_text().splitlines()
+             if line.strip() and not line.startswith("#")]
+    point = [vertices[int(line.split()[0])] for line in lines]
+    chosen = list(max(((i, j) for i in range(len(lines)) for j in range(i)),
+                      key=lambda ij: math.dist(point[ij[0]], point[ij[1]])))
+    while len(chosen) < min(k, len(lines)):
+        chosen.append(max(range(len(lines)),
+                          key=lambda i: min(math.dist(point[i], point[j]) for j in chosen)))
+    file.write_text("\n".join(lines[i] for i in chosen) + "\n")
+    return file
+
+
 def run(pair, folder, args):
     """The report of one run; {"error": sentence} if there is none."""
     command = [args.program.resolve(), find_mesh(pair, "A"), find_mesh(pair, "B"), "-o", folder,
                "--quiet"]
-    if (pair / "landmarks.txt").exists() and not args.no_landmarks:
-        command += ["--landmarks", pair / "landmarks.txt"]
-    command += shlex.split(args.extra)
     folder.mkdir(parents=True, exist_ok=True)
+    if (pair / "landmarks.txt").exists() and not args.no_landmarks:
+        command += ["--landmarks", pair / "landmarks.txt" if args.farthest is None else
+                    farthest_landmarks(pair, args.farthest, folder / "landmarks.txt")]
+    command += shlex.split(args.extra)
     with open(folder / "stderr.txt", "w+") as said:
         process = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL,
                                    stderr=said)
