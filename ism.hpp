@@ -578,12 +578,21 @@ struct Embedding : Outcome {
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
   std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
-  /// Mean, divided by coverage, and up to 1.3 times that if it misses the landmarks.
+  /// Mean, divided by coverage, and up to 3 times that if it misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
   int iterations = 0;  // it got
   /// Mean distance on B between images by its map and by that of the best one, in roots of the
   /// area. A start with hardly more distortion and a large difference may be the one that is meant.
   double difference = 0;
+};
+
+/// A part of A where a map is bad: triangles that hang together, with more than twice the excess of
+/// the mean distortion over that of an isometry. A landmark helps most at its worst vertex.
+struct WorstPlace {
+  int vertex_a = -1;      // the vertex
+  SurfacePoint on_b;      // where the map takes it; exists() is false if that is not covered
+  double area = 0;        // of the part, as a share of what is covered, on A and B
+  double distortion = 0;  // its mean there (of symmetric_dirichlet())
 };
 
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
@@ -598,7 +607,8 @@ struct Result : Outcome {
   /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
   /// is from then on that of the whole map, and may begin higher.
   std::vector<IterationLog> log;
-  double seconds = 0;  // of the optimisation; start.seconds has those of the start
+  std::vector<WorstPlace> worst;  // of a complete run, at most 5, see worst_places()
+  double seconds = 0;             // of the optimisation; start.seconds has those of the start
   /// The last state: log.back(), or log_begin if the log is empty.
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
@@ -845,6 +855,9 @@ Points3 linear_morph(const MetaMesh& meta, double t);
 
 /// Summarises the distortions of SurfaceMap::distortion(). Sorts: O(n log n).
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
+
+/// The parts of A, at most `most`, that raise the mean distortion most. Cost O(n log n).
+std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most = 5);
 
 }  // namespace ISM_ABI
 }  // namespace ism
@@ -9839,6 +9852,54 @@ std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
 }
 
+std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
+  using detail::Array;
+  const std::vector<PolygonDistortion> polygons = map.distortion();
+  const MetaMesh meta = map.meta_mesh();
+  const double mean = summarize(polygons).mean;
+  const int n_faces = static_cast<int>(meta.a->triangles.rows());
+  const int n_vertices = static_cast<int>(meta.a->vertices.rows());
+  Array<double> energy(n_faces, 0), area = energy, excess_at(n_vertices, 0);
+  Array<double> excess = excess_at, area_of = excess_at, energy_of = excess_at;  // per part
+  double total = 0;
+  for (int p = 0; p < meta.n_polygons(); ++p) {
+    const PolygonDistortion& d = polygons.data()[p];
+    energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
+    area[meta.face_a.data()[p]] += d.area_a + d.area_b;
+    total += d.area_a + d.area_b;
+  }
+  Array<int> parent;  // of a vertex in its part [union-find]
+  for (int v = 0; v < n_vertices; ++v) parent.push_back(v);
+  const auto part_of = [&](int v) {
+    while (parent[v] != v) v = parent[v] = parent[parent[v]];
+    return v;
+  };
+  const auto is_bad = [&](int f) { return energy[f] - 2 * area[f] > 2 * (mean - 2) * area[f]; };
+  for (int f = 0; f < n_faces; ++f)
+    for (int k = 1; k < 3 && is_bad(f); ++k)
+      parent[part_of(meta.a->triangles(f, k))] = part_of(meta.a->triangles(f, 0));
+  for (int f = 0; f < n_faces; ++f) {
+    if (!is_bad(f)) continue;
+    const int part = part_of(meta.a->triangles(f, 0));
+    excess[part] -= energy[f] - mean * area[f];
+    energy_of[part] += energy[f], area_of[part] += area[f];
+    for (int k = 0; k < 3; ++k) excess_at[meta.a->triangles(f, k)] += energy[f] - mean * area[f];
+  }
+  std::vector<WorstPlace> worst;
+  for (int part : detail::sorted_by(excess)) {
+    if (static_cast<int>(worst.size()) >= most || !(excess[part] < 0)) break;
+    WorstPlace place;
+    for (int v = 0; v < n_vertices; ++v)
+      if (part_of(v) == part && (place.vertex_a < 0 || excess_at[v] > excess_at[place.vertex_a]))
+        place.vertex_a = v;
+    place.on_b = map.forward_vertex(place.vertex_a);
+    place.area = area_of[part] / total;
+    place.distortion = energy_of[part] / area_of[part];
+    worst.push_back(place);
+  }
+  return worst;
+}
+
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
   DistortionSummary s;
   detail::Array<double> density, area;
@@ -14152,7 +14213,7 @@ class Run {
     const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
     if (!has_more && !is_stopped) {
       executor_.finish();
-      warn_of_distortion(latest());
+      judge(latest());
     }
     return has_more && !is_stopped;
   }
@@ -14578,30 +14639,37 @@ class Run {
     return_meshes(a_->mesh, b_->mesh, pair, r.start);
   }
 
-  /// Warns of a map that is too distorted to be useful, whatever its status.
-  void warn_of_distortion(Result& r) {
+  /// Names the worst places, and warns of a map that is too distorted to be useful.
+  void judge(Result& r) {
     const double mean = r.final_state().mean_distortion, before = r.initial.mean_distortion;
     const bool has_risen = !is_changed_ && mean > kMostRise * before;
     if (is_judged_ || !is_usable(r.status) || !options_.measure.is_symmetric_dirichlet()) return;
     is_judged_ = true;
-    if (!placed_.empty()) warn_of_landmarks(r);
+    const SurfaceMap map(r);
+    if (map.status() != Status::kDone) return;
+    r.worst = worst_places(map);
+    if (!placed_.empty()) warn_of_landmarks(map, r);
     if (!(mean > kMostDistortion || has_risen)) return;
     Warning warning;
     warning.message = "the map is hardly of use: its mean distortion is " + decimal(mean) +
-                      ", where 2 is an isometry and the start had " + decimal(before);
-    const SurfaceMap map(r);
-    if (map.status() == Status::kDone) add_worst_place(map, warning);
+                      ", where 2 is an isometry and the start had " + decimal(before) +
+                      ", and 95% of the area is below " + decimal(summarize(map.distortion()).p95);
+    if (!r.worst.empty()) {
+      const WorstPlace& worst = r.worst.front();
+      warning.ids = {vertex_id(Side::kA, worst.vertex_a)};
+      warning.message +=
+          sentence({"; it is worst around vertex ", worst.vertex_a, " of A, where ",
+                    decimal(100 * worst.area), "% of the area have ", decimal(worst.distortion)});
+    }
     warning.message +=
         "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles?";
     r.warnings.push_back(std::move(warning));
   }
 
   /// Names the landmarks that the others and the map contradict, the farthest ones.
-  void warn_of_landmarks(Result& r) const {
+  void warn_of_landmarks(const SurfaceMap& map, Result& r) const {
     constexpr double kFar = 0.1;  // of the diagonal of the box of B
     constexpr int kMostNamed = 8;
-    const SurfaceMap map(r);
-    if (map.status() != Status::kDone) return;
     const Points3& b = b_->given->vertices;
     const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
     Array<double> distance(placed_.size(), 0);
@@ -14628,24 +14696,6 @@ class Run {
       for (const ElementId& id : ids_of(l)) warning.ids.push_back(id);
     }
     r.warnings.push_back(std::move(warning));
-  }
-
-  /// Names the triangle of A with the most energy.
-  static void add_worst_place(const SurfaceMap& map, Warning& warning) {
-    const std::vector<PolygonDistortion> polygons = map.distortion();
-    const MetaMesh meta = map.meta_mesh();
-    Array<double> energy(static_cast<int>(meta.a->triangles.rows()), 0), area = energy;
-    for (int p = 0; p < meta.n_polygons(); ++p) {
-      const PolygonDistortion& d = polygons.data()[p];
-      energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
-      area[meta.face_a.data()[p]] += d.area_a + d.area_b;
-    }
-    const int f = static_cast<int>(std::max_element(energy.begin(), energy.end()) - energy.begin());
-    const int v = meta.a->triangles(f, 0);
-    warning.ids = {vertex_id(Side::kA, v), {Side::kA, Element::kFace, f}};
-    warning.message += ", and 95% of the area is below " + decimal(summarize(polygons).p95) +
-                       sentence({"; most of it is in triangle ", f, " of A (vertex ", v,
-                                 "), which has ", decimal(energy[f] / area[f])});
   }
 
   /// Sets the fields of the result that describe the given meshes.
@@ -14697,7 +14747,7 @@ class Run {
   bool is_embedding_ = false;
   int level_shown_ = 0;      // of the coarse map in the result
   bool has_reason_ = false;  // the message says more than the status
-  bool is_judged_ = false;   // warn_of_distortion() has judged the final map
+  bool is_judged_ = false;   // judge() was called for the final map
 };
 
 // ---- candidates, defined ----

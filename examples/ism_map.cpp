@@ -636,6 +636,13 @@ Json json_candidate(const ism::StartCandidate& c) {
           {"difference", c.difference}};
 }
 
+Json json_place(const ism::WorstPlace& p) {
+  return {{"vertex_a", p.vertex_a},
+          {"face_b", p.on_b.face},
+          {"area", p.area},
+          {"distortion", p.distortion}};
+}
+
 Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
                const ism::TriangleMesh& mesh, const ism::Prepared& prepared,
                const std::vector<ism::AddedVertex>& added, int opening) {
@@ -707,6 +714,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
       {"start", start},
       {"candidates", json_list(result.candidates, json_candidate)},
       {"coarse", json_list(result.coarse, json_iteration)},
+      {"worst_places", json_list(result.worst, json_place)},
       {"final", final},
       {"seconds", json_seconds(s)},
       {"iterations", iterations}};
@@ -1005,6 +1013,10 @@ void print_start(const std::vector<ism::StartCandidate>& tried) {
                       c.name.c_str(), c.distortion, best.distortion));
 }
 
+std::string place_on_b(const ism::SurfacePoint& p) {
+  return p.exists() ? "in triangle " + std::to_string(p.face) + " of B" : "not covered";
+}
+
 void print_summary(const Arguments& args, const Input& input, const ism::Result& result,
                    const Findings& found, const Seconds& s) {
   const ism::IterationLog &first = result.initial, &last = result.final_state();
@@ -1027,6 +1039,10 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
               last.mean_distortion, args.measure == "sd" ? 2 : 0, first.mean_distortion);
+  for (std::size_t i = 0; i < std::min<std::size_t>(3, result.worst.size()); ++i)
+    std::printf("  worst      %.3f on %.2f%% of the area, around vertex %d of A, %s\n",
+                result.worst[i].distortion, 100 * result.worst[i].area, result.worst[i].vertex_a,
+                place_on_b(result.worst[i].on_b).c_str());
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);

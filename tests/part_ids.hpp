@@ -285,7 +285,7 @@ TEST_CASE("landmarks tell the size of a part in another unit, and what keep_scal
   CHECK(unmarked.warnings[0].message.find("not scaled") != std::string::npos);
 }
 
-TEST_CASE("a map that ends too bent to be of use is told, with the place; others are not") {
+TEST_CASE("a map that ends too bent to be of use is told, others are not; all have worst places") {
   const shapes::Disk a = shapes::grid(6, 6), b = shapes::grid(6, 6);
   ism::Options options = runs::on_one_thread();
   options.initial_f = a.plane;
@@ -296,10 +296,21 @@ TEST_CASE("a map that ends too bent to be of use is told, with the place; others
   const ism::Result bent = ism::compute_map(a.mesh, b.mesh, {}, options);
   REQUIRE(bent.warnings.size() == 1);
   CHECK(bent.warnings[0].message.find("its mean distortion is 13.81") != std::string::npos);
-  REQUIRE(bent.warnings[0].ids.size() == 2);
-  CHECK(bent.warnings[0].ids[1].element == Element::kFace);
+  CHECK(bent.worst.empty());  // it is the same everywhere
   options.initial_g = b.plane;
-  CHECK(ism::compute_map(a.mesh, b.mesh, {}, options).warnings.empty());
+  const int vertex = 24, other = 8;
+  options.initial_f(vertex, 0) += 0.6 * (a.plane(1, 0) - a.plane(0, 0));
+  options.initial_f(other, 1) += 0.1 * (a.plane(1, 0) - a.plane(0, 0));
+  const ism::Result moved = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(moved.warnings.empty());
+  REQUIRE(moved.worst.size() == 1);
+  const ism::WorstPlace& worst = moved.worst[0];
+  CHECK(worst.vertex_a == vertex);
+  CHECK(worst.area > 0.01);
+  CHECK(worst.area < 6.0 / 72 + 1e-9);  // its triangles
+  CHECK(worst.distortion > 2 + 2 * (moved.final_state().mean_distortion - 2));
+  CHECK(worst.on_b.exists());
+  CHECK(ism::worst_places(ism::SurfaceMap(moved), 0).empty());
 }
 
 }  // namespace ids_tests

@@ -225,6 +225,95 @@ TEST_CASE("landmarks that the map contradicts are named") {
   for (const ism::ElementId& id : warning.ids) CHECK((id.id == 100 || id.id == 200));
 }
 
+// ---- many landmarks ----
+
+TEST_CASE("of pairs of which a third is wrong, right ones are kept, spread over the surface") {
+  const Surface s = build_surface(
+      body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()), true);
+  shapes::Rng rng(21);
+  Array<VertexPair> pairs;
+  const auto any = [&] { return static_cast<int>(rng.uniform(0, s.mesh.n_vertices - 1e-9)); };
+  for (int i = 0; i < 150; ++i) {
+    const int v = any();
+    pairs.push_back({v, i % 3 == 0 ? any() : v});
+  }
+  const Array<VertexPair> kept = consistent({s, s}, pairs, 40);
+  REQUIRE(kept.size() == 40);
+  double least = kInfinity;
+  for (int i = 0; i < kept.size(); ++i) {
+    CHECK(norm(row3(s.vertices, kept[i].a) - row3(s.vertices, kept[i].b)) < 0.1);
+    for (int j = 0; j < i; ++j)
+      least = std::min(least, norm(row3(s.vertices, kept[i].a) - row3(s.vertices, kept[j].a)));
+  }
+  CHECK(least > 0.02);
+  CHECK(consistent({s, s}, {}, 40).empty());
+}
+
+TEST_CASE("a landmark for every vertex, noisy and a third of them wrong, becomes a map") {
+  const Eigen::Matrix3d S = turn(2.1, {1, 2, -1});
+  const TriangleMesh a = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity());
+  const TriangleMesh b = body_mesh(turn(0.7, {0, 1, 3}), S);
+  shapes::Rng rng(22);
+  const int n = static_cast<int>(b.vertices.rows());
+  std::vector<ism::Landmark> landmarks;
+  for (int v = 0; v < a.vertices.rows(); ++v) {
+    const Vector3d noise(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
+    const Vector3d at = S * a.vertices.row(v).transpose() + 0.3 * noise;
+    Eigen::Index w = 0;
+    (b.vertices.rowwise() - at.transpose()).rowwise().squaredNorm().minCoeff(&w);
+    const int other = static_cast<int>(rng.uniform(0, n - 1e-9));
+    landmarks.push_back({v, v % 3 == 0 ? other : static_cast<int>(w)});
+  }
+  const Result r = ism::compute_map(a, b, landmarks, on_one_thread());
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.final_state().mean_distortion < 2.15);
+  CHECK(mean_error(r, S) < 0.05);
+  const auto is_of_landmarks = [](const ism::Warning& w) {
+    return w.message.find("landmarks may be wrong") != std::string::npos;
+  };
+  CHECK(std::any_of(r.warnings.begin(), r.warnings.end(), is_of_landmarks));
+}
+
+TEST_CASE("a curve comes to lie on another one, and points slide along it") {
+  shapes::Rng rng(13);
+  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
+               b = shapes::perturbed_grid(21, 19, 0.2, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.5);
+  ism::Curve curve;
+  for (int i = 4; i <= 16; ++i) curve.a.push_back(10 * 21 + i);
+  for (int i = 2; i <= 19; ++i) curve.b.push_back(12 * 22 + i);  // a tenth of the side away
+  const auto distance = [&](const std::vector<ism::Curve>& curves) {
+    ism::Options options = on_one_thread();
+    options.curves = curves;
+    const Result r = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {440, 439}}, options);
+    REQUIRE(ism::is_usable(r.status));
+    for (std::size_t i = 1; i < r.log.size(); ++i) CHECK(r.log[i].energy <= r.log[i - 1].energy);
+    const ism::SurfaceMap map(r);
+    double sum = 0;
+    for (int v : curve.a) {
+      const Vector3d at = map.position_on_b(map.forward_vertex(v));
+      double least = kInfinity;
+      for (std::size_t i = 1; i < curve.b.size(); ++i) {
+        const Vector3d p = b.mesh.vertices.row(curve.b[i - 1]).transpose();
+        const Vector3d along = b.mesh.vertices.row(curve.b[i]).transpose() - p;
+        const double t = std::min(1.0, std::max(0.0, (at - p).dot(along) / along.squaredNorm()));
+        least = std::min(least, (p + t * along - at).norm());
+      }
+      sum += least;
+    }
+    return sum / static_cast<double>(curve.a.size());
+  };
+  CHECK(distance({curve}) < 0.1 * distance({}));
+
+  ism::Options options = on_one_thread();
+  options.curves = {curve, curve};
+  options.curves[1].b.push_back(440);
+  const Result refused = ism::compute_map(a.mesh, b.mesh, {}, options);
+  CHECK(refused.status == ism::Status::kInvalidLandmarks);
+  CHECK(refused.message == "curve 1: mesh B has no vertex 440");
+}
+
 }  // namespace starts_tests
 
 #endif  // ISM_TESTS_PART_STARTS_HPP

@@ -101,6 +101,8 @@ refused_marks() {
 
 refused_marks '0 121\n' "1: B has no vertex 121, its ids are 0 to 120"
 refused_marks '-1 0\n' "1: A has no vertex -1, its ids are 0 to 80"
+refused_marks 'curve 1 2\n' "1: a curve has vertex ids of A, then '|', then vertex ids of B"
+refused_marks '1 2\ncurve 1 2 | 3 121\n' "2: B has no vertex 121, its ids are 0 to 120"
 forms="two vertex ids are expected, or points x y z in place of them"
 refused_marks '1 2 3\n' "1: $forms: 2, 4 or 6 numbers (1.5, not 1,5), not 3"
 refused_marks 'a,b\n1 x\n' "2: 'x' is no vertex id"
@@ -439,6 +441,9 @@ for pins in "--landmarks marks.txt --pins pins.txt" "--landmarks pins.txt --pin-
   grep -o '"pin_residual": [^,}]*' out/pins/report.json |
     awk '{ n++; if ($2 > 1e-9) bad = 1 } END { exit n < 5 || bad }' || fail "$pins: residual"
 done
+(cat marks.txt && echo 'curve 40 41 42 | 60 61 62') >curves.txt
+"$ism_map" a.obj b.obj -o out/curves --landmarks curves.txt --iterations 5 --quiet || fail "a curve"
+cmp -s out/curves/A.obj out/one/A.obj && fail "a curve has no effect"
 printf '1 2\n1 3\n' >twice.txt
 code=0
 "$ism_map" a.obj b.obj -o out/twice --landmarks twice.txt --exact-landmarks 2>stderr.txt || code=$?

@@ -879,6 +879,23 @@ TEST_CASE("pairs of ids, with comments; all else is an error with its line") {
   }
 }
 
+TEST_CASE("curves among pairs") {
+  const mesh_io::PairsResult r =
+      read_pairs_text("1 2\ncurve 3 4, 5 | 6 7 # lips\n8 9\ncurve 1|2\n");
+  CHECK(r.error == "l.txt, line 4: '1|2' is no vertex id");
+  const mesh_io::PairsResult s = read_pairs_text("1 2\ncurve 3 4, 5 | 6 7 # lips\n8 9\n");
+  REQUIRE(s.ok);
+  CHECK(s.pairs.size() == 2);
+  REQUIRE(s.curves.size() == 1);
+  CHECK(s.curves[0].a == std::vector<long long>{3, 4, 5});
+  CHECK(s.curves[0].b == std::vector<long long>{6, 7});
+  CHECK(s.curves[0].line == 2);
+  for (const char* bad : {"curve\n", "curve |\n", "curve 1 2\n", "curve | 1 2\n", "curve 1 |\n"})
+    CHECK(read_pairs_text(bad).error ==
+          "l.txt, line 1: a curve has vertex ids of A, then '|', then vertex ids of B");
+  CHECK(read_pairs_text("curve 1 | 2 | 3\n").error == "l.txt, line 1: '|' is no vertex id");
+}
+
 TEST_CASE("pairs as spreadsheets and scripts write them: separators, headers, floats, points") {
   for (const char* same :
        {"1 2\n33 4\n", "1,2\n33,4", "1;2\r\n33;4\r\n", "1\t2\n33\t4\n", "1, 2,\n33 , 4\n,\n",
