@@ -366,7 +366,7 @@ struct Landmark {
 /// like lips, eyelids, or a midline. Points may slide along. A closed one ends where it begins.
 struct Curve {
   std::vector<int> a, b;
-  double weight = 1000;  // as that of landmarks, of both lines together
+  double weight = 100;  // as that of landmarks, of both lines together
 };
 
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
@@ -4221,38 +4221,42 @@ inline void add_scaffold(const Scaffold& s, Array<Block>& blocks);
 
 // ---- hook: springs between vertices (parts [14] and [22]) ----
 
-/// A penalty weight · |p - q|² between two vertices.
+/// A penalty uᵀ K u - 2 forceᵀ u on the vector u = p - q between two vertices.
 struct Spring {
   int p, q;
-  double weight;
+  Mat2 stiffness;  // K
+  Vec2 force = {};
 };
 
 inline double with_springs(double energy, const Array<Spring>& springs, const Points2& x) {
-  for (const Spring& s : springs) energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
+  for (const Spring& s : springs) {
+    const Vec2 u = row2(x, s.p) - row2(x, s.q);
+    energy += dot(s.stiffness * u - 2 * s.force, u);
+  }
   return energy;
 }
 
 inline void add_spring_gradient(const Array<Spring>& springs, const Points2& x,
                                 Array<Vec2>& gradient) {
   for (const Spring& s : springs) {
-    const Vec2 force = 2 * s.weight * (row2(x, s.p) - row2(x, s.q));
-    gradient[s.p] += force;
-    gradient[s.q] -= force;
+    const Vec2 slope = 2 * (s.stiffness * (row2(x, s.p) - row2(x, s.q)) - s.force);
+    gradient[s.p] += slope;
+    gradient[s.q] -= slope;
   }
 }
 
 inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
   for (const Spring& s : springs) {
-    const Mat2 stiffness = diagonal(2 * s.weight);
+    const Mat2 stiffness = 2 * s.stiffness;
     blocks.push_back({s.p, s.p, stiffness});
     blocks.push_back({s.q, s.q, stiffness});
     blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
   }
 }
 
-/// Hook: springs that follow the map. Fills them for positions x; returns the energy they stand
-/// for, of which they are a majorizer at x.
-using Pull = std::function<double(const Points2& x, Array<Spring>& springs)>;
+/// Hook: springs that follow the map. Adds them for an iterate; returns the energy they stand for,
+/// which has their gradient there.
+using Pull = std::function<double(const Iterate& x, Array<Spring>& springs)>;
 
 // ---- line search ----
 
@@ -4512,7 +4516,7 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_a,
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
-    if (pull_) result.initial.energy += pull_(x_.x, springs_);
+    if (pull_) result.initial.energy += pull_(x_, springs_);
     sum_others();
     result.initial.omega = omega_;
     result.log_begin = result.initial;
@@ -4566,7 +4570,7 @@ class Optimizer {
     if (!(other.energy < x_.energy + most)) return false;
     x_ = std::move(other);
     describe(s_, followers_, x_, result.log_begin);
-    if (pull_) result.log_begin.energy += pull_(x_.x, springs_);
+    if (pull_) result.log_begin.energy += pull_(x_, springs_);
     return true;
   }
 
@@ -4787,7 +4791,7 @@ class Optimizer {
     omega_ = best.omega;
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
-    if (pull_) log_.energy += pull_(x_.x, springs_);
+    if (pull_) log_.energy += pull_(x_, springs_);
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
     log_.step = best.step.length;
@@ -4846,7 +4850,7 @@ class Optimizer {
 
   void renew_springs() {
     springs_.clear();
-    if (pull_) pull_(x_.x, springs_);
+    if (pull_) pull_(x_, springs_);
     for (const Spring& spring : held_springs_) springs_.push_back(spring);
     sum_others();
   }
@@ -6257,15 +6261,18 @@ inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
   return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
 }
 
-/// weight · |p - q|² for two places, as springs between their corners: where Σ c_k = 0,
-/// |Σ c_k x_k|² = -Σ_{k<l} c_k c_l |x_k - x_l|².
-inline void add_springs(const Place& p, const Place& q, double weight, Array<Spring>& springs) {
+/// uᵀ K u - 2 forceᵀ u on u = p - q for two places, as springs between their corners: where
+/// Σ c_k = 0 and u = Σ c_k x_k, uᵀ K u = -Σ_{k<l} c_k c_l (x_k - x_l)ᵀ K (x_k - x_l), and
+/// u = -Σ_l c_l (x_0 - x_l).
+inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, Vec2 force,
+                        Array<Spring>& springs) {
   const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
   const auto c = [&](int k) { return k < 3 ? p.weights[k] : -q.weights[k - 3]; };
   for (int k = 0; k < 6; ++k)
     for (int l = k + 1; l < 6; ++l)
       if (corner(k) >= 0 && corner(l) >= 0)
-        springs.push_back({corner(k), corner(l), -c(k) * c(l) * weight});
+        springs.push_back(
+            {corner(k), corner(l), -c(k) * c(l) * stiffness, (k == 0 ? -c(l) : 0) * force});
 }
 
 // ---- alignment ----
@@ -6284,98 +6291,114 @@ inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
   return flat / area;
 }
 
-/// The point of a line of vertices that is nearest to p in the plane.
-inline Place nearest_on(const Array<int>& line, const Points2& x, Vec2 p) {
-  Place nearest = copy_of(line[0]);
-  double least = squared_norm(row2(x, line[0]) - p);
-  for (int i = 1; i < line.size(); ++i) {
-    const Vec2 from = row2(x, line[i - 1]), along = row2(x, line[i]) - from;
-    const double t = dot(p - from, along) / squared_norm(along);
-    const double there = t > 0 ? (std::min)(t, 1.0) : 0;  // NaN, too
-    const double distance = squared_norm(from + there * along - p);
-    if (distance >= least) continue;
-    least = distance;
-    nearest.corners = Eigen::Vector3i(line[i - 1], line[i], -1);
-    nearest.weights = Eigen::Vector3d(1 - there, there, 0);
-  }
-  return nearest;
-}
-
-/// The energy of landmarks that hold: Σ w S ρ(d²/S), where ρ(t) = t / (1 + t/c²) [Geman and McClure
-/// 1985], S is the mean area of the surfaces, and d the distance between both ends in the plane, by
-/// the scale the surfaces have there at the start. A landmark that the map contradicts loses its
-/// pull. Springs of weight w ρ'(t) majorise it.
+/// The energy of landmarks that hold: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
+/// McClure 1985], S is the mean area of the surfaces, and r leads from the image of A's end to B's
+/// end in space, whatever the planes are. A landmark that the map contradicts loses its pull. In
+/// the triangle of B where it lies, the image is Σ φ_k X_k, and moves by J u if the end of A moves
+/// by u relative to the plane of the triangle: springs w ρ'(t) (uᵀ Jᵀ J u - 2 rᵀ J u) have its
+/// gradient.
 class LandmarkPull {
  public:
   LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks,
-               const std::vector<Curve>& curves, const Points2& x)
-      : unit_(0.5 * s.total_area) {
-    constexpr double kWeight = 1;
+               const std::vector<Curve>& curves)
+      : s_(&s), unit_(0.5 * s.total_area) {
     constexpr double kMost = 50;       // landmarks of full weight; more share it
     constexpr int kMostSprings = 300;  // of many landmarks, so many spread over the list pull
     const int step = 1 + landmarks.size() / (kMostSprings + 1);
     double total = 0;
     for (int i = 0; i < landmarks.size(); i += step) total += landmarks[i].given.weight;
-    const double share = kWeight * (std::min)(1.0, kMost / total);
+    const double share = (std::min)(1.0, kMost / total);
     for (int i = 0; i < landmarks.size(); i += step) {
-      PlacedLandmark l = landmarks[i];
+      const PlacedLandmark& l = landmarks[i];
       if (!(l.weight == 1 && l.given.weight > 0)) continue;
-      for (int& corner : l.b.corners)
-        if (corner >= 0) corner += s.n_a;
-      const double scale = std::sqrt(planar_scale(s, x, l.a) * planar_scale(s, x, l.b));
-      ends_.push_back({l.a, l.b, l.given.weight * share, 1 / (scale * unit_)});
+      Array<Vec3> target(1, Vec3());
+      for (int k = 0; k < 3; ++k)
+        if (l.b.corners[k] >= 0)
+          target[0] += l.b.weights[k] * row3(s.vertices, s.n_a + l.b.corners[k]);
+      ends_.push_back({l.a, targets_.size(), l.given.weight * share});
+      targets_.push_back(target);
     }
-    for (const Curve& c : curves) {
-      if (c.a.empty() || c.b.empty()) continue;
-      Array<int> a, b;
-      for (int v : c.a) a.push_back(v);
-      for (int v : c.b) b.push_back(s.n_a + v);
-      const double weight = c.weight / (a.size() + b.size());
-      add_line(s, a, b, weight, x);
-      add_line(s, b, a, weight, x);
+    for (const Curve& curve : curves) {
+      Array<Vec3> line;
+      for (int v : curve.b) line.push_back(row3(s.vertices, s.n_a + v));
+      const double weight = curve.weight / static_cast<double>(curve.a.size());
+      for (int v : curve.a)
+        if (!line.empty()) ends_.push_back({copy_of(v), targets_.size(), weight});
+      targets_.push_back(line);
     }
   }
 
-  bool is_empty() const { return ends_.empty() && sliders_.empty(); }
+  bool is_empty() const { return ends_.empty(); }
 
-  double operator()(const Points2& x, Array<Spring>& springs) const {
-    constexpr double kDoubt = 0.2;  // c, in roots of the area
+  double operator()(const Iterate& x, Array<Spring>& springs) const {
     double energy = 0;
-    const auto pull = [&](const Ends& e) {
-      const double t = e.scale * squared_norm(mean(e.a, x) - mean(e.b, x));
-      const double share = 1 / (1 + t / (kDoubt * kDoubt));
-      energy += unit_ * e.weight * t * share;
-      add_springs(e.a, e.b, unit_ * e.weight * e.scale * share * share, springs);
-    };
-    for (const Ends& e : ends_) pull(e);
-    for (const Slider& e : sliders_)
-      pull(
-          {copy_of(e.vertex), nearest_on(lines_[e.line], x, row2(x, e.vertex)), e.weight, e.scale});
+    for (const End& end : ends_) energy += pull(end, x, springs);
     return energy;
   }
 
  private:
-  struct Ends {
-    Place a, b;  // of the joint surface
-    double weight, scale;
-  };
-  struct Slider {  // a vertex of one line, drawn to the nearest point of another
-    int vertex, line;
-    double weight, scale;
+  struct End {
+    Place a;
+    int target;  // a point or a line
+    double weight;
   };
 
-  /// Draws the vertices of a line to another one.
-  void add_line(const JointSurface& s, const Array<int>& from, const Array<int>& to, double weight,
-                const Points2& x) {
-    for (int v : from)
-      sliders_.push_back({v, lines_.size(), weight, 1 / (planar_scale(s, x, copy_of(v)) * unit_)});
-    lines_.push_back(to);
+  double pull(const End& end, const Iterate& x, Array<Spring>& springs) const {
+    constexpr double kDoubt = 0.2;  // c, in roots of the area
+    Place on_b;
+    const int f = find_image(end.a, x, on_b);
+    if (f < 0) return 0;
+    const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
+    const auto flat = [&](int k) { return row2(x.x, on_b.corners[k]); };
+    const Vec3 image = on_b.weights[0] * on(0) + on_b.weights[1] * on(1) + on_b.weights[2] * on(2);
+    const Vec3 r = nearest_on(targets_[end.target], image) - image;
+    const double t = squared_norm(r) / unit_, share = 1 / (1 + t / (kDoubt * kDoubt));
+    const double weight = end.weight * share * share;
+    const Vec3 e1 = on(1) - on(0), e2 = on(2) - on(0);  // J = (e1 e2) P
+    const Mat2 P = inverse(columns(flat(1) - flat(0), flat(2) - flat(0)));
+    const Mat2 metric = {{dot(e1, e1), dot(e1, e2), dot(e1, e2), dot(e2, e2)}};
+    add_springs(end.a, on_b, weight * (transposed(P) * metric * P),
+                weight * (transposed(P) * Vec2{dot(e1, r), dot(e2, r)}), springs);
+    return unit_ * end.weight * t * share;
   }
 
+  /// The triangle of B in which a place of A lies, and where in it; -1 if the map does not cover
+  /// it.
+  int find_image(const Place& p, const Iterate& x, Place& image) const {
+    constexpr double kRounding = 1e-9;
+    const HalfEdgeMesh& m = s_->mesh;
+    const Vec2 at = mean(p, x.x);
+    int face = -1;
+    double most = -kRounding;
+    m.for_each_outgoing(p.corners[0], [&](int h) {
+      for (int i = x.overlay.newest[h / 3]; i >= 0; i = x.overlay.older[i]) {
+        const int f = x.overlay.polygons[i].tb;
+        const Vec3 w = barycentric(at, row2(x.x, m.corner(f, 0)), row2(x.x, m.corner(f, 1)),
+                                   row2(x.x, m.corner(f, 2)));
+        const double least = (std::min)({w.x, w.y, w.z});
+        if (least <= most) continue;
+        most = least, face = f;
+        for (int k = 0; k < 3; ++k) image.corners[k] = m.corner(f, k), image.weights[k] = w[k];
+      }
+    });
+    return face;
+  }
+
+  static Vec3 nearest_on(const Array<Vec3>& line, const Vec3& p) {
+    Vec3 nearest = line[0];
+    for (int i = 1; i < line.size(); ++i) {
+      const Vec3 along = line[i] - line[i - 1];
+      const double t = dot(p - line[i - 1], along) / squared_norm(along);
+      const Vec3 q = line[i - 1] + (t > 0 ? (std::min)(t, 1.0) : 0) * along;
+      if (squared_norm(q - p) < squared_norm(nearest - p)) nearest = q;
+    }
+    return nearest;
+  }
+
+  const JointSurface* s_;
   double unit_;
-  Array<Ends> ends_;
-  Array<Slider> sliders_;
-  Array<Array<int>> lines_;
+  Array<End> ends_;
+  Array<Array<Vec3>> targets_;
 };
 
 inline Vec2 centroid(const Points2& x) {
@@ -8257,7 +8280,7 @@ class PairEmbedder {
       keep_there(level_a_, c.a);
       keep_there(level_b_, c.b);
     }
-    const LandmarkPull pull(joint_, there, curves, x);
+    const LandmarkPull pull(joint_, there, curves);
     if (!pull.is_empty()) optimizer_->set_pull(pull);
     optimizer_->start(x, log_);
     if (is_first)
@@ -8336,7 +8359,7 @@ class PairEmbedder {
       for (int k = 0; k < 3; ++k)
         on.weights[k] = cross(corner[(k + 1) % 3] - p, corner[(k + 2) % 3] - p) /
                         cross(corner[1] - corner[0], corner[2] - corner[0]);
-      add_springs(copy_of(v), on, kStiffness, springs);
+      add_springs(copy_of(v), on, diagonal(kStiffness), {}, springs);
     };
     for (int v : tied_a_) tie(level_a_.place[v]);
     for (int v : tied_b_) tie(s.n_a + level_b_.place[v]);
@@ -8635,8 +8658,9 @@ class PairEmbedder {
         if (l.weight == 1 || !are_released) {
           const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) *
                                          planar_scale(problem.surface, x, l.b));
-          add_springs(l.a, l.b, weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale),
-                      problem.springs);
+          add_springs(l.a, l.b,
+                      diagonal(weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale)),
+                      {}, problem.springs);
         }
     });
   }
@@ -8811,7 +8835,7 @@ class LandmarkJoiner {
       executor_.tell(true, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
       for (const VertexPair& l : apart_)
-        problem.springs.push_back({l.a, s_.n_a + l.b, weight_ / landmarks_.size()});
+        problem.springs.push_back({l.a, s_.n_a + l.b, diagonal(weight_ / landmarks_.size())});
       for (const VertexPair& l : joined_) problem.followers.push_back(landmark_follower(s_, l));
       newton_ = std::make_unique<FlatNewton>(std::move(problem), x_, executor_);
     }
@@ -13997,7 +14021,7 @@ class LandmarkPuller {
     for (PlacedLandmark l : apart_) {
       for (int k = 0; k < 3; ++k)
         if (l.b.corners[k] >= 0) l.b.corners[k] += s_.n_a;
-      add_springs(l.a, l.b, weight_ / apart_.size(), springs);
+      add_springs(l.a, l.b, diagonal(weight_ / apart_.size()), {}, springs);
     }
     optimizer_.set_springs(std::move(springs));
   }
@@ -14545,7 +14569,7 @@ class Run {
     if (!options_.as_published) {
       Array<PlacedLandmark> apart;
       if (!options_.exact_landmarks) apart = located(landmarks_apart(), pair_);
-      const LandmarkPull pull(s_, apart, options_.curves, x);
+      const LandmarkPull pull(s_, apart, options_.curves);
       if (!pull.is_empty()) optimizer_->set_pull(pull);
     }
     optimizer_->start(x, result_);
