@@ -578,7 +578,7 @@ struct Embedding : Outcome {
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
   std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
-  /// Mean, divided by coverage, and up to 3 times that if it misses the landmarks.
+  /// Mean, divided by coverage, and up to twice that if it misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
   int iterations = 0;  // it got
   /// Mean distance on B between images by its map and by that of the best one, in roots of the
@@ -6999,14 +6999,17 @@ class FlatNewton {
   const Points2& positions() const { return x_; }
 
   /// Takes a step. True if it is not the last one: there are `most` at most, until one lowers the
-  /// energy by less than `tolerance` of it. Where the caller stops, the next call tries it again.
+  /// energy by less than `tolerance` of it; more as long as each lowers it by much, as next to a
+  /// degenerate triangle. Where the caller stops, the next call tries it again.
   bool minimize(int most, double tolerance) {
-    if (steps_ >= most) return false;
+    constexpr int kEnd = 200;
+    constexpr double kMuch = 0.25;
     const double before = energy_;
     const bool gained = step();
     if (!gained && executor_.is_stopped()) return true;
     ++steps_;
-    return gained && steps_ < most && before - energy_ >= tolerance * energy_;
+    if (!gained || steps_ >= kEnd) return false;
+    return before - energy_ >= (steps_ < most ? tolerance : kMuch) * energy_;
   }
 
   /// Moves the boundary to where `target` has it, and the interior by the Newton step that goes
@@ -14912,7 +14915,7 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
   const Result& result = candidate.run->result();
   const int done = static_cast<int>(result.log.size());
   candidate.has_more = done < iterations && candidate.run->step();
-  constexpr double kMissed = 2;  // how much all landmarks weigh
+  constexpr double kMissed = 1;  // how much all landmarks weigh
   const IterationLog& last = candidate.run->result().final_state();
   if (!candidate.has_more && is_usable(candidate.run->result().status))
     candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b) *
