@@ -249,10 +249,11 @@ TEST_CASE("springs between corners pull two places as one spring would") {
     for (int k = 0; k < 3; ++k)
       if (q.corners[k] >= 0) q.corners[k] += 3;
     Array<Spring> springs;
-    add_springs(p, q, 2.5, springs);
-    double energy = 0;
-    for (const Spring& s : springs) energy += s.weight * squared_norm(row2(x, s.p) - row2(x, s.q));
-    CHECK(energy == doctest::Approx(2.5 * squared_norm(mean(p, x) - mean(q, x))).epsilon(1e-12));
+    const Mat2 stiffness = {{2, 0.3, 0.3, 1}};
+    const Vec2 force = {0.7, -0.4}, u = mean(p, x) - mean(q, x);
+    add_springs(p, q, stiffness, force, springs);
+    CHECK(with_springs(0, springs, x) ==
+          doctest::Approx(dot(stiffness * u - 2 * force, u)).epsilon(1e-12));
   }
 }
 
@@ -492,9 +493,9 @@ TEST_CASE("points that are none of a mesh, and places used twice, are refused") 
   refuse_exact({{p, 4}, {p, 7}}, "the point in triangle 3 of A is in another landmark", 3);
   refuse_exact({{3, q}, {4, q}}, "the point in triangle 9 of B is in another landmark", 9);
   refuse_exact({{a.triangles(3, 1), 4}, {SurfacePoint{3, {0, 1, 0}}, 7}},
-         "the point in triangle 3 of A is in another landmark", 3);
+               "the point in triangle 3 of A is in another landmark", 3);
   refuse_exact({{p, 4}, {SurfacePoint{3, {0.2 + 1e-11, 0.3, 0.5 - 1e-11}}, 7}},
-         "the point in triangle 3 of A is in another landmark", 3);
+               "the point in triangle 3 of A is in another landmark", 3);
   // Rounding is forgiven.
   const Embedding e = ism::initial_embedding(
       a, a, {{SurfacePoint{3, {-1e-9, 0.3, 0.7}}, SurfacePoint{3, {0, 0.3 + 1e-8, 0.7}}}},

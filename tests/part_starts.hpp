@@ -184,6 +184,45 @@ TEST_CASE("a map of disks goes on from that of the best start") {
 
 // ---- landmarks that pull ----
 
+TEST_CASE("springs have the gradient of the pull") {
+  const auto [a, b] = runs::square_pair(5);
+  const JointSurface s = join({build_surface(a.mesh, false), build_surface(b.mesh, false)});
+  const ism::DistortionMeasure measure = ism::symmetric_dirichlet();
+  const auto iterate_at = [&](const ism::Points2& x) {
+    Iterate iterate;
+    iterate.x = x;
+    evaluate(s, Weights{0, 1, 1, &measure}, iterate);
+    return iterate;
+  };
+  PlacedLandmark vertex, point;
+  vertex.a = copy_of(40), vertex.b = copy_of(70);
+  point.a.corners = a.mesh.triangles.row(60);
+  point.a.weights = Eigen::Vector3d(0.2, 0.3, 0.5);
+  point.b = copy_of(50);
+  const ism::Curve curve = {{30, 31, 32}, {37, 38, 39, 40}};
+  Array<PlacedLandmark> landmarks(1, vertex);
+  landmarks.push_back(point);
+  const LandmarkPull pull(s, landmarks, {curve});
+  const ism::Points2 x = stacked(a.plane, b.plane);
+  Array<Spring> springs, others;
+  CHECK(pull(iterate_at(x), springs) > 0);
+  Array<Vec2> gradient(s.mesh.n_vertices, Vec2());
+  add_spring_gradient(springs, x, gradient);
+  shapes::Rng rng(6);
+  for (int i = 0; i < 10; ++i) {
+    ism::Points2 d = x;
+    double slope = 0;
+    for (int v = 0; v < d.rows(); ++v) {
+      d.row(v) << rng.uniform(-1, 1), rng.uniform(-1, 1);
+      slope += dot(gradient[v], row2(d, v));
+    }
+    constexpr double kStep = 1e-6;
+    const double rise =
+        pull(iterate_at(x + kStep * d), others) - pull(iterate_at(x - kStep * d), others);
+    CHECK(rise / (2 * kStep) == doctest::Approx(slope).epsilon(1e-5));
+  }
+}
+
 TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls to the end") {
   shapes::Rng rng(12);
   shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
@@ -228,8 +267,8 @@ TEST_CASE("landmarks that the map contradicts are named") {
 // ---- many landmarks ----
 
 TEST_CASE("of pairs of which a third is wrong, right ones are kept, spread over the surface") {
-  const Surface s = build_surface(
-      body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()), true);
+  const Surface s =
+      build_surface(body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()), true);
   shapes::Rng rng(21);
   Array<VertexPair> pairs;
   const auto any = [&] { return static_cast<int>(rng.uniform(0, s.mesh.n_vertices - 1e-9)); };
