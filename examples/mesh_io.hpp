@@ -1482,10 +1482,11 @@ inline PairsResult read_pairs(const std::string& path) {
     const std::vector<std::string_view> fields =
         detail::fields_of({begin, static_cast<std::size_t>(s.place() - begin)});
     if (fields.empty()) continue;
-    const bool is_header = is_first && !detail::has_number(fields);
+    const bool is_curve = fields[0] == "curve";
+    const bool is_header = is_first && !is_curve && !detail::has_number(fields);
     is_first = false;
     if (is_header) continue;
-    if (fields[0] == "curve") {
+    if (is_curve) {
       result.curves.push_back({{}, {}, pair.line});
       error = detail::read_curve(fields, result.curves.back());
     } else {

@@ -1229,15 +1229,17 @@ TEST_CASE("meshes that are no surfaces are refused by name") {
   CHECK(e.message == result.message);
 }
 
-TEST_CASE("landmarks out of range or used twice are refused with the vertex") {
+TEST_CASE("landmarks out of range, or exact and used twice, are refused with the vertex") {
   const TriangleMesh a = shapes::grid(2, 2).mesh, b = shapes::grid(3, 2).mesh;  // 9, 12 vertices
   const auto refuse = [&](const std::vector<Landmark>& landmarks, int id, const char* mesh) {
     CAPTURE(id);
-    const Result result = ism::compute_map(a, b, landmarks);
+    Options options;
+    options.exact_landmarks = true;
+    const Result result = ism::compute_map(a, b, landmarks, options);
     check_refused(result, Status::kInvalidLandmarks, mesh);
     CHECK(result.message.find(std::to_string(id)) != std::string::npos);
     CHECK(result.ids == Ids{mesh[0] == 'A' ? of_a(id) : of_b(id)});
-    const ism::Embedding e = ism::initial_embedding(a, b, landmarks);
+    const ism::Embedding e = ism::initial_embedding(a, b, landmarks, options);
     CHECK(e.status == Status::kInvalidLandmarks);
     CHECK(e.message == result.message);
     CHECK(e.ids == result.ids);
