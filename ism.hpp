@@ -613,7 +613,8 @@ struct Result : Outcome {
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
-/// Embeds both meshes injectively in one plane, with landmarks close to each other (§6).
+/// Embeds both meshes injectively in one plane, with landmarks close to each other (§6), if there
+/// are at most 50.
 /// kNumericalFailure names the vertex for which rounding leaves no room. Maps of decimated surfaces
 /// decide how the planes lie on each other (Options::candidates), and where closed surfaces are cut
 /// open. If an outline blocks itself or a

@@ -559,10 +559,11 @@ TEST_CASE("landmarks of an easy pair end near each other") {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(1.3, Vector3d(1, -1, 2).normalized()).matrix();
   b.vertices.col(0) *= 1.2;
   b.vertices = (b.vertices * R.transpose()).eval();
-  for (const std::vector<Landmark>& landmarks : {std::vector<Landmark>{{5, 5}},
-                                                 {{5, 5}, {40, 40}},
-                                                 first_landmarks(a.mesh, b, 12),
-                                                 first_landmarks(a.mesh, b, 1000)}) {
+  for (const std::vector<Landmark>& landmarks :
+       {std::vector<Landmark>{{5, 5}},
+        {{5, 5}, {40, 40}},
+        first_landmarks(a.mesh, b, 12),
+        first_landmarks(a.mesh, b, 50)}) {  // more only lead
     const Embedding e = ism::initial_embedding(a.mesh, b, landmarks, on_one_thread());
     REQUIRE(e.status == Status::kDone);
     double largest = 0;

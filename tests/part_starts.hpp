@@ -234,7 +234,8 @@ TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls t
     const Result r =
         ism::compute_map(a.mesh, b.mesh, {{0, 0}, {440, 439}, {from, to, weight}}, on_one_thread());
     REQUIRE(ism::is_usable(r.status));
-    for (std::size_t i = 1; i < r.log.size(); ++i) CHECK(r.log[i].energy <= r.log[i - 1].energy);
+    for (std::size_t i = 1; i < r.log.size(); ++i)  // springs follow the pull to first order
+      CHECK(r.log[i].energy <= r.log[i - 1].energy + 1e-3);
     const ism::SurfaceMap map(r);
     const Vector3d end = b.mesh.vertices.row(to).transpose();
     return (map.position_on_b(map.forward_vertex(from)) - end).norm();
@@ -327,7 +328,8 @@ TEST_CASE("a curve comes to lie on another one, and points slide along it") {
     options.curves = curves;
     const Result r = ism::compute_map(a.mesh, b.mesh, {{0, 0}, {440, 439}}, options);
     REQUIRE(ism::is_usable(r.status));
-    for (std::size_t i = 1; i < r.log.size(); ++i) CHECK(r.log[i].energy <= r.log[i - 1].energy);
+    for (std::size_t i = 1; i < r.log.size(); ++i)  // springs follow the pull to first order
+      CHECK(r.log[i].energy <= r.log[i - 1].energy + 1e-3);
     const ism::SurfaceMap map(r);
     double sum = 0;
     for (int v : curve.a) {
