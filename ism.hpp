@@ -356,17 +356,17 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 /// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
-  /// How strongly it pulls to the end: its ends, d roots of the area apart, add about weight · d²
-  /// to E per area, less once d passes 0.2, as it may be wrong. More than 50 of weight 1 share
-  /// that. 0: it only guides the start.
+  /// How strongly it pulls, to the end: if the image of a lies d roots of the area from b, it adds
+  /// about weight · d² to E per area, less where d exceeds 0.2, as the landmark may be wrong. More
+  /// than 50 landmarks of weight 1 share the weight of 50. 0: it only guides the start.
   double weight = 1;
 };
 
-/// A line of vertices of A, neighbours one after the other, that shall come to lie on a line of B,
-/// like lips, eyelids, or a midline. Points may slide along. A closed one ends where it begins.
+/// A line of vertices of A that is to be mapped onto a line of vertices of B, as for lips, eyelids
+/// or a midline. Images may slide along the line. A closed line ends with its first vertex.
 struct Curve {
-  std::vector<int> a, b;
-  double weight = 100;  // as that of landmarks, of both lines together
+  std::vector<int> a, b;  // in order; straight between them
+  double weight = 100;    // that of Landmark, shared by the vertices of A
 };
 
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
@@ -387,11 +387,11 @@ enum class Boundary {
 /// units of the scaled meshes, see Options::keep_scale.
 struct IterationLog {
   int iteration = 0;
-  double energy = 0;      // E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g), and the pull of
-                          // landmarks
-  double map_energy = 0;  // E_Φ, Eq. 4
-  double energy_f = 0;    // E_f, symmetric Dirichlet energy of the embedding of A
-  double energy_g = 0;    // E_g, symmetric Dirichlet energy of the embedding of B
+  /// E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g), plus the pull of landmarks and curves.
+  double energy = 0;
+  double map_energy = 0;       // E_Φ, Eq. 4
+  double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
+  double energy_g = 0;         // E_g, symmetric Dirichlet energy of the embedding of B
   double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 for an isometry (default measure)
   double coverage_a = 0;       // area A' / area A, in [0, 1]
   double coverage_b = 0;       // area B' / area B
@@ -464,7 +464,7 @@ DistortionMeasure asap();
 /// Options of the embedding and the optimisation. Lengths are relative to the meshes.
 struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
-  std::vector<Curve> curves;
+  std::vector<Curve> curves;  // pull to the end, on the given meshes and on coarse levels
   /// Reward for covered area beyond the cost of an isometry: E gains -κ (area A' + area B'), where
   /// κ = max(0, coverage_weight + measure.isometry()). With 0 an isometry neither gains nor loses
   /// by shrinking; a small weight lets it grow; a large one trades low distortion for coverage.
@@ -586,13 +586,13 @@ struct StartCandidate {
   double difference = 0;
 };
 
-/// A part of A where a map is bad: triangles that hang together, with more than twice the excess of
-/// the mean distortion over that of an isometry. A landmark helps most at its worst vertex.
+/// A connected part of A with high distortion: each triangle exceeds an isometry by more than twice
+/// as much as the mean does. A landmark at vertex_a helps most.
 struct WorstPlace {
-  int vertex_a = -1;      // the vertex
-  SurfacePoint on_b;      // where the map takes it; exists() is false if that is not covered
-  double area = 0;        // of the part, as a share of what is covered, on A and B
-  double distortion = 0;  // its mean there (of symmetric_dirichlet())
+  int vertex_a = -1;      // the vertex with the highest distortion around it
+  SurfacePoint on_b;      // its image; exists() is false if it is not covered
+  double area = 0;        // of the part, relative to the covered area, on A and B together
+  double distortion = 0;  // the mean over the part (symmetric_dirichlet())
 };
 
 /// The result of compute_map(). Positions exist and are valid if is_usable(status).
@@ -613,12 +613,11 @@ struct Result : Outcome {
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
-/// Embeds both meshes injectively in one plane, with landmarks close to each other (§6), if there
-/// are at most 50.
-/// kNumericalFailure names the vertex for which rounding leaves no room. Maps of decimated surfaces
-/// decide how the planes lie on each other (Options::candidates), and where closed surfaces are cut
-/// open. If an outline blocks itself or a
+/// Embeds both meshes injectively in one plane, with up to 50 landmarks close to each other (§6);
+/// more only guide. Maps of decimated surfaces decide how the planes lie on each other
+/// (Options::candidates), and where closed surfaces are cut open. If an outline blocks itself or a
 /// surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
+/// kNumericalFailure names the vertex for which rounding leaves no room.
 /// Ignores Options::initial_f and initial_g. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
 /// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
@@ -857,7 +856,7 @@ Points3 linear_morph(const MetaMesh& meta, double t);
 /// Summarises the distortions of SurfaceMap::distortion(). Sorts: O(n log n).
 DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons);
 
-/// The parts of A, at most `most`, that raise the mean distortion most. Cost O(n log n).
+/// Returns at most `most` parts of A, those that raise the mean distortion most. Cost O(n log n).
 std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most = 5);
 
 }  // namespace ISM_ABI
@@ -11805,8 +11804,8 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
-/// The half of some pairs that agree best on how far they are from each other on both surfaces; of
-/// these at most `most`, spread over A. Others may be wrong, at most half of them.
+/// Returns at most `most` pairs, spread over A, of the half whose distances to each other agree
+/// best on both surfaces. Up to half of the given pairs may be wrong.
 inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<VertexPair>& pairs,
                                     int most) {
   constexpr int kRounds = 4, kShare = 4;  // a quarter of the others bears a pair out
@@ -13588,7 +13587,8 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
       continue;
     }
     const bool is_free_on_a = !are_exact || on_a.claim(here.a);
-    if (!is_free_on_a || (are_exact && !on_b.claim(here.b)))
+    const bool is_free_on_b = !are_exact || on_b.claim(here.b);
+    if (!is_free_on_a || !is_free_on_b)
       return refuse({end_of(l, !is_free_on_a), " is in another landmark"}, !is_free_on_a);
     placed.push_back(here);
   }

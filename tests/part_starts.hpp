@@ -14,7 +14,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace starts_tests {
@@ -46,6 +48,16 @@ TriangleMesh body_mesh(const Eigen::Matrix3d& R, const Eigen::Matrix3d& S) {
     mesh.vertices.row(v) = (S * body(direction)).transpose();
   }
   return mesh;
+}
+
+/// Two bent squares of 441 and 440 vertices.
+std::pair<shapes::Disk, shapes::Disk> bent_squares(std::uint64_t seed) {
+  shapes::Rng rng(seed);
+  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
+               b = shapes::perturbed_grid(21, 19, 0.2, rng);
+  shapes::bend(a, 0.5);
+  shapes::bend(b, -0.5);
+  return {a, b};
 }
 
 Eigen::Matrix3d turn(double angle, const Vector3d& axis) {
@@ -224,11 +236,8 @@ TEST_CASE("springs have the gradient of the pull") {
 }
 
 TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls to the end") {
-  shapes::Rng rng(12);
-  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
-               b = shapes::perturbed_grid(21, 19, 0.2, rng);
-  shapes::bend(a, 0.5);
-  shapes::bend(b, -0.5);
+  const std::pair<shapes::Disk, shapes::Disk> squares = bent_squares(12);
+  const shapes::Disk &a = squares.first, &b = squares.second;
   const int from = 10 * 21 + 10, to = 10 * 22 + 12;  // about a tenth of the side apart
   const auto distance = [&](double weight) {
     const Result r =
@@ -315,11 +324,8 @@ TEST_CASE("a landmark for every vertex, noisy and a third of them wrong, becomes
 }
 
 TEST_CASE("a curve comes to lie on another one, and points slide along it") {
-  shapes::Rng rng(13);
-  shapes::Disk a = shapes::perturbed_grid(20, 20, 0.2, rng),
-               b = shapes::perturbed_grid(21, 19, 0.2, rng);
-  shapes::bend(a, 0.5);
-  shapes::bend(b, -0.5);
+  const std::pair<shapes::Disk, shapes::Disk> squares = bent_squares(13);
+  const shapes::Disk &a = squares.first, &b = squares.second;
   ism::Curve curve;
   for (int i = 4; i <= 16; ++i) curve.a.push_back(10 * 21 + i);
   for (int i = 2; i <= 19; ++i) curve.b.push_back(12 * 22 + i);  // a tenth of the side away
