@@ -56,8 +56,8 @@ printed.
                      place of an id, x y z stands for the nearest point of the surface, which is at
                      most 1% of its size away. Of four numbers the first is the id if it is a whole
                      number, else the last. Blanks, tabs, commas and semicolons separate them; the
-                     first line may be a header. `curve <ids in A> | <ids in B>`: a line of
-                     vertices that shall come to lie on another one
+                     first line may be a header. `curve <ids in A> | <ids in B>` maps a line of
+                     vertices onto another one
   --exact-landmarks  landmarks coincide exactly, from the start to the end
   --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
                      along one square, matched by arc length; slide: there, they may slide
