@@ -11804,6 +11804,21 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
+/// Returns at most `most` items, each the farthest one from those before it. `nearest`: per item,
+/// how far it is from what is there at first; distance(i, j) is that between items.
+template <class Distance>
+Array<int> farthest_items(int most, Array<double> nearest, const Distance& distance) {
+  Array<int> items;
+  while (items.size() < most && !nearest.empty()) {
+    const int i =
+        static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+    if (!(nearest[i] > 0)) break;
+    items.push_back(i);
+    for (int j = 0; j < nearest.size(); ++j) nearest[j] = (std::min)(nearest[j], distance(i, j));
+  }
+  return items;
+}
+
 /// Returns at most `most` pairs, spread over A, of the half whose distances to each other agree
 /// best on both surfaces. Up to half of the given pairs may be wrong.
 inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<VertexPair>& pairs,
@@ -11830,12 +11845,8 @@ inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<Ver
   Array<VertexPair> spread;
   Array<double> nearest(pairs.size(), -kInfinity);
   for (int i : kept) nearest[i] = kInfinity;
-  while (spread.size() < (std::min)(most, kept.size())) {
-    const int i =
-        static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-    spread.push_back(pairs[i]);
-    for (int j : kept) nearest[j] = (std::min)(nearest[j], on_a[i][pairs[j].a]);
-  }
+  const auto distance = [&](int i, int j) { return on_a[i][pairs[j].a]; };
+  for (int i : farthest_items(most, nearest, distance)) spread.push_back(pairs[i]);
   return spread;
 }
 
@@ -14892,19 +14903,14 @@ inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int w
   if (which >= 0) {
     candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
     const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
-    Array<double> distance(pairs.size(), kInfinity);
-    const auto spread = [&](const Vec3& from) {
-      for (int i = 0; i < pairs.size(); ++i)
-        distance[i] = (std::min)(distance[i], norm(samples_.a[pairs[i][0]].point - from));
-    };
-    for (const Landmark& l : candidate.landmarks) spread(row3(a_->surface.vertices, l.a.vertex));
-    for (int n = 0; n < most && !pairs.empty(); ++n) {
-      const int i =
-          static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
-      if (!(distance[i] > 0)) break;
+    const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
+    const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
+    Array<double> nearest(pairs.size(), kInfinity);
+    for (int i = 0; i < pairs.size(); ++i)
+      for (const VertexPair& l : leading_)
+        nearest[i] = (std::min)(nearest[i], norm(point(i) - row3(a_->surface.vertices, l.a)));
+    for (int i : farthest_items(most, nearest, distance))
       candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
-      spread(samples_.a[pairs[i][0]].point);
-    }
   }
   candidate.run =
       std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
@@ -15052,14 +15058,16 @@ inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, cons
   constexpr double kClear = 0.15;  // of an opening
   const std::vector<SurfacePoint> images = map.forward_vertices();
   const Surface& a = a_->surface;
-  Array<double> distance(a.mesh.n_vertices, kInfinity);
+  const auto distance = [&](int v, int w) {
+    return norm(row3(a.vertices, w) - row3(a.vertices, v));
+  };
+  Array<double> nearest(a.mesh.n_vertices, kInfinity);
   const auto spread = [&](int from, double offset) {
     for (int v = 0; v < a.mesh.n_vertices; ++v)
-      distance[v] =
-          (std::min)(distance[v], norm(row3(a.vertices, v) - row3(a.vertices, from)) - offset);
+      nearest[v] = (std::min)(nearest[v], distance(from, v) - offset);
   };
   for (int v = 0; v < a.mesh.n_vertices; ++v)
-    if (!images.data()[v].exists()) distance[v] = -kInfinity;
+    if (!images.data()[v].exists()) nearest[v] = -kInfinity;
   const int opening = candidate.run->result().start.opening_a;
   if (opening >= 0) spread(opening, kClear);
   for (const TipPair& tip : tips) {
@@ -15068,18 +15076,13 @@ inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, cons
     for (int v = 0; v < a.mesh.n_vertices; ++v) {
       if (!images.data()[v].exists()) continue;
       const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
-      if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) distance[v] = -kInfinity;
+      if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) nearest[v] = -kInfinity;
     }
   }
   for (const VertexPair& l : leading_) spread(l.a, 0);
   Array<Landmark> pairs;
-  while (pairs.size() < kGuides) {
-    const int v =
-        static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
-    if (!(distance[v] > 0)) break;
-    spread(v, 0);
+  for (int v : farthest_items(kGuides, nearest, distance))
     pairs.push_back({v, images.data()[v], 0});
-  }
   return pairs;
 }
 
