@@ -6291,6 +6291,21 @@ inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
   return flat / area;
 }
 
+/// A place of B in A ⊔ B.
+inline Place in_joint(const JointSurface& s, Place p) {
+  for (int k = 0; k < 3; ++k)
+    if (p.corners[k] >= 0) p.corners[k] += s.n_a;
+  return p;
+}
+
+/// Where a place lies in space.
+inline Vec3 position(const Surface& s, const Place& p) {
+  Vec3 sum;
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
+    sum += p.weights[k] * row3(s.vertices, p.corners[k]);
+  return sum;
+}
+
 /// The energy of landmarks that hold: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
 /// McClure 1985], S is the mean area of the surfaces, and r leads from the image of A's end to B's
 /// end in space, whatever the planes are. A landmark that the map contradicts loses its pull. In
@@ -6311,12 +6326,8 @@ class LandmarkPull {
     for (int i = 0; i < landmarks.size(); i += step) {
       const PlacedLandmark& l = landmarks[i];
       if (!(l.weight == 1 && l.given.weight > 0)) continue;
-      Array<Vec3> target(1, Vec3());
-      for (int k = 0; k < 3; ++k)
-        if (l.b.corners[k] >= 0)
-          target[0] += l.b.weights[k] * row3(s.vertices, s.n_a + l.b.corners[k]);
       ends_.push_back({l.a, targets_.size(), l.given.weight * share});
-      targets_.push_back(target);
+      targets_.push_back(Array<Vec3>(1, position(s, in_joint(s, l.b))));
     }
     for (const Curve& curve : curves) {
       Array<Vec3> line;
@@ -6346,11 +6357,10 @@ class LandmarkPull {
   double pull(const End& end, const Iterate& x, Array<Spring>& springs) const {
     constexpr double kDoubt = 0.2;  // c, in roots of the area
     Place on_b;
-    const int f = find_image(end.a, x, on_b);
-    if (f < 0) return 0;
+    if (!find_image(end.a, x, on_b)) return 0;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
     const auto flat = [&](int k) { return row2(x.x, on_b.corners[k]); };
-    const Vec3 image = on_b.weights[0] * on(0) + on_b.weights[1] * on(1) + on_b.weights[2] * on(2);
+    const Vec3 image = position(*s_, on_b);
     const Vec3 r = nearest_on(targets_[end.target], image) - image;
     const double t = squared_norm(r) / unit_, share = 1 / (1 + t / (kDoubt * kDoubt));
     const double weight = end.weight * share * share;
@@ -6362,13 +6372,11 @@ class LandmarkPull {
     return unit_ * end.weight * t * share;
   }
 
-  /// The triangle of B in which a place of A lies, and where in it; -1 if the map does not cover
-  /// it.
-  int find_image(const Place& p, const Iterate& x, Place& image) const {
+  /// Finds the place of B on which a place of A lies; false if the map does not cover it.
+  bool find_image(const Place& p, const Iterate& x, Place& image) const {
     constexpr double kRounding = 1e-9;
     const HalfEdgeMesh& m = s_->mesh;
     const Vec2 at = mean(p, x.x);
-    int face = -1;
     double most = -kRounding;
     m.for_each_outgoing(p.corners[0], [&](int h) {
       for (int i = x.overlay.newest[h / 3]; i >= 0; i = x.overlay.older[i]) {
@@ -6377,11 +6385,11 @@ class LandmarkPull {
                                    row2(x.x, m.corner(f, 2)));
         const double least = (std::min)({w.x, w.y, w.z});
         if (least <= most) continue;
-        most = least, face = f;
+        most = least;
         for (int k = 0; k < 3; ++k) image.corners[k] = m.corner(f, k), image.weights[k] = w[k];
       }
     });
-    return face;
+    return most > -kRounding;
   }
 
   static Vec3 nearest_on(const Array<Vec3>& line, const Vec3& p) {
@@ -9879,50 +9887,56 @@ std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   return detail::polygon_distortions(data_->pair, keep_scale);
 }
 
+namespace detail {
+
+/// Per vertex, the vertex that stands for its part: triangles that share vertices [union-find].
+inline Array<int> find_parts(const Triangles& triangles, const Array<int>& faces, int n_vertices) {
+  Array<int> parent;
+  for (int v = 0; v < n_vertices; ++v) parent.push_back(v);
+  const auto root = [&](int v) {
+    while (parent[v] != v) v = parent[v] = parent[parent[v]];
+    return v;
+  };
+  for (int f : faces)
+    for (int k = 1; k < 3; ++k) parent[root(triangles(f, k))] = root(triangles(f, 0));
+  for (int v = 0; v < n_vertices; ++v) parent[v] = root(v);
+  return parent;
+}
+
+}  // namespace detail
+
 std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
   using detail::Array;
   const std::vector<PolygonDistortion> polygons = map.distortion();
   const MetaMesh meta = map.meta_mesh();
-  const double mean = summarize(polygons).mean;
-  const int n_faces = static_cast<int>(meta.a->triangles.rows());
+  const DistortionSummary all = summarize(polygons);
+  const Triangles& triangles = meta.a->triangles;
   const int n_vertices = static_cast<int>(meta.a->vertices.rows());
-  Array<double> energy(n_faces, 0), area = energy, excess_at(n_vertices, 0);
-  Array<double> excess = excess_at, area_of = excess_at, energy_of = excess_at;  // per part
-  double total = 0;
+  Array<double> energy(static_cast<int>(triangles.rows()), 0), area = energy;
   for (int p = 0; p < meta.n_polygons(); ++p) {
     const PolygonDistortion& d = polygons.data()[p];
     energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
     area[meta.face_a.data()[p]] += d.area_a + d.area_b;
-    total += d.area_a + d.area_b;
   }
-  Array<int> parent;  // of a vertex in its part [union-find]
-  for (int v = 0; v < n_vertices; ++v) parent.push_back(v);
-  const auto part_of = [&](int v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
-  const auto is_bad = [&](int f) { return energy[f] - 2 * area[f] > 2 * (mean - 2) * area[f]; };
-  for (int f = 0; f < n_faces; ++f)
-    for (int k = 1; k < 3 && is_bad(f); ++k)
-      parent[part_of(meta.a->triangles(f, k))] = part_of(meta.a->triangles(f, 0));
-  for (int f = 0; f < n_faces; ++f) {
-    if (!is_bad(f)) continue;
-    const int part = part_of(meta.a->triangles(f, 0));
-    excess[part] -= energy[f] - mean * area[f];
-    energy_of[part] += energy[f], area_of[part] += area[f];
-    for (int k = 0; k < 3; ++k) excess_at[meta.a->triangles(f, k)] += energy[f] - mean * area[f];
+  Array<int> bad;
+  for (int f = 0; f < area.size(); ++f)
+    if (energy[f] - 2 * area[f] > 2 * (all.mean - 2) * area[f]) bad.push_back(f);
+  const Array<int> part = detail::find_parts(triangles, bad, n_vertices);
+  Array<double> gain(n_vertices, 0), at_vertex = gain, energy_of = gain, area_of = gain;
+  for (int f : bad) {
+    const int of = part[triangles(f, 0)];
+    const double excess = energy[f] - all.mean * area[f];
+    gain[of] -= excess, energy_of[of] += energy[f], area_of[of] += area[f];
+    for (int k = 0; k < 3; ++k) at_vertex[triangles(f, k)] += excess;
   }
   std::vector<WorstPlace> worst;
-  for (int part : detail::sorted_by(excess)) {
-    if (static_cast<int>(worst.size()) >= most || !(excess[part] < 0)) break;
-    WorstPlace place;
-    for (int v = 0; v < n_vertices; ++v)
-      if (part_of(v) == part && (place.vertex_a < 0 || excess_at[v] > excess_at[place.vertex_a]))
-        place.vertex_a = v;
-    place.on_b = map.forward_vertex(place.vertex_a);
-    place.area = area_of[part] / total;
-    place.distortion = energy_of[part] / area_of[part];
-    worst.push_back(place);
+  for (int of : detail::sorted_by(gain)) {
+    if (static_cast<int>(worst.size()) >= most || !(gain[of] < 0)) break;
+    int v = of;
+    for (int w = 0; w < n_vertices; ++w)
+      if (part[w] == of && at_vertex[w] > at_vertex[v]) v = w;
+    worst.push_back({v, map.forward_vertex(v), area_of[of] / (all.area_a + all.area_b),
+                     energy_of[of] / area_of[of]});
   }
   return worst;
 }
@@ -13531,13 +13545,6 @@ class LandmarkPlacer {
   Array<char> used_;
 };
 
-inline Vec3 position(const Surface& s, const Place& p) {
-  Vec3 sum;
-  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
-    sum += p.weights[k] * row3(s.vertices, p.corners[k]);
-  return sum;
-}
-
 inline int nearest_vertex(const Surface& s, const Vec3& p) {
   int nearest = 0;
   for (int v = 0; v < s.mesh.n_vertices; ++v)
@@ -14033,11 +14040,8 @@ class LandmarkPuller {
 
   void stiffen() {
     Array<Spring> springs;
-    for (PlacedLandmark l : apart_) {
-      for (int k = 0; k < 3; ++k)
-        if (l.b.corners[k] >= 0) l.b.corners[k] += s_.n_a;
-      add_springs(l.a, l.b, diagonal(weight_ / apart_.size()), {}, springs);
-    }
+    for (const PlacedLandmark& l : apart_)
+      add_springs(l.a, in_joint(s_, l.b), diagonal(weight_ / apart_.size()), {}, springs);
     optimizer_.set_springs(std::move(springs));
   }
 
