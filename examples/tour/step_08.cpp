@@ -170,7 +170,7 @@ void step_08(tour::Report& report) {
   report.check(solver.result().status == ism::Status::kConverged, "the run converges");
   report.check_number("s_max", log.max_step, 2.24, 0.1);
   report.check_number("s", log.step, 1, 0.1);
-  report.check_number("the number of iterates", proved, 66, 0.4);
+  report.check_number("the number of iterates", proved, 62, 0.4);
   render::Canvas canvas(960, 340);
   draw(pair, ray, options, canvas);
   report.save(canvas);
