@@ -357,9 +357,10 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 struct Landmark {
   LandmarkPoint a, b;
   /// How strongly it pulls, to the end: if the image of a lies d roots of the area from b, it adds
-  /// about weight · d² to E per area, less where d exceeds 0.2, as the landmark may be wrong. More
-  /// than 50 landmarks of weight 1 share the weight of 50. 0: it only guides the start.
-  double weight = 1;
+  /// about weight · d² to E per area, less where d exceeds 0.2, as the landmark may be wrong: by
+  /// default 0.02 for d = 0.05. If weights sum up to more than 50, they share 50. 0: it only guides
+  /// the start.
+  double weight = 8;
 };
 
 /// A line of vertices of A that is to be mapped onto a line of vertices of B, as for lips, eyelids
@@ -6320,12 +6321,14 @@ class LandmarkPull {
     constexpr double kMost = 50;       // landmarks of full weight; more share it
     constexpr int kMostSprings = 300;  // of many landmarks, so many spread over the list pull
     const int step = 1 + landmarks.size() / (kMostSprings + 1);
+    const auto pulls = [](const PlacedLandmark& l) { return l.weight == 1 && l.given.weight > 0; };
     double total = 0;
-    for (int i = 0; i < landmarks.size(); i += step) total += landmarks[i].given.weight;
+    for (int i = 0; i < landmarks.size(); i += step)
+      if (pulls(landmarks[i])) total += landmarks[i].given.weight;
     const double share = (std::min)(1.0, kMost / total);
     for (int i = 0; i < landmarks.size(); i += step) {
       const PlacedLandmark& l = landmarks[i];
-      if (!(l.weight == 1 && l.given.weight > 0)) continue;
+      if (!pulls(l)) continue;
       ends_.push_back({l.a, targets_.size(), l.given.weight * share});
       targets_.push_back(Array<Vec3>(1, position(s, in_joint(s, l.b))));
     }
@@ -11696,6 +11699,9 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 
 namespace detail {
 
+inline bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
+inline bool are_closed(const SurfacePair& pair) { return is_closed(pair.a) && is_closed(pair.b); }
+
 // ---- where to open ----
 
 /// Lengths of the shortest paths along edges from some vertices [Dijkstra 1959].
@@ -12278,7 +12284,8 @@ inline bool make_disk(const HalfEdgeMesh& m, Array<char>& is_in) {
 /// The triangles of A inside of the seam: those that B covers, and that have some distance from
 /// what it does not cover, and from where either surface is open; as a disk. Empty if there are
 /// none.
-inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, double margin) {
+inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, double margin,
+                               double& lost) {
   const HalfEdgeMesh &m = a.mesh, &both = pair.s.mesh;
   const auto is_at_boundary = [&](int f) {
     return both.on_boundary(both.corner(f, 0)) || both.on_boundary(both.corner(f, 1)) ||
@@ -12296,8 +12303,12 @@ inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, doubl
   const Array<double> distance = edge_distances(a, open);
   for (int h = 0; h < m.tail.size(); ++h)
     if (distance[m.tail[h]] < margin) is_body[h / 3] = 0;
+  const Array<char> is_far = is_body;
   while (make_disk(m, is_body)) {
   }
+  lost = 0;
+  for (int f = 0; f < m.n_faces; ++f)
+    if (is_far[f] && !is_body[f]) lost += a.area[f];
   return is_body;
 }
 
@@ -12551,10 +12562,13 @@ class Closer {
   void cut_anew() {
     constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};       // in roots of the area
     constexpr double kParts[] = {0.4, 0.2, 0.1, 0.01, 0.001};  // of a triangle of A
-    constexpr int kBodies = 4, kAll = kBodies + 5;
+    constexpr double kMostLost = 0.002;                        // of the area, at first
+    constexpr int kEach = 4, kBodies = 2 * kEach, kAll = kBodies + 5;
     const double unit = std::sqrt(open_.a.total_area);
-    for (; tried_ < kBodies; ++tried_)
-      if (cut_around_body(kMargins[tried_] * unit)) return void(++tried_);
+    for (; tried_ < kBodies; ++tried_) {
+      const double most = tried_ < kEach ? kMostLost * open_.a.total_area : kInfinity;
+      if (cut_around_body(kMargins[tried_ % kEach] * unit, most)) return void(++tried_);
+    }
     for (; tried_ < kAll; ++tried_)
       if (cut_in_polygon(kParts[tried_ - kBodies])) return void(++tried_);
     status_ = Status::kStalled;
@@ -12567,12 +12581,14 @@ class Closer {
     return sheet;
   }
 
-  /// Cuts around the triangles that choose_body() chooses.
-  bool cut_around_body(double margin) {
+  /// Cuts around the triangles that choose_body() chooses, unless limbs of more than some area
+  /// would be mapped anew.
+  bool cut_around_body(double margin, double most_lost) {
     const HalfEdgeMesh& m = open_.a.mesh;
-    const Array<char> is_body = choose_body(pair_, open_.a, margin);
+    double lost = 0;
+    const Array<char> is_body = choose_body(pair_, open_.a, margin, lost);
     const Array<int> loop = loop_around(m, is_body);
-    if (loop.empty()) return false;
+    if (loop.empty() || lost > most_lost) return false;
     Array<int> faces_near;
     for (int v : loop) {
       int near = 0;
@@ -13620,7 +13636,7 @@ struct RelativeSize {
 };
 
 inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks) {
-  constexpr int kMost = 100;
+  constexpr int kFewest = 5, kMost = 100;  // landmarks; of fewer, wrong ones may agree by chance
   constexpr double kLeast = 1.25;
   const int n = (std::min)(landmarks.size(), int{kMost});
   Array<double> ratio;
@@ -13630,7 +13646,7 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
       const double on_b = norm(position(pair.b, landmarks[i].b) - position(pair.b, landmarks[j].b));
       if (on_a > 0 && on_b > 0) ratio.push_back(on_a / on_b);
     }
-  if (ratio.size() < 3) return {};
+  if (n < kFewest || ratio.size() < 3) return {};
   std::sort(ratio.begin(), ratio.end());
   const double median = ratio[ratio.size() / 2];
   const double spread = ratio[3 * ratio.size() / 4] / ratio[ratio.size() / 4];
@@ -13665,10 +13681,10 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
                       SurfacePair& pair, Outcome& outcome) {
   constexpr double kFar = 100;
   const RelativeSize size = relative_size(pair, landmarks);
-  const bool are_closed = pair.a.mesh.loops() == 0 && pair.b.mesh.loops() == 0;
   const double areas = pair.a.total_area / pair.b.total_area;
   const std::string units = units_sentence(pair.a.scale / pair.b.scale / size.median);
-  if (!options.keep_scale && size.is_clear && !are_closed && options.boundary == Boundary::kFree) {
+  if (!options.keep_scale && size.is_clear && !are_closed(pair) &&
+      options.boundary == Boundary::kFree) {
     rescale((std::max)(1.0, 1 / size.median), pair.a);  // the smaller one keeps area 1
     rescale((std::max)(1.0, size.median), pair.b);
     outcome.warnings.push_back(
@@ -14623,9 +14639,7 @@ class Run {
 
   // ---- closed surfaces ----
 
-  static bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
-
-  bool can_close() const { return is_closed(whole_.a) && is_closed(whole_.b); }
+  bool can_close() const { return are_closed(whole_); }
 
   /// True if the map of two opened surfaces is optimised but not closed.
   bool is_to_be_closed() const {
@@ -14926,11 +14940,14 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
   const Result& result = candidate.run->result();
   const int done = static_cast<int>(result.log.size());
   candidate.has_more = done < iterations && candidate.run->step();
-  constexpr double kMissed = 1;  // how much all landmarks weigh
+  constexpr double kMissed = 1;   // how much all landmarks weigh
+  constexpr double kClosed = 20;  // the distortion of what closed surfaces do not cover
   const IterationLog& last = candidate.run->result().final_state();
-  if (!candidate.has_more && is_usable(candidate.run->result().status))
-    candidate.value = 2 * last.mean_distortion / (last.coverage_a + last.coverage_b) *
-                      (1 + kMissed * missed_landmarks(candidate));
+  if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
+  const double covered = 0.5 * (last.coverage_a + last.coverage_b);
+  candidate.value = are_closed(whole_) ? covered * last.mean_distortion + (1 - covered) * kClosed
+                                       : last.mean_distortion / covered;
+  candidate.value *= 1 + kMissed * missed_landmarks(candidate);
 }
 
 /// The share of the landmarks given that a map misses; one that it does not cover counts half.
