@@ -476,7 +476,7 @@ struct Options {
   /// fraction of E + κ (area A + area B) per iteration. An iteration without a step counts as one
   /// without decrease, a quasi-Newton step as a fifth of an iteration.
   double tolerance = 3e-4;  // ≥ 0
-  /// false: scales both meshes to area 1; if a boundary is free and three or more landmarks agree
+  /// false: scales both meshes to area 1; if a boundary is free and five or more landmarks agree
   /// on another ratio of sizes, scales them so that landmarks are equally far apart on both: a part
   /// then fits its place on the whole. true: the meshes share one unit and are not scaled; areas of
   /// 1e-50 to 1e50 work.
@@ -520,6 +520,12 @@ struct Options {
   /// next, from about this many per surface up. 0 is the paper's method. Exact landmarks, held
   /// boundaries, given positions and change() skip these levels.
   int coarsest = 700;
+  /// > 0: first halves edges that are longer than this many times the mean edge of the finer
+  /// surface, at most until both have as many triangles, or 2000 vertices are added: f and g are
+  /// linear on triangles, and no map of few or long ones is good. The shape and the ids of given
+  /// vertices stay, see Embedding::added_a. 2 helps meshes of about a thousand triangles. 0: off.
+  /// Given positions and as_published refine nothing.
+  double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -559,11 +565,12 @@ struct Embedding : Outcome {
   /// The prepared meshes.
   std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
                                   prepared_b = prepared_a;
-  /// The embedded meshes: the prepared ones, followed by vertices that constraints need. Surfaces
-  /// are unchanged; closed ones are cut, with copies of vertices on the other side of the cut.
+  /// The embedded meshes: the prepared ones, followed by vertices that Options::refine and
+  /// constraints need. Surfaces are unchanged; closed ones are cut, with copies of vertices on the
+  /// other side of the cut.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
-  /// The added vertices in order. Those of exact landmarks given as points come first, in their
-  /// order, if given at the start. Earlier ones may be corners of later ones.
+  /// The added vertices in order: halved edges, copies, then exact landmarks given as points, in
+  /// their order, if given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
   /// Given vertices where closed surfaces were cut open; -1: the surface has a boundary.
   int opening_a = -1, opening_b = -1;
@@ -6112,6 +6119,45 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   s.added.insert(s.added.end(), added.begin(), added.end());
   compute_rest_frames(s);
   return true;
+}
+
+/// The edge of as many equilateral triangles of the same area.
+inline double mean_edge(const Surface& s) {
+  return std::sqrt(4 / std::sqrt(3.0) * s.total_area / s.mesh.n_faces);
+}
+
+/// Halves edges, the longest first [Rivara 1984], until none is longer or so many were added.
+inline void halve_edges(double longest, int most, Surface& s) {
+  struct Edge {
+    double length;
+    int tail, tip;
+    bool operator<(const Edge& o) const { return length < o.length; }
+  };
+  HalfEdgeMesh m = s.mesh;
+  Array<Vec3> x;
+  for (int v = 0; v < m.n_vertices; ++v) x.push_back(row3(s.vertices, v));
+  Array<Edge> heap;
+  const auto push = [&](int u, int v) {
+    if (!(norm(x[v] - x[u]) > longest)) return;
+    heap.push_back({norm(x[v] - x[u]), u, v});
+    std::push_heap(heap.begin(), heap.end());
+  };
+  for (int h = 0; h < m.tail.size(); ++h)
+    if (m.twin[h] < h) push(m.tail[h], m.tip(h));
+  std::vector<AddedVertex> added;
+  while (!heap.empty() && static_cast<int>(added.size()) < most) {
+    std::pop_heap(heap.begin(), heap.end());
+    const int u = heap.back().tail, v = heap.back().tip, middle = x.size();
+    heap.pop_back();
+    added.emplace_back(u, v);
+    add_vertex(m, find_place(m, added.back()), added.back());
+    x.push_back(0.5 * (x[u] + x[v]));
+    m.for_each_outgoing(middle, [&](int h) {
+      push(middle, m.tip(h));
+      if (m.twin[prev(h)] < 0) push(middle, m.tail[prev(h)]);
+    });
+  }
+  add_vertices(added, s);
 }
 
 /// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
@@ -13699,6 +13745,19 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   }
 }
 
+/// Makes the coarser surface about as fine as the other one, see Options::refine.
+inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
+  if (options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
+      options.initial_g.size() > 0)
+    return;
+  constexpr int kLeast = 2000;  // of the vertices it may add; long thin triangles take many
+  const double longest = options.refine * (std::min)(mean_edge(pair.a), mean_edge(pair.b));
+  const int most = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
+  for (Surface* s : {&pair.a, &pair.b})
+    halve_edges(longest, (std::max)(int{kLeast}, (most - s->mesh.n_faces) / 2), *s);
+  landmarks = located(landmarks, pair);
+}
+
 /// Checks that Options::outer_a (outer_b) is on a boundary, and that only disks hold theirs.
 inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side side,
                         RunOptions& options, Outcome& outcome) {
@@ -13731,6 +13790,7 @@ inline bool check_options(const Options& o, Outcome& outcome) {
                {o.history_length >= 1, "history_length must be at least 1"},
                {at_least_0(o.omega_start), "omega_start must be at least 0"},
                {o.coarsest >= 0, "coarsest must be at least 0"},
+               {at_least_0(o.refine), "refine must be at least 0"},
                {o.max_iterations >= 0, "max_iterations must be at least 0"},
                {o.max_seconds > 0, "max_seconds must be positive"},
                {o.tolerance >= 0, "tolerance must be at least 0"},
@@ -14194,6 +14254,7 @@ class Run {
         rescale(sized->a.scale / pair_.a.scale, pair_.a);
         rescale(sized->b.scale / pair_.b.scale, pair_.b);
       }
+      refine(options_, pair_, placed_);
       result_.status = Status::kNoMapYet;
       is_embedding_ = true;
       if (goal == Goal::kStart) options_.coarsest = 0;  // landmarks stay together
@@ -14221,6 +14282,7 @@ class Run {
                                Outcome& outcome) const {
     options.boundary = given_options_.boundary;
     options.keep_scale = given_options_.keep_scale;
+    options.refine = given_options_.refine;
     options.initial_f = given_options_.initial_f;
     options.initial_g = given_options_.initial_g;
     auto run = std::make_unique<Run>(a_, b_, landmarks, options, goal_, &whole_);
@@ -14452,8 +14514,12 @@ class Run {
   }
 
   void begin_embedding() {
+    constexpr int kFewest = 300;
     if (!find_opening()) return;
     open();
+    const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
+    if (!mapped_)  // small surfaces have one coarse level, too
+      options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
     embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
                                            std::move(mapped_), options_, executor_);
   }
@@ -14719,7 +14785,8 @@ class Run {
                     decimal(100 * worst.area), "% of the area have ", decimal(worst.distortion)});
     }
     warning.message +=
-        "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles?";
+        "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles "
+        "(Options::refine)?";
     r.warnings.push_back(std::move(warning));
   }
 
@@ -14830,6 +14897,7 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
   options_.boundary = Boundary::kFree;
   options_.outer_a = options_.outer_b = -1;
   options_.coarsest = 0;
+  options_.refine = 0;
 }
 
 inline StartFinder::~StartFinder() = default;

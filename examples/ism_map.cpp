@@ -161,6 +161,7 @@ void for_each_option(ism::Options& o, const Visit& visit) {
   visit("max_iterations", o.max_iterations);
   visit("tolerance", o.tolerance);
   visit("coarsest", o.coarsest);
+  visit("refine", o.refine);
   visit("candidates", o.candidates);
   visit("history_length", o.history_length);
   visit("omega_start", o.omega_start);

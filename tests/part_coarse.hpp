@@ -223,6 +223,51 @@ TEST_CASE("nothing is lost where the start is the end already") {
   CHECK(value(again.final_state()) < value(first.final_state()) + 1e-4);
 }
 
+TEST_CASE("halved edges are none longer than asked, and leave the shape and the ids") {
+  Rng rng(57);
+  for (const Disk& disk : disks(rng)) {
+    const Surface before = build_surface(disk.mesh, false);
+    Surface s = before;
+    constexpr double kLongest = 0.05;
+    halve_edges(kLongest, 100000, s);
+    REQUIRE(!s.added.empty());
+    CHECK(s.vertices.topRows(before.mesh.n_vertices) == before.vertices);
+    CHECK(s.total_area == doctest::Approx(before.total_area));
+    CHECK(s.mesh.loops() == before.mesh.loops());
+    CHECK(s.mesh.n_faces == triangles_from(s.mesh.tail).rows());
+    CHECK(count_components(s.mesh) == 1);
+    double longest = 0;
+    for (int h = 0; h < s.mesh.tail.size(); ++h) longest = std::max(longest, s.edge_length(h));
+    CHECK(longest <= kLongest);
+    CHECK(longest > 0.5 * kLongest);
+    Surface same = before;
+    halve_edges(2, 100000, same);
+    CHECK(same.added.empty());
+    halve_edges(kLongest, 7, same);
+    CHECK(same.added.size() == 7);
+  }
+}
+
+TEST_CASE("a coarse surface gets the vertices that the map needs") {
+  const ism::TriangleMesh octahedron = shapes::sphere(0), ball = shapes::sphere(4);
+  for (const bool is_refined : {true, false}) {
+    Options options = on_one_thread();
+    if (!is_refined) options.refine = 0;
+    const Result r = ism::compute_map(octahedron, ball, {}, options);
+    REQUIRE(ism::is_usable(r.status));
+    CHECK((r.final_state().mean_distortion < 2.25) == is_refined);
+    const ism::SurfaceMap map(r);
+    CHECK(ism::verify(map).status == ism::Status::kDone);
+    CHECK(map.mesh(Side::kA).vertices == octahedron.vertices);
+    for (int v = 0; v < octahedron.vertices.rows(); ++v) CHECK(map.forward_vertex(v).exists());
+    const ism::SurfacePoint p = {5, {0.1, 0.3, 0.6}};  // of the triangles given
+    const ism::SurfacePoint back = map.backward(map.forward(p));
+    CHECK((map.position_on_a(back) - map.position_on_a(p)).norm() < 1e-9);
+    CHECK(map.meta_mesh().face_a.size() > 2000);
+    for (int f : map.meta_mesh().face_a) CHECK(f < octahedron.triangles.rows());
+  }
+}
+
 }  // namespace coarse_tests
 
 #endif  // ISM_TESTS_PART_COARSE_HPP

@@ -1211,6 +1211,7 @@ TEST_CASE("options out of range are refused by name") {
   refuse("omega_start", &Options::omega_start, Doubles{-1, kNan, kInf});
   refuse("max_seconds", &Options::max_seconds, Doubles{0, -1, kNan});
   refuse("coarsest", &Options::coarsest, Ints{-1});
+  refuse("refine", &Options::refine, Doubles{-1, kNan, kInf});
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
   refuse("threads", &Options::threads, Ints{-1});
