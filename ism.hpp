@@ -523,8 +523,9 @@ struct Options {
   /// > 0: first halves edges that are longer than this many times the mean edge of the finer
   /// surface, at most until both have as many triangles, or 2000 vertices are added: f and g are
   /// linear on triangles, and no map of few or long ones is good. The shape and the ids of given
-  /// vertices stay, see Embedding::added_a. 2 helps meshes of about a thousand triangles. 0: off.
-  /// Given positions and as_published refine nothing.
+  /// vertices stay, see Embedding::added_a. 1 makes both surfaces about as fine, which also helps
+  /// where both have about a thousand triangles. 0: off. Given positions and as_published refine
+  /// nothing.
   double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
@@ -12329,7 +12330,7 @@ inline bool make_disk(const HalfEdgeMesh& m, Array<char>& is_in) {
 
 /// The triangles of A inside of the seam: those that B covers, and that have some distance from
 /// what it does not cover, and from where either surface is open; as a disk. Empty if there are
-/// none.
+/// none. `lost`: the area of what has that distance, too, but hangs on by less.
 inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, double margin,
                                double& lost) {
   const HalfEdgeMesh &m = a.mesh, &both = pair.s.mesh;
