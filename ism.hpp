@@ -499,7 +499,8 @@ struct Options {
   /// Vertices of A (of B) whose planar positions stay those of the start. Refused if both surfaces
   /// are closed.
   std::vector<int> fixed_a, fixed_b;
-  /// false: landmarks guide the start only. true: their images coincide in the plane throughout.
+  /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
+  /// in the plane throughout.
   /// Landmarks on the boundaries must then have the same order on A and B; on held boundaries, both
   /// ends of a landmark lie there or none. Points become added vertices.
   bool exact_landmarks = false;
@@ -523,10 +524,10 @@ struct Options {
   /// > 0: first halves edges that are longer than this many times the mean edge of the finer
   /// surface, at most until both have as many triangles, or 2000 vertices are added: f and g are
   /// linear on triangles, and no map of few or long ones is good. The shape and the ids of given
-  /// vertices stay, see Embedding::added_a. 1 makes both surfaces about as fine, which also helps
-  /// where both have about a thousand triangles. 0: off. Given positions and as_published refine
-  /// nothing.
-  double refine = 8;
+  /// vertices stay, see Embedding::added_a. 8 suits a coarse mesh and a fine one; 1 makes both
+  /// about as fine, which also helps where both have about a thousand triangles. 0: off. Given
+  /// positions and as_published refine nothing.
+  double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;

@@ -252,7 +252,7 @@ TEST_CASE("a coarse surface gets the vertices that the map needs") {
   const ism::TriangleMesh octahedron = shapes::sphere(0), ball = shapes::sphere(4);
   for (const bool is_refined : {true, false}) {
     Options options = on_one_thread();
-    if (!is_refined) options.refine = 0;
+    options.refine = is_refined ? 8 : 0;
     const Result r = ism::compute_map(octahedron, ball, {}, options);
     REQUIRE(ism::is_usable(r.status));
     CHECK((r.final_state().mean_distortion < 2.25) == is_refined);
