@@ -240,8 +240,8 @@ TEST_CASE("a landmark of weight 0 only guides the start, one of weight 1 pulls t
   const shapes::Disk &a = squares.first, &b = squares.second;
   const int from = 10 * 21 + 10, to = 10 * 22 + 12;  // about a tenth of the side apart
   const auto distance = [&](double weight) {
-    const Result r =
-        ism::compute_map(a.mesh, b.mesh, {{0, 0, 0}, {440, 439, 0}, {from, to, weight}}, on_one_thread());
+    const Result r = ism::compute_map(
+        a.mesh, b.mesh, {{0, 0, 0}, {440, 439, 0}, {from, to, weight}}, on_one_thread());
     REQUIRE(ism::is_usable(r.status));
     for (std::size_t i = 1; i < r.log.size(); ++i)  // springs follow the pull to first order
       CHECK(r.log[i].energy <= r.log[i - 1].energy + 1e-3);
