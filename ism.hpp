@@ -357,7 +357,7 @@ Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmar
 struct Landmark {
   LandmarkPoint a, b;
   /// How strongly it pulls, to the end: if the image of a lies d roots of the area from b, it adds
-  /// weight · d² / (1 + 100 d²) to E per area, so that a wrong landmark hardly pulls. If weights
+  /// weight · d² / (1 + 44 d²) to E per area, so that a wrong landmark hardly pulls. If weights
   /// sum up to more than 50, they share 50. 0: it only guides the start.
   double weight = 8;
 };
@@ -6405,7 +6405,7 @@ class LandmarkPull {
   };
 
   double pull(const End& end, const Iterate& x, Array<Spring>& springs) const {
-    constexpr double kDoubt = 0.1;  // c, in roots of the area
+    constexpr double kDoubt = 0.15;  // c, in roots of the area
     Place on_b;
     if (!find_image(end.a, x, on_b)) return 0;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };

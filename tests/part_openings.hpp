@@ -161,7 +161,7 @@ TEST_CASE("plates with different openings are mapped, with all constraints that 
     SUBCASE("exact landmarks") { options.exact_landmarks = true; }
     SUBCASE("pins") {  // one that does not lie in an opening of B at the start
       options.max_iterations = 1;
-      const SurfaceMap start(ism::compute_map(a.mesh, b.mesh, landmarks, options));
+      const SurfaceMap start(ism::compute_map(a.mesh, b.mesh, landmarks, options).start);
       options.max_iterations = 25;
       int v = 12;
       while (!start.forward_vertex(v).exists()) ++v;
