@@ -520,13 +520,13 @@ struct Options {
   /// next, from about this many per surface up. 0 is the paper's method. Exact landmarks, held
   /// boundaries, given positions and change() skip these levels.
   int coarsest = 700;
-  /// > 0: first halves edges that are longer than this many times the mean edge of the finer
-  /// surface, at most until both have as many triangles, or 2000 vertices are added: f and g are
-  /// linear on triangles, and no map of few or long ones is good. The shape and the ids of given
-  /// vertices stay, see Embedding::added_a. 8 suits a coarse mesh and a fine one; 1 makes both
-  /// about as fine, which also helps where both have about a thousand triangles. 0: off. Given
-  /// positions and as_published refine nothing.
-  double refine = 0;
+  /// > 0: first halves edges longer than this many edges of the finer surface, at triangles that
+  /// are larger than its triangles, the longest first: f and g are linear on triangles, and no map
+  /// of few or long ones is good. It ends where both have as many triangles, or 4 / refine² times
+  /// as many as the finer one, at most four times. The shape and the ids of given vertices stay,
+  /// see Embedding::added_a. 1 makes both finer, which helps where both have about a thousand
+  /// triangles. 0: off. Given positions and as_published refine nothing.
+  double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -6122,13 +6122,10 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   return true;
 }
 
-/// The edge of as many equilateral triangles of the same area.
-inline double mean_edge(const Surface& s) {
-  return std::sqrt(4 / std::sqrt(3.0) * s.total_area / s.mesh.n_faces);
-}
-
-/// Halves edges, the longest first [Rivara 1984], until none is longer or so many were added.
-inline void halve_edges(double longest, int most, Surface& s) {
+/// Halves edges, the longest first [Rivara 1984], that are longer and have a triangle that is
+/// larger than told, until none is left or so many vertices were added.
+inline void halve_edges(double longest, double largest, int most, Surface& s) {
+  constexpr double kDigits = 1e6;  // so that rounding does not decide between equal lengths
   struct Edge {
     double length;
     int tail, tip;
@@ -6139,20 +6136,36 @@ inline void halve_edges(double longest, int most, Surface& s) {
   for (int v = 0; v < m.n_vertices; ++v) x.push_back(row3(s.vertices, v));
   Array<Edge> heap;
   const auto push = [&](int u, int v) {
-    if (!(norm(x[v] - x[u]) > longest)) return;
-    heap.push_back({norm(x[v] - x[u]), u, v});
+    const double length = std::round(kDigits * norm(x[v] - x[u]) / longest);
+    if (!(length > kDigits)) return;
+    heap.push_back({length, u, v});
     std::push_heap(heap.begin(), heap.end());
   };
   for (int h = 0; h < m.tail.size(); ++h)
     if (m.twin[h] < h) push(m.tail[h], m.tip(h));
+  const auto area = [&](const Vec3& p, const Vec3& q, int opposite) {
+    return 0.5 * norm(cross(q - p, x[opposite] - p));
+  };
   std::vector<AddedVertex> added;
   while (!heap.empty() && static_cast<int>(added.size()) < most) {
     std::pop_heap(heap.begin(), heap.end());
     const int u = heap.back().tail, v = heap.back().tip, middle = x.size();
     heap.pop_back();
-    added.emplace_back(u, v);
-    add_vertex(m, find_place(m, added.back()), added.back());
-    x.push_back(0.5 * (x[u] + x[v]));
+    const AddedVertex half(u, v);
+    const Vec3 at = 0.5 * (x[u] + x[v]);
+    const int edge = find_place(m, half);
+    bool is_large = false, is_sound = true;  // rounding may leave a half of a sliver no area
+    for (int h : {edge, m.twin[edge]}) {
+      if (h < 0) continue;
+      const int w = m.tail[prev(h)];
+      const double whole = area(x[u], x[v], w);
+      is_large = is_large || whole > (1 + 1 / kDigits) * largest;
+      is_sound = is_sound && (std::min)(area(x[u], at, w), area(at, x[v], w)) > 0.25 * whole;
+    }
+    if (!is_large || !is_sound) continue;
+    added.push_back(half);
+    add_vertex(m, edge, half);
+    x.push_back(at);
     m.for_each_outgoing(middle, [&](int h) {
       push(middle, m.tip(h));
       if (m.twin[prev(h)] < 0) push(middle, m.tail[prev(h)]);
@@ -13746,16 +13759,22 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   }
 }
 
-/// Makes the coarser surface about as fine as the other one, see Options::refine.
+/// Halves the edges of large triangles, see Options::refine.
 inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
   if (options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
       options.initial_g.size() > 0)
     return;
-  constexpr int kLeast = 2000;  // of the vertices it may add; long thin triangles take many
-  const double longest = options.refine * (std::min)(mean_edge(pair.a), mean_edge(pair.b));
-  const int most = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
+  constexpr double kUneven = 4;  // times as many triangles as an even mesh has
+  const int finest = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
+  const double enough = kUneven * finest / power(options.refine, 2);
+  const int most =
+      enough > finest ? static_cast<int>((std::min)(enough, kUneven * finest)) : finest;
+  double area = kInfinity;  // of a triangle of the finer surface
+  for (const Surface* s : {&pair.a, &pair.b})
+    area = (std::min)(area, s->total_area / s->mesh.n_faces);
+  const double edge = std::sqrt(4 / std::sqrt(3.0) * area);
   for (Surface* s : {&pair.a, &pair.b})
-    halve_edges(longest, (std::max)(int{kLeast}, (most - s->mesh.n_faces) / 2), *s);
+    halve_edges(options.refine * edge, area, (most - s->mesh.n_faces) / 2, *s);
   landmarks = located(landmarks, pair);
 }
 

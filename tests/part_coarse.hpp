@@ -229,7 +229,7 @@ TEST_CASE("halved edges are none longer than asked, and leave the shape and the 
     const Surface before = build_surface(disk.mesh, false);
     Surface s = before;
     constexpr double kLongest = 0.05;
-    halve_edges(kLongest, 100000, s);
+    halve_edges(kLongest, 0, 100000, s);
     REQUIRE(!s.added.empty());
     CHECK(s.vertices.topRows(before.mesh.n_vertices) == before.vertices);
     CHECK(s.total_area == doctest::Approx(before.total_area));
@@ -241,9 +241,9 @@ TEST_CASE("halved edges are none longer than asked, and leave the shape and the 
     CHECK(longest <= kLongest);
     CHECK(longest > 0.5 * kLongest);
     Surface same = before;
-    halve_edges(2, 100000, same);
+    halve_edges(2, 0, 100000, same);
     CHECK(same.added.empty());
-    halve_edges(kLongest, 7, same);
+    halve_edges(kLongest, 1e-4, 7, same);
     CHECK(same.added.size() == 7);
   }
 }
