@@ -526,7 +526,7 @@ struct Options {
   /// as many as the finer one, at most four times. The shape and the ids of given vertices stay,
   /// see Embedding::added_a. 1 makes both finer, which helps where both have about a thousand
   /// triangles. 0: off. Given positions and as_published refine nothing.
-  double refine = 8;
+  double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -6122,8 +6122,8 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   return true;
 }
 
-/// Halves edges, the longest first [Rivara 1984], that are longer and have a triangle that is
-/// larger than told, until none is left or so many vertices were added.
+/// Halves edges longer than `longest` at triangles larger than `largest`, the longest first [Rivara
+/// 1984], until none is left or `most` vertices were added.
 inline void halve_edges(double longest, double largest, int most, Surface& s) {
   constexpr double kDigits = 1e6;  // so that rounding does not decide between equal lengths
   struct Edge {

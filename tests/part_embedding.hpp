@@ -199,9 +199,7 @@ void check_embeds(const TriangleMesh& a, const TriangleMesh& b,
                   const std::vector<Landmark>& landmarks = {}) {
   REQUIRE(ism::validate(a).empty());
   REQUIRE(ism::validate(b).empty());
-  ism::Options options = on_one_thread();
-  options.refine = 0;
-  const Embedding e = ism::initial_embedding(a, b, landmarks, options);
+  const Embedding e = ism::initial_embedding(a, b, landmarks, on_one_thread());
   CAPTURE(e.message);
   CHECK(e.status == Status::kDone);
   if (e.status != Status::kDone) return;
