@@ -1436,18 +1436,24 @@ inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) {
   return orient2d_exact(a, b, c);
 }
 
-/// A point and its rank in the perturbation; smaller ids are displaced more.
+/// A point and its rank in the perturbation; smaller ids are displaced more. A point that a
+/// half-turn has moved is displaced the other way, a fixed one is not: sign -1, 0.
 struct LabelledPoint {
   Vec2 p;
   int id;
+  int sign = 1;
 };
 
 /// Returns the sign of the collinear triple a, b, c (ids ascending) after the displacement
-/// p_i += (ε^(4^i), ε^(2·4^i)): the first non-vanishing coefficient of the determinant in ε.
-inline bool perturbed_sign(Vec2 a, Vec2 b, Vec2 c) {
-  if (b.y != c.y) return b.y > c.y;
-  if (b.x != c.x) return c.x > b.x;
-  if (c.y != a.y) return c.y > a.y;
+/// p_i += sign_i (ε^(4^i), ε^(2·4^i)): the first non-vanishing coefficient of the determinant in ε.
+inline bool perturbed_sign(const LabelledPoint& a, const LabelledPoint& b, const LabelledPoint& c) {
+  if (a.sign != 0 && b.p.y != c.p.y) return (b.p.y > c.p.y) == (a.sign > 0);
+  if (a.sign != 0 && b.p.x != c.p.x) return (c.p.x > b.p.x) == (a.sign > 0);
+  if (b.sign != 0 && c.p.y != a.p.y) return (c.p.y > a.p.y) == (b.sign > 0);
+  if (a.sign * b.sign != 0) return a.sign * b.sign < 0;
+  if (b.sign != 0 && a.p.x != c.p.x) return (a.p.x > c.p.x) == (b.sign > 0);
+  if (a.p.y != b.p.y) return (a.p.y > b.p.y) == (c.sign > 0);
+  if (a.p.x != b.p.x) return (b.p.x > a.p.x) == (c.sign > 0);
   return false;
 }
 
@@ -1464,7 +1470,7 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
     }
   };
   order(0, 1), order(1, 2), order(0, 1);
-  return perturbed_sign(q[0]->p, q[1]->p, q[2]->p) == even;
+  return perturbed_sign(*q[0], *q[1], *q[2]) == even;
 }
 
 /// False if flags or processor settings break exact arithmetic: additions are reordered (by
@@ -1496,6 +1502,31 @@ inline bool arithmetic_is_sound() {
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
+/// A motion x → sign x + shift of the plane: a translation or a half-turn.
+struct Motion {
+  double sign = 1;
+  Vec2 shift;
+};
+inline Vec2 operator*(const Motion& g, Vec2 x) { return g.sign * x + g.shift; }
+inline Motion operator*(const Motion& g, const Motion& h) {
+  return {g.sign * h.sign, g.sign * h.shift + g.shift};
+}
+inline Motion inverse(const Motion& g) { return {g.sign, -g.sign * g.shift}; }
+inline bool operator==(const Motion& g, const Motion& h) {
+  return g.sign == h.sign && g.shift == h.shift;
+}
+inline Motion half_turn(Vec2 center) { return {-1, 2 * center}; }
+
+/// Where the corners of a closed surface's triangles lie in the plane, which is divided by the
+/// half-turns about four cones into copies of a pillow (part [20]). Empty for other surfaces.
+struct Pillow {
+  Array<Motion> place;   // per half-edge: its tail v lies at place x_v
+  Array<Motion> across;  // per half-edge: takes the places in the twin's triangle into its own
+  Array<int> cones;      // vertices, fixed; the angles around them sum to π
+  bool is_empty() const { return place.empty(); }
+  bool is_cone(int v) const { return std::find(cones.begin(), cones.end(), v) != cones.end(); }
+};
+
 struct HalfEdgeMesh {
   int n_vertices = 0;
   int n_faces = 0;
@@ -1505,6 +1536,7 @@ struct HalfEdgeMesh {
   Array<int> boundary;   // boundary half-edges, loop by loop, their faces on the left
   Array<int> loop;       // starts of loops in `boundary`, and its end
   Array<int> component;  // starts of connected components in `loop`, and its last entry
+  Pillow pillow;
 
   int loops() const { return loop.size() - 1; }
 
@@ -1524,6 +1556,19 @@ struct HalfEdgeMesh {
     }
   }
 };
+
+/// Returns the place of a half-edge's tail in the plane of its triangle.
+inline Vec2 place_of(const HalfEdgeMesh& m, const Points2& x, int h) {
+  const Vec2 p = row2(x, m.tail[h]);
+  return m.pillow.is_empty() ? p : m.pillow.place[h] * p;
+}
+inline Vec2 corner_place(const HalfEdgeMesh& m, const Points2& x, int f, int k) {
+  return place_of(m, x, 3 * f + k);
+}
+/// Returns -1 if a half-turn puts a half-edge's tail in its place, else 1.
+inline double sign_of(const HalfEdgeMesh& m, int h) {
+  return m.pillow.is_empty() ? 1 : m.pillow.place[h].sign;
+}
 
 /// Largest valence for which algorithms of quadratic cost in the valence are used.
 inline constexpr int kHub = 128;
@@ -1831,6 +1876,10 @@ inline JointSurface join(const SurfacePair& pair) {
   const int loops_a = a.mesh.loops();
   for (int i = 1; i < b.mesh.component.size(); ++i)
     m.component.push_back(loops_a + b.mesh.component[i]);
+  const Pillow& pillow_b = b.mesh.pillow;
+  m.pillow.place.append(pillow_b.place.data(), pillow_b.place.size());
+  m.pillow.across.append(pillow_b.across.data(), pillow_b.across.size());
+  for (int v : pillow_b.cones) m.pillow.cones.push_back(s.n_a + v);
   s.vertices = stacked(a.vertices, b.vertices);
   s.area.append(b.area.data(), b.area.size());
   s.rest_inverse.append(b.rest_inverse.data(), b.rest_inverse.size());
@@ -1862,6 +1911,7 @@ struct OverlayPolygon {
   int tb = 0;
   int count = 0;
   std::uint32_t code = 0;
+  Motion motion;  // takes the places in t_B to those in t_A
 
   int piece(int i) const { return static_cast<int>((code >> (3 * i)) & 7u); }
   bool has(int edge) const {
@@ -1971,7 +2021,8 @@ inline bool turns_back(Vec2 p, Vec2 q, Vec2 r) {
 
 inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
   for (int f = 0; f < m.n_faces; ++f)
-    if (!(orient2d(row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2))) > 0))
+    if (!(orient2d(corner_place(m, x, f, 0), corner_place(m, x, f, 1), corner_place(m, x, f, 2)) >
+          0))
       return false;
   return true;
 }
@@ -1980,6 +2031,7 @@ inline bool all_triangles_positive(const HalfEdgeMesh& m, const Points2& x) {
 /// A fan of positive triangles turns by less than π per step, so it turns once exactly if it passes
 /// once from the lower into the upper half-plane; comparisons decide that exactly.
 inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
+  if (!m.pillow.is_empty()) return true;  // see is_injective()
   for (int v = 0; v < m.n_vertices; ++v) {
     if (m.on_boundary(v)) continue;
     const Vec2 p = row2(x, v);
@@ -2072,9 +2124,17 @@ struct LabelledTriangle {
   const LabelledPoint& operator[](int k) const { return corner[k]; }
 };
 
-inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f) {
-  const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
-  return {{{row2(x, i), i}, {row2(x, j), j}, {row2(x, k), k}}};
+inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f,
+                                 const Motion& motion = {}) {
+  LabelledTriangle t;
+  for (int k = 0; k < 3; ++k) {
+    const int h = 3 * f + k, v = m.tail[h];
+    t.corner[k] = {row2(x, v), v};
+    if (m.pillow.is_empty()) continue;
+    const Motion g = motion * m.pillow.place[h];
+    t.corner[k] = {g * row2(x, v), v, m.pillow.is_cone(v) ? 0 : g.sign > 0 ? 1 : -1};
+  }
+  return t;
 }
 
 /// left[i][k]: corner i of one triangle lies left of edge k of the other.
@@ -2125,9 +2185,34 @@ inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
   return piece;
 }
 
+/// Decides for corners i of a and j of b that lie on one cone: there the sectors of both triangles
+/// are cut, so that each ray on the border of what they share starts inside the other triangle.
+/// False if they share nothing.
+inline bool meet_at_cone(int i, int j, Sides& a_side, Sides& b_side) {
+  const int i_next = (i + 1) % 3, i_prev = (i + 2) % 3, j_next = (j + 1) % 3, j_prev = (j + 2) % 3;
+  // Rays of a: edge i to i_next on the right, edge i_prev to it on the left; the same for b.
+  const bool a_right_in = a_side.left[i_next][j] && a_side.left[i_next][j_prev];
+  const bool a_left_in = a_side.left[i_prev][j] && a_side.left[i_prev][j_prev];
+  const bool b_right_in = !a_side.left[i_next][j] && a_side.left[i_prev][j];
+  b_side.left[j_next][i] = !a_side.left[i_next][j];
+  b_side.left[j_prev][i] = a_side.left[i_next][j_prev];
+  b_side.left[j_next][i_prev] = a_side.left[i_prev][j];
+  b_side.left[j_prev][i_prev] = !a_side.left[i_prev][j_prev];
+  a_side.left[i][j] = a_right_in;
+  b_side.left[j][i] = !a_right_in;
+  a_side.left[i][j_prev] = a_left_in;
+  b_side.left[j][i_prev] = !a_left_in;
+  return a_right_in || b_right_in;
+}
+
 /// Intersects two triangles; count is 0 if they do not overlap.
 inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangle& b) {
-  const Sides a_side = sides(a, b), b_side = sides(b, a);
+  Sides a_side = sides(a, b), b_side = sides(b, a);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      if (a[i].sign == 0 && b[j].sign == 0 && a[i].p == b[j].p &&
+          !meet_at_cone(i, j, a_side, b_side))
+        return {};
   EdgePiece piece[6];
   for (int i = 0; i < 3; ++i) {
     piece[i] = edge_piece(i, a_side, b_side);
@@ -2151,6 +2236,7 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 /// A triangle of A and a triangle of B that overlap.
 struct Seed {
   int ta, tb;
+  Motion motion = {};  // see OverlayPolygon
 };
 
 /// The polygons of an overlay, and memory that the next overlay reuses.
@@ -2159,7 +2245,9 @@ struct Overlay {
   bool is_too_large = false;  // some polygons are missing
   Array<int> newest;          // per triangle of A: its last polygon, or -1
   Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
-  Array<int> mark;  // per triangle of B: the last triangle of A that it was tested against
+  Array<int> mark;  // per triangle of B: the last triangle of A that it was tested against,
+  Array<Motion> marked;  // and where, on a pillow
+  Array<Seed> again;     // and in what other places
   Array<Seed> seeds;
   Array<char> is_crossed;  // per boundary loop: it crosses a loop of the other mesh
   /// Uncrossed loops: the loop, its first half-edge, the triangle that contains its start, or -1.
@@ -2180,6 +2268,11 @@ class OverlayBuilder {
     overlay_.uncrossed.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
+    overlay_.marked.resize(m_.pillow.is_empty() ? 0 : m_.n_faces);
+    if (!m_.pillow.is_empty()) {
+      seed_cone();
+      return flood_seeds();
+    }
     seed_boundary_crossings();
     flood_seeds();
     seed_other_loops();
@@ -2190,7 +2283,7 @@ class OverlayBuilder {
     while (!overlay_.seeds.empty()) {
       const Seed seed = overlay_.seeds.back();
       overlay_.seeds.pop_back();
-      flood(seed.ta, seed.tb);
+      flood(seed.ta, seed.tb, seed.motion);
       overlay_.is_too_large = overlay_.polygons.size() > kMostPolygons;
       if (overlay_.is_too_large) overlay_.seeds.clear();
     }
@@ -2198,41 +2291,80 @@ class OverlayBuilder {
 
   /// Finds the polygons of triangle ta that are connected to (ta, tb) within ta. Polygons across
   /// its edges become seeds, edge by edge, so that they are taken together.
-  void flood(int ta, int tb) {
+  void flood(int ta, int tb, const Motion& motion) {
     if (ta != marked_) mark_known(ta);
-    if (overlay_.mark[tb] == ta) return;
+    if (is_marked(ta, tb, motion)) return;
     const LabelledTriangle a = labelled(m_, x_, ta);
     const int begin = overlay_.polygons.size();
-    add(ta, tb, a);
+    add(ta, tb, motion, a);
     for (int i = begin; i < overlay_.polygons.size(); ++i) {
       const OverlayPolygon p = overlay_.polygons[i];
       for (int k = 0; k < p.count; ++k) {
-        const int e = p.piece(k), twin = e < 3 ? -1 : m_.twin[3 * p.tb + e - 3];
-        if (twin >= 0) add(ta, twin / 3, a);
+        const int e = p.piece(k), h = 3 * p.tb + e - 3, twin = e < 3 ? -1 : m_.twin[h];
+        if (twin >= 0)
+          add(ta, twin / 3, m_.pillow.is_empty() ? Motion() : p.motion * m_.pillow.across[h], a);
       }
     }
     for (int e = 0; e < 3; ++e) {
       const int twin = m_.twin[3 * ta + e];
       if (twin < 0) continue;
-      for (int i = begin; i < overlay_.polygons.size(); ++i)
-        if (overlay_.polygons[i].has(e))
-          overlay_.seeds.push_back({twin / 3, overlay_.polygons[i].tb});
+      for (int i = begin; i < overlay_.polygons.size(); ++i) {
+        const OverlayPolygon& p = overlay_.polygons[i];
+        if (!p.has(e)) continue;
+        overlay_.seeds.push_back({twin / 3, p.tb});
+        if (!m_.pillow.is_empty())
+          overlay_.seeds.back().motion = m_.pillow.across[twin] * p.motion;
+      }
     }
   }
 
   void mark_known(int ta) {
     marked_ = ta;
+    overlay_.again.clear();
     for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i])
-      overlay_.mark[overlay_.polygons[i].tb] = ta;
+      mark(ta, overlay_.polygons[i].tb, overlay_.polygons[i].motion);
   }
 
-  void add(int ta, int tb, const LabelledTriangle& a) {
-    if (overlay_.mark[tb] == ta) return;
-    overlay_.mark[tb] = ta;
-    OverlayPolygon p = intersect(a, labelled(m_, x_, tb));
+  void mark(int ta, int tb, const Motion& motion) {
+    if (m_.pillow.is_empty()) {
+      overlay_.mark[tb] = ta;
+    } else if (overlay_.mark[tb] == ta) {
+      overlay_.again.push_back({ta, tb, motion});
+    } else {
+      overlay_.mark[tb] = ta;
+      overlay_.marked[tb] = motion;
+    }
+  }
+
+  bool is_marked(int ta, int tb, const Motion& motion) const {
+    if (overlay_.mark[tb] != ta) return false;
+    if (m_.pillow.is_empty() || overlay_.marked[tb] == motion) return true;
+    for (const Seed& seed : overlay_.again)
+      if (seed.tb == tb && seed.motion == motion) return true;
+    return false;
+  }
+
+  /// Seeds a pillow where triangles of both surfaces meet at the first cone.
+  void seed_cone() {
+    const Array<int>& cones = m_.pillow.cones;
+    const int u = cones[0], v = cones[cones.size() / 2];
+    m_.for_each_outgoing(u, [&](int h) {
+      m_.for_each_outgoing(v, [&](int g) {
+        Motion motion = m_.pillow.place[h] * inverse(m_.pillow.place[g]);
+        for (int i = 0; i < 2; ++i, motion = half_turn(place_of(m_, x_, h)) * motion)
+          overlay_.seeds.push_back({h / 3, g / 3, motion});
+      });
+    });
+  }
+
+  void add(int ta, int tb, const Motion& motion, const LabelledTriangle& a) {
+    if (is_marked(ta, tb, motion)) return;
+    mark(ta, tb, motion);
+    OverlayPolygon p = intersect(a, labelled(m_, x_, tb, motion));
     if (p.count == 0) return;
     p.ta = ta;
     p.tb = tb;
+    p.motion = motion;
     overlay_.older.push_back(overlay_.newest[ta]);
     overlay_.newest[ta] = overlay_.polygons.size();
     overlay_.polygons.push_back(p);
@@ -3417,8 +3549,8 @@ struct Iterate {
 };
 
 inline Mat2 triangle_jacobian(const Surface& s, const Points2& x, int f) {
-  return jacobian(row2(x, s.mesh.corner(f, 0)), row2(x, s.mesh.corner(f, 1)),
-                  row2(x, s.mesh.corner(f, 2)), s.rest_inverse[f]);
+  return jacobian(corner_place(s.mesh, x, f, 0), corner_place(s.mesh, x, f, 1),
+                  corner_place(s.mesh, x, f, 2), s.rest_inverse[f]);
 }
 
 /// Returns E_f or E_g over triangles begin to end - 1; optionally sets their Jacobians.
@@ -3436,8 +3568,9 @@ inline double embedding_energy(const Surface& s, const Points2& x, int begin, in
 inline SixPoints six_points(const HalfEdgeMesh& m, const Points2& x, const OverlayPolygon& p) {
   SixPoints points;
   for (int k = 0; k < 3; ++k) {
-    points[k] = row2(x, m.corner(p.ta, k));
-    points[3 + k] = row2(x, m.corner(p.tb, k));
+    points[k] = corner_place(m, x, p.ta, k);
+    points[3 + k] = corner_place(m, x, p.tb, k);
+    if (!m.pillow.is_empty()) points[3 + k] = p.motion * points[3 + k];
   }
   return points;
 }
@@ -3618,7 +3751,7 @@ inline void embedding_terms(const Surface& s, const Points2& x, int begin, int e
     for (int lane = 0; lane < kLanes; ++lane) {
       const int f = (std::min)(begin + lane, end - 1);
       for (int k = 0; k < 3; ++k) {
-        const Vec2 p = row2(x, s.mesh.corner(f, k));
+        const Vec2 p = corner_place(s.mesh, x, f, k);
         batch.x[2 * k][lane] = p.x;
         batch.x[2 * k + 1][lane] = p.y;
       }
@@ -3639,7 +3772,8 @@ inline void embedding_terms(const Surface& s, const Points2& x, int begin, int e
 
 inline Array<Vec2> sum_gradients(const HalfEdgeMesh& m, const Array<FaceTerm>& terms) {
   Array<Vec2> gradient(m.n_vertices);
-  for (int h = 0; h < m.tail.size(); ++h) gradient[m.tail[h]] += terms[h / 3].gradient[h % 3];
+  for (int h = 0; h < m.tail.size(); ++h)
+    gradient[m.tail[h]] += sign_of(m, h) * terms[h / 3].gradient[h % 3];
   return gradient;
 }
 
@@ -3651,8 +3785,10 @@ inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& te
   model.gradient = sum_gradients(m, terms);
   model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
     m.for_each_outgoing(u, [&](int h) {
-      for (int k = 0; k < 3; ++k)
-        if (u <= m.corner(h / 3, k)) row.add(m.corner(h / 3, k), terms[h / 3].hessian[h % 3][k]);
+      const int first = h - h % 3;
+      for (int e = first; e < first + 3; ++e)
+        if (u <= m.tail[e])
+          row.add(m.tail[e], sign_of(m, h) * sign_of(m, e) * terms[h / 3].hessian[h % 3][e % 3]);
       add_others(h, row);
     });
   });
@@ -3695,7 +3831,8 @@ class ModelBuilder {
   QuadraticModel assemble() const {
     return sum_terms(s_.mesh, face_, executor_, [&](int h, RowWriter& row) {
       if (h >= 3 * s_.faces_a) return;
-      for (const Coupling& c : coupling_[h / 3]) row.add(c.vertex, c.hessian[h % 3]);
+      for (const Coupling& c : coupling_[h / 3])
+        row.add(c.vertex, sign_of(s_.mesh, h) * c.hessian[h % 3]);
     });
   }
 
@@ -3769,13 +3906,14 @@ class ModelBuilder {
     if (batch.is_negligible[lane] != 0) return;
     for (int j = 0; j < 3; ++j) {
       a.gradient[j] += force(batch, j, lane);
-      b.gradient[j] = force(batch, 3 + j, lane);
+      b.gradient[j] = p.motion.sign * force(batch, 3 + j, lane);
       if (!with_hessians_) continue;
+      const double sign = p.motion.sign * sign_of(s_.mesh, 3 * p.tb + j);
       Coupling& coupling = coupling_with(s_.mesh.corner(p.tb, j), coupling_[p.ta]);
       for (int i = 0; i < 3; ++i) {
         a.hessian[i][j] += batch.hessian.block(i, j, lane);
         b.hessian[i][j] = batch.hessian.block(3 + i, 3 + j, lane);
-        coupling.hessian[i] += batch.hessian.block(i, 3 + j, lane);
+        coupling.hessian[i] += sign * batch.hessian.block(i, 3 + j, lane);
       }
     }
   }
@@ -3837,8 +3975,9 @@ struct RowEntry {
 inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   row.clear();
   row.push_back({u, 0});
-  const auto add = [&](int v, double weight) {
+  const auto add = [&](int v, double weight, double sign) {
     row[0].value += weight;
+    weight *= sign;
     // Each neighbour occurs twice in succession, but for the first one, which also occurs last.
     if (row.back().column == v) return void(row.back().value -= weight);
     if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
@@ -3847,8 +3986,9 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   s.mesh.for_each_outgoing(u, [&](int h) {
     const int v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
     const Vec3 p = row3(s.vertices, u), q = row3(s.vertices, v), r = row3(s.vertices, w);
-    add(v, 0.5 * cotangent(r, p, q));
-    add(w, 0.5 * cotangent(q, r, p));
+    const double sign = sign_of(s.mesh, h);
+    add(v, 0.5 * cotangent(r, p, q), sign * sign_of(s.mesh, next(h)));
+    add(w, 0.5 * cotangent(q, r, p), sign * sign_of(s.mesh, prev(h)));
   });
 }
 
@@ -4189,17 +4329,30 @@ inline double triangle_max_step(Vec2 u, Vec2 v, Vec2 du, Vec2 dv) {
 inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d) {
   double s = kInfinity;
   for (int f = 0; f < m.n_faces; ++f) {
-    const int i = m.corner(f, 0), j = m.corner(f, 1), k = m.corner(f, 2);
-    s = (std::min)(s, triangle_max_step(row2(x, j) - row2(x, i), row2(x, k) - row2(x, i),
-                                        d[j] - d[i], d[k] - d[i]));
+    const int h = 3 * f, i = next(h), j = prev(h);
+    const Vec2 p = place_of(m, x, h), move = sign_of(m, h) * d[m.tail[h]];
+    s = (std::min)(s, triangle_max_step(place_of(m, x, i) - p, place_of(m, x, j) - p,
+                                        sign_of(m, i) * d[m.tail[i]] - move,
+                                        sign_of(m, j) * d[m.tail[j]] - move));
   }
   return s;
 }
 
-/// Returns x + s d with tiny coordinates set to zero, as the predicates require.
-inline Points2 moved(const Points2& x, const Array<Vec2>& d, double s) {
+/// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
+/// pillow are rounded to multiples of 2^-50; so motions, whose shifts are, take them to other
+/// places exactly.
+inline Vec2 on_grid(Vec2 p) {
+  constexpr double kShift = 6;  // half an ulp of [4, 8) is 2^-51
+  return {(p.x + kShift) - kShift, (p.y + kShift) - kShift};
+}
+inline Vec2 usable(const HalfEdgeMesh& m, Vec2 p) {
+  return m.pillow.is_empty() ? flush_tiny(p) : on_grid(p);
+}
+
+/// Returns x + s d.
+inline Points2 moved(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d, double s) {
   Points2 y(x.rows(), 2);
-  for (int i = 0; i < x.rows(); ++i) set_row(y, i, flush_tiny(row2(x, i) + s * d[i]));
+  for (int i = 0; i < x.rows(); ++i) set_row(y, i, usable(m, row2(x, i) + s * d[i]));
   return y;
 }
 
@@ -4231,16 +4384,18 @@ inline void add_scaffold(const Scaffold& s, Array<Block>& blocks);
 
 // ---- hook: springs between vertices (parts [14] and [22]) ----
 
-/// A penalty uᵀ K u - 2 forceᵀ u on the vector u = p - q between two vertices.
+/// A penalty uᵀ K u - 2 forceᵀ u on the vector u = p - motion q between two vertices.
 struct Spring {
   int p, q;
   Mat2 stiffness;  // K
   Vec2 force = {};
+  Motion motion = {};  // of q, on a pillow
+  Vec2 vector(const Points2& x) const { return row2(x, p) - motion * row2(x, q); }
 };
 
 inline double with_springs(double energy, const Array<Spring>& springs, const Points2& x) {
   for (const Spring& s : springs) {
-    const Vec2 u = row2(x, s.p) - row2(x, s.q);
+    const Vec2 u = s.vector(x);
     energy += dot(s.stiffness * u - 2 * s.force, u);
   }
   return energy;
@@ -4249,9 +4404,9 @@ inline double with_springs(double energy, const Array<Spring>& springs, const Po
 inline void add_spring_gradient(const Array<Spring>& springs, const Points2& x,
                                 Array<Vec2>& gradient) {
   for (const Spring& s : springs) {
-    const Vec2 slope = 2 * (s.stiffness * (row2(x, s.p) - row2(x, s.q)) - s.force);
+    const Vec2 slope = 2 * (s.stiffness * s.vector(x) - s.force);
     gradient[s.p] += slope;
-    gradient[s.q] -= slope;
+    gradient[s.q] += -s.motion.sign * slope;
   }
 }
 
@@ -4260,7 +4415,7 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
     const Mat2 stiffness = 2 * s.stiffness;
     blocks.push_back({s.p, s.p, stiffness});
     blocks.push_back({s.q, s.q, stiffness});
-    blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -1 * stiffness});
+    blocks.push_back({(std::min)(s.p, s.q), (std::max)(s.p, s.q), -s.motion.sign * stiffness});
   }
 }
 
@@ -4350,7 +4505,7 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   const Direction& d = problem.directions[t.step.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.x = moved(problem.from.x, d.d, t.step.length);
+  t.x.x = moved(m, problem.from.x, d.d, t.step.length);
   place_followers(problem.followers, t.x.x);
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
@@ -4629,6 +4784,7 @@ class Optimizer {
   void fix_unknowns(Points2& x) {
     is_fixed_ = FixedCoordinates(s_.mesh.n_vertices);
     fix_boundaries(s_.mesh, x, options_.boundary, is_fixed_);
+    for (int v : s_.mesh.pillow.cones) is_fixed_.fix(v);
     for (int v : options_.fixed_a) is_fixed_.fix(v);
     for (int v : options_.fixed_b) is_fixed_.fix(s_.n_a + v);
     for (const Follower& follower : followers_)  // a fixed landmark of A fixes its partner on B
@@ -4924,7 +5080,7 @@ class Optimizer {
   Array<Vec2> gradient_along(const Direction& direction) {
     constexpr double kLittle = 1e-5;
     Iterate y;
-    y.x = moved(x_.x, direction.d, kLittle * direction.first_step);
+    y.x = moved(s_.mesh, x_.x, direction.d, kLittle * direction.first_step);
     place_followers(followers_, y.x);
     if (!is_injective(s_.mesh, y.x)) return {};
     evaluate(s_, weights_, y);
@@ -6326,15 +6482,18 @@ inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
 /// uᵀ K u - 2 forceᵀ u on u = p - q for two places, as springs between their corners: where
 /// Σ c_k = 0 and u = Σ c_k x_k, uᵀ K u = -Σ_{k<l} c_k c_l (x_k - x_l)ᵀ K (x_k - x_l), and
 /// u = -Σ_l c_l (x_0 - x_l).
+/// `motion`: what takes the corners to one plane.
 inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, Vec2 force,
-                        Array<Spring>& springs) {
+                        const std::array<Motion, 6>& motion, Array<Spring>& springs) {
   const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
   const auto c = [&](int k) { return k < 3 ? p.weights[k] : -q.weights[k - 3]; };
   for (int k = 0; k < 6; ++k)
-    for (int l = k + 1; l < 6; ++l)
-      if (corner(k) >= 0 && corner(l) >= 0)
-        springs.push_back(
-            {corner(k), corner(l), -c(k) * c(l) * stiffness, (k == 0 ? -c(l) : 0) * force});
+    for (int l = k + 1; l < 6; ++l) {
+      if (corner(k) < 0 || corner(l) < 0) continue;
+      const Motion& g = motion.data()[k];
+      springs.push_back({corner(k), corner(l), -c(k) * c(l) * stiffness,
+                         (k == 0 ? -g.sign * c(l) : 0) * force, inverse(g) * motion.data()[l]});
+    }
 }
 
 // ---- alignment ----
@@ -6346,8 +6505,9 @@ inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
     if (v >= 0)
       s.mesh.for_each_outgoing(v, [&](int h) {
         const int f = h / 3;
-        flat += 0.5 * cross(row2(x, s.mesh.corner(f, 1)) - row2(x, s.mesh.corner(f, 0)),
-                            row2(x, s.mesh.corner(f, 2)) - row2(x, s.mesh.corner(f, 0)));
+        const Vec2 corner = corner_place(s.mesh, x, f, 0);
+        flat += 0.5 * cross(corner_place(s.mesh, x, f, 1) - corner,
+                            corner_place(s.mesh, x, f, 2) - corner);
         area += s.area[f];
       });
   return flat / area;
@@ -6421,9 +6581,10 @@ class LandmarkPull {
   double pull(const End& end, const Iterate& x, Array<Spring>& springs) const {
     constexpr double kDoubt = 0.15;  // c, in roots of the area
     Place on_b;
-    if (!find_image(end.a, x, on_b)) return 0;
+    std::array<Motion, 6> motion;
+    if (!find_image(end.a, x, on_b, motion)) return 0;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
-    const auto flat = [&](int k) { return row2(x.x, on_b.corners[k]); };
+    const auto flat = [&](int k) { return motion.data()[3 + k] * row2(x.x, on_b.corners[k]); };
     const Vec3 image = position(*s_, on_b);
     const Vec3 r = nearest_on(targets_[end.target], image) - image;
     const double t = squared_norm(r) / unit_, share = 1 / (1 + t / (kDoubt * kDoubt));
@@ -6432,28 +6593,51 @@ class LandmarkPull {
     const Mat2 P = inverse(columns(flat(1) - flat(0), flat(2) - flat(0)));
     const Mat2 metric = {{dot(e1, e1), dot(e1, e2), dot(e1, e2), dot(e2, e2)}};
     add_springs(end.a, on_b, weight * (transposed(P) * metric * P),
-                weight * (transposed(P) * Vec2{dot(e1, r), dot(e2, r)}), springs);
+                weight * (transposed(P) * Vec2{dot(e1, r), dot(e2, r)}), motion, springs);
     return unit_ * end.weight * t * share;
   }
 
-  /// Finds the place of B on which a place of A lies; false if the map does not cover it.
-  bool find_image(const Place& p, const Iterate& x, Place& image) const {
+  /// Finds the place of B on which a place of A lies, and what takes the corners of both to the
+  /// plane of a triangle of A; false if the map does not cover it.
+  bool find_image(const Place& p, const Iterate& x, Place& image,
+                  std::array<Motion, 6>& motion) const {
     constexpr double kRounding = 1e-9;
     const HalfEdgeMesh& m = s_->mesh;
-    const Vec2 at = mean(p, x.x);
     double most = -kRounding;
     m.for_each_outgoing(p.corners[0], [&](int h) {
+      std::array<Motion, 3> own;
+      Vec2 at;
+      if (!place_in(p, h / 3, x.x, own, at)) return;
       for (int i = x.overlay.newest[h / 3]; i >= 0; i = x.overlay.older[i]) {
-        const int f = x.overlay.polygons[i].tb;
-        const Vec3 w = barycentric(at, row2(x.x, m.corner(f, 0)), row2(x.x, m.corner(f, 1)),
-                                   row2(x.x, m.corner(f, 2)));
+        const OverlayPolygon& polygon = x.overlay.polygons[i];
+        const SixPoints points = six_points(m, x.x, polygon);
+        const Vec3 w = barycentric(at, points[3], points[4], points[5]);
         const double least = (std::min)({w.x, w.y, w.z});
         if (least <= most) continue;
         most = least;
-        for (int k = 0; k < 3; ++k) image.corners[k] = m.corner(f, k), image.weights[k] = w[k];
+        for (int k = 0; k < 3; ++k) {
+          const int g = 3 * polygon.tb + k;
+          image.corners[k] = m.tail[g], image.weights[k] = w[k];
+          motion.data()[k] = own.data()[k];
+          if (!m.pillow.is_empty()) motion.data()[3 + k] = polygon.motion * m.pillow.place[g];
+        }
       }
     });
     return most > -kRounding;
+  }
+
+  /// Finds a place in the plane of a face; false if it is not there.
+  bool place_in(const Place& p, int face, const Points2& x, std::array<Motion, 3>& motion,
+                Vec2& at) const {
+    const HalfEdgeMesh& m = s_->mesh;
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      int h = 3 * face;
+      while (h < 3 * face + 3 && m.tail[h] != p.corners[k]) ++h;
+      if (h == 3 * face + 3) return false;
+      if (!m.pillow.is_empty()) motion.data()[k] = m.pillow.place[h];
+      at += (p.corners[1] < 0 ? 1 : p.weights[k]) * place_of(m, x, h);
+    }
+    return true;
   }
 
   static Vec3 nearest_on(const Array<Vec3>& line, const Vec3& p) {
@@ -7065,6 +7249,7 @@ class FlatNewton {
         x_(std::move(x)),
         energy_(value(x_)) {
     fix_boundaries(m_, x_, problem_.boundary, is_fixed_);
+    for (int v : m_.pillow.cones) is_fixed_.fix(v);
     for (int v : problem_.held) is_fixed_.fix(v);
   }
 
@@ -7098,7 +7283,7 @@ class FlatNewton {
     if (!solve(system, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
     if (first_step(d) < 1) return false;
-    Points2 y = moved(x_, d, 1);
+    Points2 y = moved(m_, x_, d, 1);
     for (int h : m_.boundary) set_row(y, m_.tail[h], row2(target, m_.tail[h]));
     if (!is_injective(m_, y) || !(value(y) < kInfinity)) return false;
     x_.swap(y);
@@ -7140,7 +7325,7 @@ class FlatNewton {
     if (!(slope < 0)) return false;
     double s = first_step(d);
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
-      Points2 y = moved(x_, d, s);
+      Points2 y = moved(m_, x_, d, s);
       place_followers(problem_.followers, y);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
       collided = collided || collides(m_, y);
@@ -7258,8 +7443,7 @@ inline Surface smoothed_rest(Surface s, const Points2& x) {
   Array<Mat2> J(m.n_faces), sum(m.n_vertices);
   Array<double> area(m.n_vertices, 0);
   for (int f = 0; f < m.n_faces; ++f) {
-    J[f] = jacobian(row2(x, m.corner(f, 0)), row2(x, m.corner(f, 1)), row2(x, m.corner(f, 2)),
-                    s.rest_inverse[f]);
+    J[f] = triangle_jacobian(s, x, f);
     for (int k = 0; k < 3; ++k) {
       sum[m.corner(f, k)] += s.area[f] * (J[f] * transposed(J[f]));
       area[m.corner(f, k)] += s.area[f];
@@ -7298,6 +7482,123 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
   Mat2 axis;  // 1 and -1 along the eigenvectors
   if (radius > 0) axis = 1 / radius * (H + diagonal(-mean));
   return diagonal(0.5 * (largest + epsilon)) + 0.5 * (largest - epsilon) * axis;
+}
+
+// ---- pillows ----
+
+/// Finds Pillow::across from the places of corners.
+inline void find_crossings(HalfEdgeMesh& m) {
+  Pillow& p = m.pillow;
+  p.across.resize(p.place.size());
+  for (int h = 0; h < p.place.size(); ++h) {
+    const int t = m.twin[h];
+    p.across[h] = p.is_cone(m.tail[h]) ? p.place[next(h)] * inverse(p.place[t])
+                                       : p.place[h] * inverse(p.place[next(t)]);
+  }
+}
+
+/// The half-edges of the shortest path from u to v through vertices that are free; empty if there
+/// is none.
+inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
+  struct Reached {
+    double distance;
+    int half_edge;  // to the vertex
+    bool operator<(const Reached& o) const {
+      return distance != o.distance ? distance > o.distance : half_edge > o.half_edge;
+    }
+  };
+  const HalfEdgeMesh& m = s.mesh;
+  Array<int> to(m.n_vertices, -1), path;
+  Array<Reached> heap;
+  const auto leave = [&](int w, double distance) {
+    is_free[w] = 0;
+    m.for_each_outgoing(w, [&](int h) {
+      if (!is_free[m.tip(h)]) return;
+      heap.push_back({distance + s.edge_length(h), h});
+      std::push_heap(heap.begin(), heap.end());
+    });
+  };
+  is_free[v] = 1;
+  leave(u, 0);
+  while (!heap.empty() && to[v] < 0) {
+    std::pop_heap(heap.begin(), heap.end());
+    const Reached at = heap.back();
+    heap.pop_back();
+    const int w = m.tip(at.half_edge);
+    if (!is_free[w]) continue;
+    to[w] = at.half_edge;
+    leave(w, at.distance);
+  }
+  for (int w = v; w != u && to[w] >= 0; w = m.tail[to[w]]) path.push_back(to[w]);
+  std::reverse(path.begin(), path.end());
+  return path;
+}
+
+inline constexpr double kPillowSide = 0x1.6ap-1;  // about the root of 1/2: the area is about 1
+
+inline std::array<Vec2, 4> pillow_corners() {
+  return {Vec2{0, 0}, Vec2{kPillowSide, 0}, Vec2{kPillowSide, kPillowSide}, Vec2{0, kPillowSide}};
+}
+
+/// Cuts a closed surface along a path through four vertices and lays it on a pillow: the left side
+/// of the path stays, the right side is moved by g_1, g_2, g_3 between the cones; g_1 is the
+/// half-turn about the first one, and g_(i+1) = g_i h_i with that about the next one, so that going
+/// around a cone is a half-turn. False without such a path.
+inline bool make_pillow(const std::array<int, 4>& cones, Surface& s) {
+  HalfEdgeMesh& m = s.mesh;
+  const std::array<Vec2, 4> corner = pillow_corners();
+  Array<char> is_free(m.n_vertices, 1);
+  for (int v : cones) is_free[v] = 0;
+  m.pillow.place.assign(m.tail.size(), Motion());
+  m.pillow.cones.clear();
+  for (int v : cones) m.pillow.cones.push_back(v);
+  Motion g = half_turn(corner[0]);
+  int before = -1;  // the half-edge to the tail of the next one
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Array<int> path = shortest_path(s, cones[i], cones[i + 1], is_free);
+    if (path.size() < 2) return m.pillow = Pillow(), false;
+    for (int h : path) {
+      for (int e = before < 0 ? h : m.twin[before]; e != h; e = m.turn(e)) m.pillow.place[e] = g;
+      if (m.tail[h] == cones[i] && i > 0) g = g * half_turn(corner[i]);
+      before = h;
+      is_free[m.tail[h]] = 0;
+    }
+  }
+  find_crossings(m);
+  return true;
+}
+
+/// Embeds a surface on its pillow: every vertex but the cones is the mean of its neighbours
+/// [Aigerman and Lipman 2015]. False if rounding turns a triangle over.
+inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Points2& x) {
+  const std::array<Vec2, 4> corner = pillow_corners();
+  x = Points2::Zero(m.n_vertices, 2);
+  Array<Vec2> right(m.n_vertices);
+  for (int i = 0; i < 4; ++i) {
+    right[m.pillow.cones[i]] = corner.data()[i];
+    set_row(x, m.pillow.cones[i], corner.data()[i]);
+  }
+  Array<Block> blocks;
+  for (int u = 0; u < m.n_vertices; ++u) {
+    blocks.push_back({u, u, diagonal(m.pillow.is_cone(u) ? 1 : 0)});
+    if (m.pillow.is_cone(u)) continue;
+    m.for_each_outgoing(u, [&](int h) {
+      const int v = m.tip(h);
+      const Motion g = inverse(m.pillow.place[h]) * m.pillow.place[next(h)];
+      const bool is_fixed = m.pillow.is_cone(v);
+      blocks.push_back({u, u, diagonal(1)});
+      if (!is_fixed && u < v) blocks.push_back({u, v, diagonal(-g.sign)});
+      right[u] += is_fixed ? g * row2(x, v) : g.shift;
+    });
+  }
+  const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor);
+  LdltFactor factor;
+  ldlt_factorize({&H, nullptr, 0}, x, executor, factor);
+  if (!factor.ok) return false;
+  const Array<Vec2> solution = ldlt_solve(factor, right);
+  for (int v = 0; v < m.n_vertices; ++v)
+    if (!m.pillow.is_cone(v)) set_row(x, v, on_grid(solution[v]));
+  return is_injective(m, x);
 }
 
 class Hierarchy {
@@ -7398,7 +7699,31 @@ class Hierarchy {
         for (int v : mesh_.face[f]) corners.push_back(level.place[v]);
     level.surface = build_surface(build_half_edges(level.vertex.size(), triangles_from(corners)),
                                   vertices, true);
+    if (place_.empty()) return level;
+    Pillow& pillow = level.surface.mesh.pillow;
+    for (int f = 0; f < mesh_.face.size(); ++f)
+      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) pillow.place.push_back(place_[3 * f + k]);
+    for (int v : cones_) pillow.cones.push_back(level.place[v]);
+    find_crossings(level.surface.mesh);
     return level;
+  }
+
+  /// Puts the surface as it is now on a pillow; false if there is no room for the paths between the
+  /// cones.
+  bool embed_on_pillow(const std::array<int, 4>& cones) {
+    Level level = current();
+    HalfEdgeMesh& m = level.surface.mesh;
+    std::array<int, 4> here;
+    for (std::size_t i = 0; i < 4; ++i) here[i] = level.place[cones[i]];
+    Points2 x;
+    if (!make_pillow(here, level.surface) || !orbifold_tutte(m, executor_, x)) return false;
+    cones_.clear();
+    for (int v : cones) cones_.push_back(v);
+    place_.assign(3 * mesh_.face.size(), Motion());
+    for (int f = 0, h = 0; f < mesh_.face.size(); ++f)
+      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) place_[3 * f + k] = m.pillow.place[h++];
+    set(level, x);
+    return true;
   }
 
   Points2 positions(const Level& level) const {
@@ -7441,6 +7766,7 @@ class Hierarchy {
     is_outline_known_ = true;
     local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
     mesh_.undo(c);
+    place_corners(c);
     const bool has_room = place(c);
     if (mesh_.on_boundary(c.u)) update_outline(c.u);
     return has_room ? -1 : c.u;
@@ -7452,14 +7778,61 @@ class Hierarchy {
     for (int v : {mesh_.boundary_prev[u], u}) outline_.update(mesh_, x_, v);
   }
 
-  /// An edge p → q opposite a vertex.
+  /// An edge p → q opposite a vertex u, and its ends as seen from u in the plane.
   struct Opposite {
     int p, q;
+    Vec2 at_p, at_q;
   };
   Opposite opposite(int f, int u) const {
     const std::array<int, 3>& t = mesh_.face[f];
-    if (t[0] == u) return {t[1], t[2]};
-    return t[1] == u ? Opposite{t[2], t[0]} : Opposite{t[0], t[1]};
+    const int k = corner_at(f, u), i = (k + 1) % 3, j = (k + 2) % 3;
+    const int p = t.data()[i], q = t.data()[j];
+    if (place_.empty()) return {p, q, row2(x_, p), row2(x_, q)};
+    const Motion from_face = inverse(place_[3 * f + k]);
+    return {p, q, from_face * (place_[3 * f + i] * row2(x_, p)),
+            from_face * (place_[3 * f + j] * row2(x_, q))};
+  }
+  int corner_at(int f, int v) const {
+    const std::array<int, 3>& t = mesh_.face[f];
+    return t[0] == v ? 0 : t[1] == v ? 1 : 2;
+  }
+
+  /// Places the corners of the triangles that u comes back to. It takes the place of v; as a cone
+  /// has two in each triangle, these are found from triangle to triangle there.
+  void place_corners(const Collapse& c) {
+    if (place_.empty()) return;
+    Array<int> known(1, c.changed[0]), left;
+    for (int f : c.changed)
+      if (f != c.changed[0]) (is_cone(c.v) ? left : known).push_back(f);
+    while (!left.empty()) {
+      int i = 0;
+      while (!continue_plane(c.u, known, left[i])) ++i;  // the triangles around u are a fan
+      known.push_back(left[i]);
+      std::swap(left[i], left.back());
+      left.pop_back();
+    }
+    for (int f : c.dead)
+      for (int g : known)
+        for (int w : mesh_.face[g]) {
+          if (w == c.u || !mesh_.has(f, w)) continue;
+          place_at(f, c.u) = place_at(f, c.v) = place_at(g, c.u);
+          place_at(f, w) = place_at(g, w);
+        }
+  }
+
+  bool continue_plane(int u, const Array<int>& known, int f) {
+    for (int g : known)
+      for (int w : mesh_.face[g]) {
+        if (w == u || !mesh_.has(f, w)) continue;
+        place_at(f, u) = place_at(f, w) * inverse(place_at(g, w)) * place_at(g, u);
+        return true;
+      }
+    return false;
+  }
+
+  Motion& place_at(int f, int v) { return place_[3 * f + corner_at(f, v)]; }
+  bool is_cone(int v) const {
+    return std::find(cones_.begin(), cones_.end(), v) != cones_.end();
   }
 
   Mat2 rest(int a, int b, int c) const {
@@ -7476,7 +7849,8 @@ class Hierarchy {
     for (int f : faces) {
       const std::array<int, 3>& t = mesh_.face[f];
       const Mat2 R = rest(t[0], t[1], t[2]);
-      const Mat2 J = jacobian(row2(x_, t[0]), row2(x_, t[1]), row2(x_, t[2]), inverse(R));
+      const Opposite edge = opposite(f, t[0]);
+      const Mat2 J = jacobian(row2(x_, t[0]), edge.at_p, edge.at_q, inverse(R));
       const double area = 0.5 * determinant(R);
       S += area * (J * transposed(J));
       total += area;
@@ -7494,7 +7868,7 @@ class Hierarchy {
     if (approach_ == Approach::kConnectivity && mesh_.on_boundary(c.u)) return place_on_circle(c);
     const Vec2 corner = row2(x_, c.v);
     if (approach_ == Approach::kShape && !c.changed.empty()) {
-      set_row(x_, c.u, place_by_map(c));
+      put(c.u, place_by_map(c));
       if (fits(c.u)) return relax(c.u), true;
     }
     if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
@@ -7505,13 +7879,17 @@ class Hierarchy {
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
   }
 
+  /// Places a vertex; on a pillow, positions are multiples of 2^-50.
+  void put(int u, Vec2 p) { set_row(x_, u, place_.empty() ? p : usable(p)); }
+  Vec2 usable(Vec2 p) const { return place_.empty() ? flush_tiny(p) : on_grid(p); }
+
   Vec2 place_by_map(const Collapse& c) const {
     Vec2 sum;
     const auto point = [this](int v) { return row3(s_.vertices, v); };
     for (int f : c.changed) {
       const Opposite edge = opposite(f, c.u);
       const Vec3 w = weights_in_plane(point(c.u), point(c.v), point(edge.p), point(edge.q));
-      sum += w.x * row2(x_, c.v) + w.y * row2(x_, edge.p) + w.z * row2(x_, edge.q);
+      sum += w.x * row2(x_, c.v) + w.y * edge.at_p + w.z * edge.at_q;
     }
     return 1.0 / c.changed.size() * sum;
   }
@@ -7527,7 +7905,7 @@ class Hierarchy {
   bool place_halving(int u, const Place& place) {
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      set_row(x_, u, place(t));
+      put(u, place(t));
       if (fits(u)) return true;
     }
     return false;
@@ -7560,7 +7938,7 @@ class Hierarchy {
     Vec2 center = corner;
     for (int f : c.changed) {
       const Opposite edge = opposite(f, c.u);
-      const Vec2 p = row2(x_, edge.p), q = row2(x_, edge.q);
+      const Vec2 p = edge.at_p, q = edge.at_q;
       const double area = cross(p - corner, q - corner);
       if (area <= largest) continue;
       largest = area;
@@ -7573,9 +7951,9 @@ class Hierarchy {
     Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
-      for (int w : {edge.p, edge.q}) {
-        lo = lower(lo, row2(x_, w));
-        hi = upper(hi, row2(x_, w));
+      for (Vec2 w : {edge.at_p, edge.at_q}) {
+        lo = lower(lo, w);
+        hi = upper(hi, w);
       }
     }
     const double extent = (std::max)(hi.x - lo.x, hi.y - lo.y);
@@ -7585,7 +7963,7 @@ class Hierarchy {
     for (const Vec2 corner : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) kernel.push_back(corner);
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
-      const Array<Vec2> rest = clip(kernel, row2(x_, edge.p), row2(x_, edge.q));
+      const Array<Vec2> rest = clip(kernel, edge.at_p, edge.at_q);
       if (rest.size() >= 3) kernel = rest;  // else rounding: keep what there is
     }
     Vec2 center;
@@ -7596,10 +7974,10 @@ class Hierarchy {
   /// True if all triangles of u are positive and the boundary stays simple.
   bool fits(int u) {
     const Vec2 p = row2(x_, u);
-    if (p != flush_tiny(p)) return false;
+    if (p != usable(p)) return false;
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
-      if (!(orient2d(p, row2(x_, edge.p), row2(x_, edge.q)) > 0)) return false;
+      if (!(orient2d(p, edge.at_p, edge.at_q) > 0)) return false;
     }
     return !mesh_.on_boundary(u) || boundary_fits(u);
   }
@@ -7623,7 +8001,7 @@ class Hierarchy {
       const Opposite edge = opposite(f, u);
       const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
       const Mat2 J =
-          local_metric_ * jacobian(row2(x_, u), row2(x_, edge.p), row2(x_, edge.q), R_inverse);
+          local_metric_ * jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
       const TriangleDensity<double> w = triangle_density(J.entry);
       const CornerWeights<double> B(R_inverse.entry);
       const double area = 0.5 * determinant(R);
@@ -7639,7 +8017,7 @@ class Hierarchy {
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
       const Mat2 R = rest(u, edge.p, edge.q);
-      const Mat2 J = jacobian(row2(x_, u), row2(x_, edge.p), row2(x_, edge.q), inverse(R));
+      const Mat2 J = jacobian(row2(x_, u), edge.at_p, edge.at_q, inverse(R));
       sum += triangle_energy(local_metric_ * J, 0.5 * determinant(R));
     }
     return sum;
@@ -7657,7 +8035,7 @@ class Hierarchy {
       bool gained = false;
       double s = 1;
       for (int k = 0; k < kMostTrials && !gained; ++k, s *= 0.5) {
-        set_row(x_, u, from + s * d);
+        put(u, from + s * d);
         gained = fits(u) && ring_value(u) < energy.value;
       }
       if (!gained) return set_row(x_, u, from);
@@ -7678,6 +8056,8 @@ class Hierarchy {
   PlanarOutline outline_;  // of x_
   bool is_outline_known_ = false;
   Array<Collapse> collapses_;
+  Array<Motion> place_;  // of corners, see Pillow
+  Array<int> cones_;
   int goal_ = 0;
   Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
@@ -8220,6 +8600,8 @@ class PairEmbedder {
 
   /// The last iteration on each level that was mapped, the coarsest first.
   const std::vector<IterationLog>& levels() const { return levels_; }
+  const Hierarchy& hierarchy_a() const { return *a_; }
+  const Hierarchy& hierarchy_b() const { return *b_; }
 
   /// The map so far, on the given meshes; false if there is none yet, or no room for a vertex.
   bool coarse_map(Embedding& result) const {
@@ -8414,27 +8796,41 @@ class PairEmbedder {
     constexpr double kStiffness = 3;
     Overlay overlay;
     compute_overlay(s, x, overlay);
-    Array<int> face(s.mesh.n_vertices, -1);  // on which it lies
+    Array<std::array<int, 2>> at(s.mesh.n_vertices, {-1, -1});  // polygon and half-edge
     for (const OverlayPolygon& p : overlay.polygons)
       for (int i = 0; i < p.count; ++i) {
-        const int k = p.piece(i);
+        const int k = p.piece(i), h = k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3;
         if (!same_triangle(p.piece(i > 0 ? i - 1 : p.count - 1), k)) continue;
-        face[s.mesh.tail[k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3]] = k < 3 ? p.tb : p.ta;
+        at[s.mesh.tail[h]] = {static_cast<int>(&p - overlay.polygons.data()), h};
       }
     Array<Spring> springs;
     const auto tie = [&](int v) {
-      if (face[v] < 0) return;
+      const auto [index, h] = at[v];
+      if (index < 0) return;
+      const OverlayPolygon& polygon = overlay.polygons[index];
+      const bool is_of_a = h / 3 == polygon.ta;
+      const SixPoints points = six_points(s.mesh, x, polygon);
+      const int first = is_of_a ? 3 : 0;
+      const Vec2 p = points[h % 3 + 3 - first];
       Place on;
-      Vec2 corner[3];
+      std::array<Motion, 6> motion;
+      const auto motion_of = [&](int g) {
+        if (s.mesh.pillow.is_empty()) return Motion();
+        const Motion& own = s.mesh.pillow.place[g];
+        return g / 3 == polygon.ta ? own : polygon.motion * own;
+      };
+      motion[0] = motion_of(h);
       for (int k = 0; k < 3; ++k) {
-        on.corners[k] = s.mesh.corner(face[v], k);
-        corner[k] = row2(x, on.corners[k]);
+        const int g = 3 * (is_of_a ? polygon.tb : polygon.ta) + k;
+        on.corners[k] = s.mesh.tail[g];
+        motion.data()[3 + k] = motion_of(g);
+        const Vec2 a = points[first], b = points[first + 1], c = points[first + 2];
+        on.weights[k] = (k == 0   ? cross(b - p, c - p)
+                         : k == 1 ? cross(c - p, a - p)
+                                  : cross(a - p, b - p)) /
+                        cross(b - a, c - a);
       }
-      const Vec2 p = row2(x, v);
-      for (int k = 0; k < 3; ++k)
-        on.weights[k] = cross(corner[(k + 1) % 3] - p, corner[(k + 2) % 3] - p) /
-                        cross(corner[1] - corner[0], corner[2] - corner[0]);
-      add_springs(copy_of(v), on, diagonal(kStiffness), {}, springs);
+      add_springs(copy_of(v), on, diagonal(kStiffness), {}, motion, springs);
     };
     for (int v : tied_a_) tie(level_a_.place[v]);
     for (int v : tied_b_) tie(s.n_a + level_b_.place[v]);
@@ -8735,7 +9131,7 @@ class PairEmbedder {
                                          planar_scale(problem.surface, x, l.b));
           add_springs(l.a, l.b,
                       diagonal(weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale)),
-                      {}, problem.springs);
+                      {}, {}, problem.springs);
         }
     });
   }
@@ -9157,7 +9553,8 @@ struct Barycentric {
 
 inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   constexpr double kLeastSlack = 1e-12, kRounding = 8 * DBL_EPSILON;
-  const Vec2 a = row2(x, m.corner(f, 0)), b = row2(x, m.corner(f, 1)), c = row2(x, m.corner(f, 2));
+  const Vec2 a = corner_place(m, x, f, 0), b = corner_place(m, x, f, 1),
+             c = corner_place(m, x, f, 2);
   const double edge =
       std::sqrt((std::max)({squared_norm(b - a), squared_norm(c - b), squared_norm(a - c)}));
   const double height = accurate_area(a, b, c) / edge, rounding = kRounding * (norm(p) + edge);
@@ -14138,7 +14535,7 @@ class LandmarkPuller {
   void stiffen() {
     Array<Spring> springs;
     for (const PlacedLandmark& l : apart_)
-      add_springs(l.a, in_joint(s_, l.b), diagonal(weight_ / apart_.size()), {}, springs);
+      add_springs(l.a, in_joint(s_, l.b), diagonal(weight_ / apart_.size()), {}, {}, springs);
     optimizer_.set_springs(std::move(springs));
   }
 
