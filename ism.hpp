@@ -1570,6 +1570,51 @@ inline double sign_of(const HalfEdgeMesh& m, int h) {
   return m.pillow.is_empty() ? 1 : m.pillow.place[h].sign;
 }
 
+/// Returns the motion that takes the places in the twin's triangle into those of h.
+inline Motion motion_across(const HalfEdgeMesh& m, int h) {
+  const Array<Motion>& place = m.pillow.place;
+  const int t = m.twin[h];
+  return m.pillow.is_cone(m.tail[h]) ? place[next(h)] * inverse(place[t])
+                                     : place[h] * inverse(place[next(t)]);
+}
+
+/// Finds Pillow::across.
+inline void find_crossings(HalfEdgeMesh& m) {
+  m.pillow.across.resize(m.pillow.place.size());
+  for (int h = 0; h < m.pillow.place.size(); ++h) m.pillow.across[h] = motion_across(m, h);
+}
+
+/// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
+/// pillow are rounded to multiples of 2^-50; so motions, whose shifts are, take them to other
+/// places exactly.
+inline Vec2 on_grid(Vec2 p) {
+  constexpr double kShift = 6;  // half an ulp of [4, 8) is 2^-51
+  return {(p.x + kShift) - kShift, (p.y + kShift) - kShift};
+}
+inline Vec2 usable(const HalfEdgeMesh& m, Vec2 p) {
+  return m.pillow.is_empty() ? flush_tiny(p) : on_grid(p);
+}
+
+/// The side of a pillow's square; the area of the pillow is about 1.
+inline constexpr double kPillowSide = 0x1.6ap-1;
+
+/// Returns the motion among those of a pillow that takes q nearest to p.
+inline Motion nearest_motion(const HalfEdgeMesh& m, Vec2 p, Vec2 q) {
+  constexpr double kPeriod = 2 * kPillowSide;
+  Motion nearest;
+  double least = kInfinity;
+  for (double sign : {1.0, -1.0}) {
+    if (m.pillow.is_empty()) break;
+    const Vec2 way = p - sign * q;
+    const Vec2 shift = {kPeriod * std::round(way.x / kPeriod),
+                        kPeriod * std::round(way.y / kPeriod)};
+    if (norm(way - shift) >= least) continue;
+    least = norm(way - shift);
+    nearest = {sign, shift};
+  }
+  return nearest;
+}
+
 /// Largest valence for which algorithms of quadratic cost in the valence are used.
 inline constexpr int kHub = 128;
 
@@ -2245,7 +2290,7 @@ struct Overlay {
   bool is_too_large = false;  // some polygons are missing
   Array<int> newest;          // per triangle of A: its last polygon, or -1
   Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
-  Array<int> mark;  // per triangle of B: the last triangle of A that it was tested against,
+  Array<int> mark;       // per triangle of B: the last triangle of A that it was tested against,
   Array<Motion> marked;  // and where, on a pillow
   Array<Seed> again;     // and in what other places
   Array<Seed> seeds;
@@ -2312,8 +2357,7 @@ class OverlayBuilder {
         const OverlayPolygon& p = overlay_.polygons[i];
         if (!p.has(e)) continue;
         overlay_.seeds.push_back({twin / 3, p.tb});
-        if (!m_.pillow.is_empty())
-          overlay_.seeds.back().motion = m_.pillow.across[twin] * p.motion;
+        if (!m_.pillow.is_empty()) overlay_.seeds.back().motion = m_.pillow.across[twin] * p.motion;
       }
     }
   }
@@ -4096,41 +4140,50 @@ inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
           accurate_area(a, b, p) / area};
 }
 
-/// A vertex held on the other surface: x_row = Σ_k weight_k x_master_k. No master is a follower.
+/// A vertex held on the other surface: x_row = Σ_k weight_k motion_k x_master_k. No master is a
+/// follower.
 struct Follower {
   int row;
   int master[3];
   Vec3 weight;
+  std::array<Motion, 3> motion;  // on a pillow
 
+  /// Calls visit(v, w) with w the derivative of x_row in x_v.
   template <class Visit>
   void for_each_master(const Visit& visit) const {
     for (int k = 0; k < 3; ++k)
-      if (weight[k] != 0) visit(master[k], weight[k]);
+      if (weight[k] != 0) visit(master[k], weight[k] * motion.data()[k].sign);
   }
-  /// Returns Σ_k weight_k at(master_k).
-  template <class At>
-  Vec2 mean(const At& at) const {
-    Vec2 sum;
-    for_each_master([&](int v, double w) { sum += w * at(v); });
-    return sum;
-  }
+  Vec2 master_place(const Points2& x, int k) const { return motion.data()[k] * row2(x, master[k]); }
 };
 
-/// Returns a follower held at barycentric coordinates in a triangle.
-inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight) {
-  return {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight};
+/// Returns a follower held at barycentric coordinates in a triangle, whose plane `motion` takes to
+/// that of the row.
+inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight,
+                            const Motion& motion = {}) {
+  Follower follower = {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight, {}};
+  for (int k = 0; k < 3 && !m.pillow.is_empty(); ++k)
+    follower.motion.data()[k] = motion * m.pillow.place[3 * face + k];
+  return follower;
 }
 
 /// Computes P d: interpolates the directions of followers from their masters.
 inline void expand_direction(const Array<Follower>& followers, Array<Vec2>& d) {
-  for (const Follower& follower : followers)
-    d[follower.row] = follower.mean([&](int v) { return d[v]; });
+  for (const Follower& follower : followers) {
+    Vec2 sum;
+    follower.for_each_master([&](int v, double w) { sum += w * d[v]; });
+    d[follower.row] = sum;
+  }
 }
 
 /// Interpolates the positions of followers from their masters.
-inline void place_followers(const Array<Follower>& followers, Points2& x) {
-  for (const Follower& follower : followers)
-    set_row(x, follower.row, flush_tiny(follower.mean([&](int v) { return row2(x, v); })));
+inline void place_followers(const HalfEdgeMesh& m, const Array<Follower>& followers, Points2& x) {
+  for (const Follower& follower : followers) {
+    Vec2 sum;
+    for (int k = 0; k < 3; ++k)
+      if (follower.weight[k] != 0) sum += follower.weight[k] * follower.master_place(x, k);
+    set_row(x, follower.row, usable(m, sum));
+  }
 }
 
 /// Returns the largest distance, on the surfaces, between a follower and its prescribed point.
@@ -4138,9 +4191,9 @@ inline double pin_residual(const Surface& s, const Array<Follower>& followers, c
   double largest = 0;
   for (const Follower& follower : followers) {
     const int(&v)[3] = follower.master;
-    const Vec3 off =
-        barycentric(row2(x, follower.row), row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) -
-        follower.weight;
+    const Vec3 off = barycentric(row2(x, follower.row), follower.master_place(x, 0),
+                                 follower.master_place(x, 1), follower.master_place(x, 2)) -
+                     follower.weight;
     Vec3 distance;
     for (int k = 0; k < 3; ++k) distance += off[k] * row3(s.vertices, v[k]);
     largest = (std::max)(largest, norm(distance));
@@ -4338,17 +4391,6 @@ inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2
   return s;
 }
 
-/// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
-/// pillow are rounded to multiples of 2^-50; so motions, whose shifts are, take them to other
-/// places exactly.
-inline Vec2 on_grid(Vec2 p) {
-  constexpr double kShift = 6;  // half an ulp of [4, 8) is 2^-51
-  return {(p.x + kShift) - kShift, (p.y + kShift) - kShift};
-}
-inline Vec2 usable(const HalfEdgeMesh& m, Vec2 p) {
-  return m.pillow.is_empty() ? flush_tiny(p) : on_grid(p);
-}
-
 /// Returns x + s d.
 inline Points2 moved(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d, double s) {
   Points2 y(x.rows(), 2);
@@ -4506,7 +4548,7 @@ inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) 
   t.omega = d.omega;
   t.max_step = d.max_step;
   t.x.x = moved(m, problem.from.x, d.d, t.step.length);
-  place_followers(problem.followers, t.x.x);
+  place_followers(m, problem.followers, t.x.x);
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
@@ -4673,7 +4715,7 @@ class Optimizer {
   void start(const Points2& x, Result& result) {
     x_.x = x;
     fix_unknowns(x_.x);
-    place_followers(followers_, x_.x);
+    place_followers(s_.mesh, followers_, x_.x);
     radius_ = domain_radius(x_.x);
     evaluate(s_, weights_, x_);  // line 3; later, lines 19 and 20
     rules_ = {options_.tuning.max_coverage_loss * s_.area_a,
@@ -4729,7 +4771,7 @@ class Optimizer {
     Iterate other;
     other.x = x;
     if (!is_held_) move_to_anchors(s_.mesh, anchors_, other.x);
-    place_followers(followers_, other.x);
+    place_followers(s_.mesh, followers_, other.x);
     if (!is_injective(s_.mesh, other.x)) return false;
     evaluate(s_, weights_, other);
     if (!(other.energy < x_.energy + most)) return false;
@@ -5081,7 +5123,7 @@ class Optimizer {
     constexpr double kLittle = 1e-5;
     Iterate y;
     y.x = moved(s_.mesh, x_.x, direction.d, kLittle * direction.first_step);
-    place_followers(followers_, y.x);
+    place_followers(s_.mesh, followers_, y.x);
     if (!is_injective(s_.mesh, y.x)) return {};
     evaluate(s_, weights_, y);
     if (!std::isfinite(y.energy)) return {};
@@ -6187,8 +6229,14 @@ inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers)
 
 /// Cuts the triangle of h in two along the line from a vertex on its edge u → v to the corner
 /// opposite; h then ends at that vertex. Returns the half-edge from there to v.
-inline int split_face(HalfEdgeMesh& m, int h, int middle) {
+/// `motion`: the place of the vertex, on a pillow.
+inline int split_face(HalfEdgeMesh& m, int h, int middle, const Motion& motion = {}) {
   const int a = next(h), rest = 3 * m.n_faces++;
+  if (!m.pillow.is_empty()) {
+    for (const Motion& place : {motion, m.pillow.place[a], m.pillow.place[prev(h)]})
+      m.pillow.place.push_back(place);
+    m.pillow.place[a] = motion;
+  }
   const int v = m.tail[a], w = m.tip(a), outer = m.twin[a];
   for (int tail : {middle, v, w}) m.tail.push_back(tail);
   for (int twin : {-1, outer, a}) m.twin.push_back(twin);
@@ -6202,10 +6250,11 @@ inline int split_face(HalfEdgeMesh& m, int h, int middle) {
 /// Cuts the edge of h in two; the new vertex is the last one.
 inline void split_edge(HalfEdgeMesh& m, int h) {
   const int t = m.twin[h], middle = m.n_vertices++;
+  const Motion on_other_side = t < 0 || m.pillow.is_empty() ? Motion() : motion_across(m, t);
   const int to_tip = split_face(m, h, middle);
   m.out.push_back(to_tip);
   if (t < 0) return;
-  const int to_tail = split_face(m, t, middle);
+  const int to_tail = split_face(m, t, middle, on_other_side);
   m.twin[h] = to_tail, m.twin[to_tail] = h;
   m.twin[t] = to_tip, m.twin[to_tip] = t;
 }
@@ -6213,9 +6262,14 @@ inline void split_edge(HalfEdgeMesh& m, int h) {
 /// Joins a new vertex, the last one, to the corners of the triangle of h.
 inline void split_triangle(HalfEdgeMesh& m, int h) {
   const int u = m.tail[h], v = m.tip(h), outer = m.twin[h], middle = m.n_vertices++;
+  Array<Motion> places;  // of the third triangle
+  if (!m.pillow.is_empty())
+    for (const Motion& place : {m.pillow.place[h], m.pillow.place[next(h)], Motion()})
+      places.push_back(place);
   const int rest = split_face(m, h, middle), third = 3 * m.n_faces++;
   for (int tail : {u, v, middle}) m.tail.push_back(tail);
   for (int twin : {outer, rest, h}) m.twin.push_back(twin);
+  m.pillow.place.append(places.data(), places.size());
   m.twin[rest] = third + 1, m.twin[h] = third + 2;
   if (outer >= 0) m.twin[outer] = third;
   if (outer < 0) m.out[u] = third;
@@ -6272,11 +6326,29 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
     if (h < 0) return false;
     add_vertex(s.mesh, h, p);
   }
+  find_crossings(s.mesh);
   trace_boundary(s.mesh);
   s.vertices = with_added(s.vertices, added);
   s.added.insert(s.added.end(), added.begin(), added.end());
   compute_rest_frames(s);
   return true;
+}
+
+/// Does the same in the plane, too.
+inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s, Points2& x) {
+  HalfEdgeMesh m = s.mesh;
+  x.conservativeResize(x.rows() + static_cast<int>(added.size()), 2);
+  for (const AddedVertex& p : added) {
+    const int h = find_place(m, p);
+    if (h < 0) return false;
+    Vec2 sum;
+    for (int k = 0; k < 3; ++k)
+      for (int e : {h, next(h), prev(h)})
+        if (m.tail[e] == p.corners[k]) sum += p.weights[k] * place_of(m, x, e);
+    set_row(x, m.n_vertices, usable(m, sum));
+    add_vertex(m, h, p);
+  }
+  return add_vertices(added, s);
 }
 
 /// Halves edges longer than `longest` at triangles larger than `largest`, the longest first [Rivara
@@ -6474,9 +6546,12 @@ inline std::string name_of(const Landmark& l) {
 }
 
 /// Holds the vertex of A of a landmark at that of B, a corner of a triangle around it.
-inline Follower landmark_follower(const JointSurface& s, const VertexPair& l) {
-  const int h = s.mesh.out[s.n_a + l.b];
-  return follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
+inline Follower landmark_follower(const JointSurface& s, const Points2& x, const VertexPair& l) {
+  const int v = s.n_a + l.b, h = s.mesh.out[v];
+  Follower follower = follower_in(s.mesh, l.a, h / 3, unit3(h % 3));
+  follower.motion[static_cast<std::size_t>(h % 3)] =
+      nearest_motion(s.mesh, row2(x, l.a), row2(x, v));
+  return follower;
 }
 
 /// uᵀ K u - 2 forceᵀ u on u = p - q for two places, as springs between their corners: where
@@ -6494,6 +6569,46 @@ inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, V
       springs.push_back({corner(k), corner(l), -c(k) * c(l) * stiffness,
                          (k == 0 ? -g.sign * c(l) : 0) * force, inverse(g) * motion.data()[l]});
     }
+}
+
+/// A place in the plane of a triangle, and what takes its corners there.
+struct Spot {
+  Vec2 at;
+  std::array<Motion, 3> motion;
+};
+
+/// False if the place is not in the triangle.
+inline bool find_spot(const HalfEdgeMesh& m, const Points2& x, const Place& p, int face,
+                      Spot& spot) {
+  spot = Spot();
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+    int h = 3 * face;
+    while (h < 3 * face + 3 && m.tail[h] != p.corners[k]) ++h;
+    if (h == 3 * face + 3) return false;
+    if (!m.pillow.is_empty()) spot.motion.data()[k] = m.pillow.place[h];
+    spot.at += (vertex_at(p) >= 0 ? 1 : p.weights[k]) * place_of(m, x, h);
+  }
+  return true;
+}
+
+/// The spot in some triangle at a place.
+inline Spot spot_of(const HalfEdgeMesh& m, const Points2& x, const Place& p) {
+  Spot spot;
+  bool is_found = false;
+  m.for_each_outgoing(p.corners[0],
+                      [&](int h) { is_found = is_found || find_spot(m, x, p, h / 3, spot); });
+  if (!is_found) spot = {mean(p, x), {}};  // what decimation left of a place
+  return spot;
+}
+
+/// Springs between two places of A ⊔ B, the shorter way on a pillow.
+inline void add_springs(const HalfEdgeMesh& m, const Points2& x, const Place& p, const Place& q,
+                        const Mat2& stiffness, Array<Spring>& springs) {
+  const Spot from = spot_of(m, x, p), to = spot_of(m, x, q);
+  const Motion motion = nearest_motion(m, from.at, to.at);
+  std::array<Motion, 6> all;
+  for (std::size_t k = 0; k < 3; ++k) all[k] = from.motion[k], all[3 + k] = motion * to.motion[k];
+  add_springs(p, q, stiffness, {}, all, springs);
 }
 
 // ---- alignment ----
@@ -6605,39 +6720,24 @@ class LandmarkPull {
     const HalfEdgeMesh& m = s_->mesh;
     double most = -kRounding;
     m.for_each_outgoing(p.corners[0], [&](int h) {
-      std::array<Motion, 3> own;
-      Vec2 at;
-      if (!place_in(p, h / 3, x.x, own, at)) return;
+      Spot spot;
+      if (!find_spot(m, x.x, p, h / 3, spot)) return;
       for (int i = x.overlay.newest[h / 3]; i >= 0; i = x.overlay.older[i]) {
         const OverlayPolygon& polygon = x.overlay.polygons[i];
         const SixPoints points = six_points(m, x.x, polygon);
-        const Vec3 w = barycentric(at, points[3], points[4], points[5]);
+        const Vec3 w = barycentric(spot.at, points[3], points[4], points[5]);
         const double least = (std::min)({w.x, w.y, w.z});
         if (least <= most) continue;
         most = least;
         for (int k = 0; k < 3; ++k) {
           const int g = 3 * polygon.tb + k;
           image.corners[k] = m.tail[g], image.weights[k] = w[k];
-          motion.data()[k] = own.data()[k];
+          motion.data()[k] = spot.motion.data()[k];
           if (!m.pillow.is_empty()) motion.data()[3 + k] = polygon.motion * m.pillow.place[g];
         }
       }
     });
     return most > -kRounding;
-  }
-
-  /// Finds a place in the plane of a face; false if it is not there.
-  bool place_in(const Place& p, int face, const Points2& x, std::array<Motion, 3>& motion,
-                Vec2& at) const {
-    const HalfEdgeMesh& m = s_->mesh;
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      int h = 3 * face;
-      while (h < 3 * face + 3 && m.tail[h] != p.corners[k]) ++h;
-      if (h == 3 * face + 3) return false;
-      if (!m.pillow.is_empty()) motion.data()[k] = m.pillow.place[h];
-      at += (p.corners[1] < 0 ? 1 : p.weights[k]) * place_of(m, x, h);
-    }
-    return true;
   }
 
   static Vec3 nearest_on(const Array<Vec3>& line, const Vec3& p) {
@@ -7070,6 +7170,8 @@ struct Quadric {
 /// that every level is as even as the full mesh.
 class Decimation {
  public:
+  static constexpr char kCone = 2;  // among `is_protected`: never collapsed
+
   Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
              const Executor& executor, DynamicMesh& mesh)
       : s_(s),
@@ -7139,7 +7241,7 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
-    if (is_hub(u)) return;
+    if (is_hub(u) || protected_[u] == kCone) return;
     const Array<int> ring = mesh_.neighbours(u);
     const bool by_shape = approach_ != Approach::kConnectivity;
     for (int v : ring) {
@@ -7159,7 +7261,10 @@ class Decimation {
   /// vertices give these not even twelve triangles each.
   bool is_hub(int v) const { return mesh_.faces_of[v].size() > kHub; }
 
+  /// No edge joins two cones, or no path would pass between them.
   bool may_collapse(int u, int v, const Array<int>& ring) const {
+    for (int w : ring)
+      if (protected_[v] == kCone && w != v && protected_[w] == kCone) return false;
     return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
@@ -7326,7 +7431,7 @@ class FlatNewton {
     double s = first_step(d);
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
       Points2 y = moved(m_, x_, d, s);
-      place_followers(problem_.followers, y);
+      place_followers(m_, problem_.followers, y);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
       collided = collided || collides(m_, y);
       if (collided && !is_scaffolded_) return false;
@@ -7486,17 +7591,6 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 
 // ---- pillows ----
 
-/// Finds Pillow::across from the places of corners.
-inline void find_crossings(HalfEdgeMesh& m) {
-  Pillow& p = m.pillow;
-  p.across.resize(p.place.size());
-  for (int h = 0; h < p.place.size(); ++h) {
-    const int t = m.twin[h];
-    p.across[h] = p.is_cone(m.tail[h]) ? p.place[next(h)] * inverse(p.place[t])
-                                       : p.place[h] * inverse(p.place[next(t)]);
-  }
-}
-
 /// The half-edges of the shortest path from u to v through vertices that are free; empty if there
 /// is none.
 inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
@@ -7533,8 +7627,6 @@ inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_f
   std::reverse(path.begin(), path.end());
   return path;
 }
-
-inline constexpr double kPillowSide = 0x1.6ap-1;  // about the root of 1/2: the area is about 1
 
 inline std::array<Vec2, 4> pillow_corners() {
   return {Vec2{0, 0}, Vec2{kPillowSide, 0}, Vec2{kPillowSide, kPillowSide}, Vec2{0, kPillowSide}};
@@ -7606,6 +7698,7 @@ class Hierarchy {
   // How many vertices the coarsest mesh has; and where that is a fan around two vertices, in which
   // Tutte's embedding shrinks by a factor per triangle.
   static constexpr int kBase = 50, kSmallBase = 10;
+  static constexpr int kPillowBase = 200;  // leaves room for the paths between cones
 
   /// `base`: how many vertices the coarsest mesh has. `angle`: where those of the boundary go on
   /// the circle, by connectivity.
@@ -7717,14 +7810,21 @@ class Hierarchy {
     for (std::size_t i = 0; i < 4; ++i) here[i] = level.place[cones[i]];
     Points2 x;
     if (!make_pillow(here, level.surface) || !orbifold_tutte(m, executor_, x)) return false;
-    cones_.clear();
-    for (int v : cones) cones_.push_back(v);
-    place_.assign(3 * mesh_.face.size(), Motion());
-    for (int f = 0, h = 0; f < mesh_.face.size(); ++f)
-      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) place_[3 * f + k] = m.pillow.place[h++];
+    set_pillow(level, m.pillow);
     set(level, x);
     return true;
   }
+
+  void set_pillow(const Level& level, const Pillow& pillow) {
+    cones_.clear();
+    for (int v : pillow.cones) cones_.push_back(level.vertex[v]);
+    place_.assign(3 * mesh_.face.size(), Motion());
+    for (int f = 0, h = 0; f < mesh_.face.size(); ++f)
+      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) place_[3 * f + k] = pillow.place[h++];
+  }
+
+  /// The pillow of the full mesh.
+  Pillow pillow() const { return {place_, {}, cones_}; }
 
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
@@ -7831,9 +7931,7 @@ class Hierarchy {
   }
 
   Motion& place_at(int f, int v) { return place_[3 * f + corner_at(f, v)]; }
-  bool is_cone(int v) const {
-    return std::find(cones_.begin(), cones_.end(), v) != cones_.end();
-  }
+  bool is_cone(int v) const { return std::find(cones_.begin(), cones_.end(), v) != cones_.end(); }
 
   Mat2 rest(int a, int b, int c) const {
     if (approach_ == Approach::kConnectivity) return rest_frame(1.0, 1.0, 1.0);
@@ -8000,8 +8098,7 @@ class Hierarchy {
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
       const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
-      const Mat2 J =
-          local_metric_ * jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
+      const Mat2 J = local_metric_ * jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
       const TriangleDensity<double> w = triangle_density(J.entry);
       const CornerWeights<double> B(R_inverse.entry);
       const double area = 0.5 * determinant(R);
@@ -8528,11 +8625,18 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
 /// What decimation has left of a place: the mean of those of its corners that are there, whose rows
 /// begin at `first`. False if there are none.
 inline bool move_to_level(const Level& level, int first, Place& p) {
+  int heaviest = 0;
+  bool is_whole = true;
+  for (int k = 0; k < 3; ++k) {
+    const bool is_there = p.corners[k] >= 0 && level.place[p.corners[k]] >= 0;
+    is_whole = is_whole && (is_there || p.corners[k] < 0);
+    p.corners[k] = is_there ? first + level.place[p.corners[k]] : -1;
+    if (!is_there) p.weights[k] = 0;
+    if (p.weights[k] > p.weights[heaviest]) heaviest = k;
+  }
+  // On a pillow, only the corners of a triangle have a mean.
   for (int k = 0; k < 3; ++k)
-    if (p.corners[k] >= 0 && level.place[p.corners[k]] >= 0)
-      p.corners[k] = first + level.place[p.corners[k]];
-    else
-      p.corners[k] = -1;
+    if (!is_whole && !level.surface.mesh.pillow.is_empty() && k != heaviest) p.corners[k] = -1;
   return tidy(p);
 }
 
@@ -8550,6 +8654,9 @@ inline double badness(const JointSurface& s, const Points2& positions) {
 /// Decimation keeps no more landmarks than these; many may be noisy, or wrong.
 inline constexpr int kMostLeading = 50;
 
+/// Four pairs of vertices, the cones of two pillows; empty for surfaces with boundaries.
+using Cones = Array<VertexPair>;
+
 /// A map of both surfaces decimated, from which Algorithm 1 may go on.
 struct MappedLevel {
   std::unique_ptr<Hierarchy> a, b;
@@ -8558,12 +8665,19 @@ struct MappedLevel {
   std::vector<Warning> warnings;
 };
 
+inline void set_pillows(const Hierarchy& a, const Hierarchy& b, SurfacePair& pair) {
+  pair.a.mesh.pillow = a.pillow();
+  pair.b.mesh.pillow = b.pillow();
+  find_crossings(pair.a.mesh);
+  find_crossings(pair.b.mesh);
+}
+
 class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free. `mapped`: the coarsest level, or null.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                const RunOptions& options, const Executor& executor, Approach approach,
-               const OutlinePair* outlines, MappedLevel* mapped = nullptr)
+               const OutlinePair* outlines, const Cones& cones = {}, MappedLevel* mapped = nullptr)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
@@ -8573,6 +8687,7 @@ class PairEmbedder {
         is_held_(outlines != nullptr),
         outline_a_(is_held_ ? &outlines->a : nullptr),
         outline_b_(is_held_ ? &outlines->b : nullptr),
+        cones_(cones),
         depth_(!has_levels(approach, options) ? 0
                : mapped == nullptr            ? depth_of(pair, options.coarsest)
                                               : depth_above(pair, options.coarsest, *mapped)),
@@ -8600,11 +8715,10 @@ class PairEmbedder {
 
   /// The last iteration on each level that was mapped, the coarsest first.
   const std::vector<IterationLog>& levels() const { return levels_; }
-  const Hierarchy& hierarchy_a() const { return *a_; }
-  const Hierarchy& hierarchy_b() const { return *b_; }
+  const Hierarchy& hierarchy(Side side) const { return side == Side::kA ? *a_ : *b_; }
 
   /// The map so far, on the given meshes; false if there is none yet, or no room for a vertex.
-  bool coarse_map(Embedding& result) const {
+  bool coarse_map(SurfacePair& pair, Embedding& result) const {
     if (levels_.empty() || levels_.front().iteration == 0) return false;
     Hierarchy a = *a_, b = *b_;
     if (optimizer_) take_positions(a, b);
@@ -8613,6 +8727,7 @@ class PairEmbedder {
         if (h->grow_by_one() >= 0) return false;
     result.f = a.positions();
     result.g = b.positions();
+    if (!a.pillow().is_empty()) set_pillows(a, b, pair);
     return true;
   }
 
@@ -8663,12 +8778,12 @@ class PairEmbedder {
   void plan_to_meet_early() {
     if (depth_ == 0) {
       add_embed_alone(kTrial);
-      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
+      if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
       add_embed_alone(kCoarse);
     } else {
       add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_)); });
       add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_)); });
-      if (landmarks_.size() < 2) add([this] { return align_by_trial(); });
+      if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
     }
     add_bring_together();
     add([this] { return depth_ == 0 ? embed_both() : map_levels(); });
@@ -8853,7 +8968,8 @@ class PairEmbedder {
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
   void add_bring_together() {
     if (landmarks_.empty()) return add([this] { return relax_both(0); });
-    if (landmarks_.size() >= 2 && !is_held_) add([this] { return align_by_landmarks(); });
+    if (landmarks_.size() >= 2 && !is_held_ && cones_.empty())
+      add([this] { return align_by_landmarks(); });
     for (double weight = 1; weight <= kStiffest; weight *= 10)
       add([this, weight] { return relax_both(weight); });
   }
@@ -8874,12 +8990,20 @@ class PairEmbedder {
             l.weight == 1 ? options_.exact_landmarks || !are_many : approach_ == Approach::kShape;
         if (v >= 0 && is_kept) keep[v] = 1;
       }
+    std::array<int, 4> cones;
+    for (int i = 0; i < cones_.size(); ++i) {
+      const int v = cones.data()[i] = side == Side::kA ? cones_[i].a : cones_[i].b;
+      keep[v] = Decimation::kCone;
+    }
     const Array<double> angle = boundary_angles(s.mesh, outline);
-    for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) {
+    Array<int> bases(1, Hierarchy::kBase);
+    bases.push_back(Hierarchy::kSmallBase);
+    if (!cones_.empty()) bases[0] = Hierarchy::kPillowBase, bases[1] = s.mesh.n_vertices;
+    for (int base : bases) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
       h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, outer, executor_);
       if (executor_.is_stopped()) return true;
-      const bool is_embedded = h->embed_base();
+      const bool is_embedded = cones_.empty() ? h->embed_base() : h->embed_on_pillow(cones);
       if (executor_.is_stopped()) return true;
       if (is_embedded) return false;
     }
@@ -9129,9 +9253,9 @@ class PairEmbedder {
         if (l.weight == 1 || !are_released) {
           const double scale = std::sqrt(planar_scale(problem.surface, x, l.a) *
                                          planar_scale(problem.surface, x, l.b));
-          add_springs(l.a, l.b,
+          add_springs(problem.surface.mesh, x, l.a, l.b,
                       diagonal(weight * l.weight / total * std::clamp(1 / scale, 1.0, kMostScale)),
-                      {}, {}, problem.springs);
+                      problem.springs);
         }
     });
   }
@@ -9166,6 +9290,7 @@ class PairEmbedder {
   const Approach approach_;
   const bool is_held_;
   const Outline *const outline_a_, *const outline_b_;
+  const Cones cones_;
   Embedding* result_ = nullptr;
   Array<Step> steps_;
   int next_ = 0;
@@ -9233,10 +9358,10 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
 inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
   bool is_positive = true;
   m.for_each_outgoing(v, [&](int h) {
-    is_positive =
-        is_positive && orient2d(row2(x, v), row2(x, m.tip(h)), row2(x, m.tail[prev(h)])) > 0;
+    is_positive = is_positive &&
+                  orient2d(place_of(m, x, h), place_of(m, x, next(h)), place_of(m, x, prev(h))) > 0;
   });
-  return is_positive && (!m.on_boundary(v) || boundaries_are_simple(m, x));
+  return is_positive && !m.pillow.is_cone(v) && (!m.on_boundary(v) || boundaries_are_simple(m, x));
 }
 
 /// Lets those of A jump that can.
@@ -9244,7 +9369,8 @@ inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>&
                            Array<VertexPair>& joined) {
   Array<VertexPair> left;
   for (const VertexPair& l : apart) {
-    const Vec2 before = row2(x, l.a), there = row2(x, s.n_a + l.b);
+    const Vec2 before = row2(x, l.a), on_b = row2(x, s.n_a + l.b);
+    const Vec2 there = nearest_motion(s.mesh, before, on_b) * on_b;
     set_row(x, l.a, there);
     if (before == there || is_injective_at(s.mesh, x, l.a)) {
       joined.push_back(l);
@@ -9306,8 +9432,12 @@ class LandmarkJoiner {
       executor_.tell(true, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
       for (const VertexPair& l : apart_)
-        problem.springs.push_back({l.a, s_.n_a + l.b, diagonal(weight_ / landmarks_.size())});
-      for (const VertexPair& l : joined_) problem.followers.push_back(landmark_follower(s_, l));
+        problem.springs.push_back({l.a,
+                                   s_.n_a + l.b,
+                                   diagonal(weight_ / landmarks_.size()),
+                                   {},
+                                   nearest_motion(s_.mesh, row2(x_, l.a), row2(x_, s_.n_a + l.b))});
+      for (const VertexPair& l : joined_) problem.followers.push_back(landmark_follower(s_, x_, l));
       newton_ = std::make_unique<FlatNewton>(std::move(problem), x_, executor_);
     }
     if (newton_->minimize(kMostSteps, kTolerance)) return true;
@@ -9338,8 +9468,7 @@ class LandmarkJoiner {
     edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
     std::vector<AddedVertex> added;
     for (const std::array<int, 2>& edge : edges) added.emplace_back(edge[0], edge[1]);
-    add_vertices(added, s);
-    x = with_added(x, added);
+    add_vertices(added, s, x);
   }
 
   SurfacePair& pair_;
@@ -9373,12 +9502,14 @@ class Embedder {
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
   /// which are never exact.
   /// `mapped`: a coarse map of the pair, or null.
+  /// `cones`: of closed surfaces, in the order in which they are tried.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-           const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
-           const RunOptions& options, const Executor& executor)
+           const Array<PlacedLandmark>& guides, const Array<Cones>& cones,
+           std::unique_ptr<MappedLevel> mapped, const RunOptions& options, const Executor& executor)
       : pair_(pair),
         landmarks_(landmarks),
         guides_(guides),
+        cones_(cones),
         mapped_(std::move(mapped)),
         options_(options),
         executor_(executor) {}
@@ -9431,12 +9562,20 @@ class Embedder {
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
       case Stage::kByShape:
-        if (mapped_ && !(strain(pair_, result_) < kMostStrained)) {
+        if (!cones_.empty() && result_.status == Status::kDone)
+          set_pillows(embedder_->hierarchy(Side::kA), embedder_->hierarchy(Side::kB), pair_);
+        if (mapped_ && (result_.status != Status::kDone ||
+                        (cones_.empty() && !(strain(pair_, result_) < kMostStrained)))) {
           mapped_.reset();
           static_cast<Outcome&>(result_) = Outcome();
           return begin(Stage::kByShape, Approach::kShape, nullptr);
         }
+        if (!cones_.empty() && result_.status != Status::kDone && next_cones_ < cones_.size()) {
+          static_cast<Outcome&>(result_) = Outcome();
+          return begin(Stage::kByShape, Approach::kShape, nullptr);
+        }
         if (result_.status == Status::kDone) levels_ = embedder_->levels();
+        if (!cones_.empty()) return after_embedding();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
         close_openings();
         return begin(Stage::kByConnectivity, Approach::kConnectivity, nullptr);
@@ -9476,8 +9615,10 @@ class Embedder {
     const bool are_many = all.size() > kMostLeading && !options_.exact_landmarks;
     if (are_many && !mapped_ && !guides_.empty()) all.clear();  // guides are of those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
+    Cones cones;
+    if (!cones_.empty() && !mapped_) cones = cones_[next_cones_++];
     embedder_ =
-        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines,
+        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines, cones,
                                        stage == Stage::kByShape ? mapped_.get() : nullptr);
     return stage;
   }
@@ -9498,7 +9639,7 @@ class Embedder {
     if (result_.status != Status::kDone) return Stage::kEnd;
     result_.f = rows_between(result_.f, 0, pair_.a.mesh.n_vertices);
     result_.g = rows_between(result_.g, 0, pair_.b.mesh.n_vertices);
-    if (!is_held()) make_overlap();
+    if (!is_held() && cones_.empty()) make_overlap();
     if (!options_.exact_landmarks) return Stage::kEnd;
     joiner_ =
         std::make_unique<LandmarkJoiner>(pair_, vertex_pairs(landmarks()), options_, executor_);
@@ -9518,6 +9659,8 @@ class Embedder {
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_, guides_;
+  const Array<Cones> cones_;
+  int next_cones_ = 0;
   std::unique_ptr<MappedLevel> mapped_;
   const RunOptions& options_;
   const Executor& executor_;
@@ -9566,7 +9709,7 @@ inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, V
 inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   Vec3 b = barycentric(m, x, f, p).weights;
   const auto squared_length = [&](int k, int l) {
-    return squared_norm(row2(x, m.corner(f, k)) - row2(x, m.corner(f, l)));
+    return squared_norm(corner_place(m, x, f, k) - corner_place(m, x, f, l));
   };
   for (int k = 0; k < 3; ++k) {
     if (!(b[k] < 0)) continue;
@@ -9584,24 +9727,89 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
 struct DeepestFace {
   double least = -kInfinity;
   int face = -1;
-  void consider(int candidate, const Vec3& b, double slack) {
+  Motion motion;  // takes the plane of the face to that of the point
+  void consider(int candidate, const Vec3& b, double slack, const Motion& to_point) {
     const double depth = (std::min)({b.x, b.y, b.z});
     if (!(depth > least && depth > -slack)) return;
     least = depth;
     face = candidate;
+    motion = to_point;
   }
 };
 
 /// Identifies a corner of a polygon: {kAtVertex, vertex, 0}, {kCrossing, edge, edge}, where the
-/// smaller half-edge stands for an edge, or {kOnSeam, index along the seam, 0}.
+/// smaller half-edge stands for an edge, or {kAtCone, number, 0}.
 using CornerKey = std::array<int, 3>;
-enum CornerKind { kAtVertex, kCrossing, kOnSeam };
+enum CornerKind { kAtVertex, kCrossing, kAtCone };
 
-/// Four vertices at one point of the seam of two closed surfaces: one of A, one of B, and their
-/// copies on the other side of the seam.
-struct SeamVertex {
-  int a, copy_a, b, copy_b;
+/// Returns the number 0 to 3 of the cone at a place, or -1: those of a pillow lie on a grid.
+inline int cone_number(Vec2 p) {
+  const double i = std::round(p.x / kPillowSide), j = std::round(p.y / kPillowSide);
+  if (p != kPillowSide * Vec2{i, j}) return -1;
+  return std::abs(static_cast<int>(i) % 2) + 2 * std::abs(static_cast<int>(j) % 2);
+}
+
+/// Finds the motion of a pillow that takes p to q; false if there is none.
+inline bool find_motion(Vec2 p, Vec2 q, Motion& motion) {
+  for (double sign : {1.0, -1.0}) {
+    motion = {sign, q - sign * p};
+    const double period = 2 * kPillowSide;
+    if (motion.shift ==
+        period * Vec2{std::round(motion.shift.x / period), std::round(motion.shift.y / period)})
+      return true;
+  }
+  return false;
+}
+
+/// A vertex and a copy of it.
+struct Copy {
+  int original, id;
 };
+
+/// Sews an embedding of a closed surface that is cut open: copies are the last vertices. False if
+/// it is none: copies are moved by no motion of a pillow, or there are not four cones.
+inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copies,
+                HalfEdgeMesh& m) {
+  const int all = rows_of(x), n = all - copies.size();
+  Array<int> original = numbers_below(all);
+  Array<Motion> motion(all);
+  for (const Copy& copy : copies) {
+    if (copy.original >= n || copy.id < n ||
+        !find_motion(row2(x, copy.original), row2(x, copy.id), motion[copy.id]))
+      return false;
+    original[copy.id] = copy.original;
+  }
+  Triangles triangles = cut;
+  for (int i = 0; i < triangles.size(); ++i) triangles.data()[i] = original[cut.data()[i]];
+  m = build_half_edges(n, triangles);
+  if (copies.empty() || !m.boundary.empty()) return false;
+  m.pillow.cones.assign(4, -1);
+  for (int v = 0; v < n; ++v)
+    if (cone_number(row2(x, v)) >= 0) m.pillow.cones[cone_number(row2(x, v))] = v;
+  if (m.pillow.is_cone(-1)) return false;
+  for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
+  find_crossings(m);
+  return true;
+}
+
+/// Cuts a surface on a pillow open, so that every vertex has one place.
+inline Surface cut_pillow(Surface s) {
+  const Pillow pillow = std::move(s.mesh.pillow);
+  s.mesh.pillow = Pillow();
+  Array<int> edges;
+  for (int h = 0; h < pillow.across.size(); ++h)
+    if (!(pillow.across[h] == Motion())) edges.push_back(h);
+  cut_along(edges, s);
+  return s;
+}
+
+/// Returns the positions of a surface that cut_pillow() has cut.
+inline Points2 cut_positions(const HalfEdgeMesh& on_pillow, const HalfEdgeMesh& cut,
+                             const Points2& x) {
+  Points2 places(cut.n_vertices, 2);
+  for (int h = 0; h < cut.tail.size(); ++h) set_row(places, cut.tail[h], place_of(on_pillow, x, h));
+  return places;
+}
 
 /// Two embedded meshes and their overlay. Ids are those of A ⊔ B, so one function evaluates Φ and
 /// Φ⁻¹: it maps faces of either mesh to faces of the other.
@@ -9610,37 +9818,46 @@ struct EmbeddedPair {
   Points2 x;
   Overlay overlay;
   FaceGroups by_face;
-  double extent = 0;       // largest absolute coordinate in the plane
-  Array<int> seam_index;   // per vertex, its index along the seam, or -1
-  bool is_closed = false;  // true if the pair has a seam
+  double extent = 0;  // largest absolute coordinate in the plane
 
   EmbeddedPair() = default;
-  EmbeddedPair(JointSurface surface, Points2 positions, const Array<SeamVertex>& seam = {})
+  EmbeddedPair(JointSurface surface, Points2 positions)
       : s(std::move(surface)), x(std::move(positions)) {
     for (int i = 0; i < x.size(); ++i) extent = (std::max)(extent, std::abs(x.data()[i]));
     compute_overlay(s, x, overlay);
-    sew(seam);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
 
-  /// Returns the key of corner i of a polygon. At the seam, vertices of A and B coincide; corners
-  /// that the symbolic perturbation puts between them share one key.
+  /// True on pillows: the map has no boundary.
+  bool is_closed() const { return !s.mesh.pillow.is_empty(); }
+
+  /// Returns the number of the cone at the tail of a half-edge, or -1.
+  int cone_at(int h) const {
+    return s.mesh.pillow.is_cone(s.mesh.tail[h]) ? cone_number(row2(x, s.mesh.tail[h])) : -1;
+  }
+
+  /// Returns the place of a half-edge's tail in the plane of a polygon's triangle of A.
+  Vec2 place_in(const OverlayPolygon& p, int h) const {
+    const Vec2 at = place_of(s.mesh, x, h);
+    return is_closed() && h / 3 == p.tb ? p.motion * at : at;
+  }
+
+  /// Returns the key of corner i of a polygon. At a cone, where a vertex of A and one of B
+  /// coincide, a corner may be either or a crossing of edges.
   CornerKey corner_key(const OverlayPolygon& p, int i) const {
     const HalfEdgeMesh& m = s.mesh;
     const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
     const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
     if (same_triangle(before, e)) {
-      const int v = m.tail[half_edge(e)];
-      return seam_index[v] < 0 ? CornerKey{kAtVertex, v, 0} : CornerKey{kOnSeam, seam_index[v], 0};
+      const int cone = cone_at(half_edge(e));
+      return cone < 0 ? CornerKey{kAtVertex, m.tail[half_edge(e)], 0} : CornerKey{kAtCone, cone, 0};
     }
     const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
-    int common = -1;
-    for (int u : {m.tail[h], m.tip(h)})
-      for (int v : {m.tail[t], m.tip(t)}) {
-        const int index = seam_index[u];
-        if (index >= 0 && index == seam_index[v] && (common < 0 || index < common)) common = index;
-      }
-    if (common >= 0) return {kOnSeam, common, 0};
+    for (int u : {h, next(h)})
+      for (int v : {t, next(t)})
+        if (is_closed() && cone_at(u) >= 0 && cone_at(u) == cone_at(v) &&
+            place_in(p, u) == place_in(p, v))
+          return {kAtCone, cone_at(u), 0};
     return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
@@ -9649,59 +9866,42 @@ struct EmbeddedPair {
     return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
   }
 
-  /// Returns the corner of a face with this index along the seam, or -1.
-  int corner_on_seam(int face, int index) const {
+  /// Returns the corner of a face at a cone, or -1.
+  int corner_at_cone(int face, int cone) const {
     for (int k = 0; k < 3; ++k)
-      if (seam_index[s.mesh.corner(face, k)] == index) return k;
+      if (cone_at(3 * face + k) == cone) return k;
     return -1;
   }
 
-  /// Removes polygons without area, which the perturbation puts between vertices of the seam.
-  void sew(const Array<SeamVertex>& seam) {
-    is_closed = !seam.empty();
-    seam_index.assign(s.mesh.n_vertices, -1);
-    if (seam.empty()) return;
-    for (int i = 0; i < seam.size(); ++i)
-      for (int v : {seam[i].a, seam[i].copy_a, s.n_a + seam[i].b, s.n_a + seam[i].copy_b})
-        seam_index[v] = i;
-    Array<OverlayPolygon> kept;
-    for (const OverlayPolygon& p : overlay.polygons) {
-      int corners = 0;
-      for (int i = 0; i < p.count; ++i)
-        corners += corner_key(p, i) != corner_key(p, i > 0 ? i - 1 : p.count - 1);
-      if (corners >= 3) kept.push_back(p);
-    }
-    overlay.polygons.swap(kept);
-  }
-
-  /// Calls visit(face of the other mesh) for every polygon in a face.
+  /// Calls visit(face of the other mesh, what takes its plane to that of `face`) for every polygon
+  /// in a face.
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
     for (int i = by_face.start[face]; i < by_face.start[face + 1]; ++i) {
       const OverlayPolygon& p = overlay.polygons[by_face.item[i]];
-      visit(face == p.ta ? p.tb : p.ta);
+      face == p.ta ? visit(p.tb, p.motion) : visit(p.ta, inverse(p.motion));
     }
   }
 
   /// Returns the planar position of a point of a surface.
   Vec2 planar_position(const SurfacePoint& p) const {
     Vec2 sum;
-    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row2(x, s.mesh.corner(p.face, k));
+    for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * corner_place(s.mesh, x, p.face, k);
     return sum;
   }
 
   /// Considers the faces over `face`. Rounding may put a point on an edge outside both its faces;
   /// on closed surfaces, which map every point, any depth is accepted.
   void consider_face(int face, Vec2 p, DeepestFace& best) const {
-    for_each_target(face, [&](int t) {
-      const Barycentric b = barycentric(s.mesh, x, t, p);
-      best.consider(t, b.weights, is_closed ? kInfinity : b.slack);
+    for_each_target(face, [&](int t, const Motion& motion) {
+      const Barycentric b = barycentric(s.mesh, x, t, inverse(motion) * p);
+      best.consider(t, b.weights, is_closed() ? kInfinity : b.slack, motion);
     });
   }
 
   SurfacePoint image(const DeepestFace& best, Vec2 p) const {
     if (best.face < 0) return {};
-    return closest_in_face(s.mesh, x, best.face, p);
+    return closest_in_face(s.mesh, x, best.face, inverse(best.motion) * p);
   }
 
   SurfacePoint map(const SurfacePoint& point) const {
@@ -9711,10 +9911,21 @@ struct EmbeddedPair {
     return image(best, p);
   }
 
-  SurfacePoint map_vertex(int v) const {
-    DeepestFace best;
-    s.mesh.for_each_outgoing(v, [&](int h) { consider_face(h / 3, row2(x, v), best); });
-    return image(best, row2(x, v));
+  /// `motion`: takes the plane of the image's face to that of the vertex itself.
+  SurfacePoint map_vertex(int v, Motion* motion = nullptr) const {
+    SurfacePoint point;
+    double least = -kInfinity;
+    s.mesh.for_each_outgoing(v, [&](int h) {
+      DeepestFace best;
+      best.least = least;
+      const Vec2 p = place_of(s.mesh, x, h);
+      consider_face(h / 3, p, best);
+      if (best.face < 0) return;
+      least = best.least;
+      point = image(best, p);
+      if (motion != nullptr && is_closed()) *motion = inverse(s.mesh.pillow.place[h]) * best.motion;
+    });
+    return point;
   }
 };
 
@@ -9952,6 +10163,7 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
 struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
+  Motion motion;  // takes the plane of the segment to that of the face
   bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
@@ -9970,7 +10182,7 @@ class PathMapper {
       if (edge.empty()) is_open_ = false;
       for (int directed : edge) {
         const int h = 3 * first_face + (directed >= 0 ? directed : ~directed);
-        const Vec2 tail = row2(pair_.x, m_.tail[h]), tip = row2(pair_.x, m_.tip(h));
+        const Vec2 tail = place_of(m_, pair_.x, h), tip = place_of(m_, pair_.x, next(h));
         if (directed >= 0)
           add_segment(tail, tip, parts_along(h, tail, tip));
         else
@@ -9988,10 +10200,12 @@ class PathMapper {
     Array<SegmentPart> parts;
     for (int side : {h, m_.twin[h]}) {
       if (side < 0) continue;
-      pair_.for_each_target(side / 3, [&](int target) {
+      const Motion there = side != h && pair_.is_closed() ? m_.pillow.across[side] : Motion();
+      pair_.for_each_target(side / 3, [&](int target, const Motion& motion) {
         SegmentPart part;
         part.face = target;
-        if (clip(p, q, part)) parts.push_back(part);
+        part.motion = inverse(motion) * there;
+        if (clip(part.motion * p, part.motion * q, part)) parts.push_back(part);
       });
     }
     std::sort(parts.begin(), parts.end());
@@ -10002,7 +10216,7 @@ class PathMapper {
   bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
     constexpr double kRounding = 1e-14;  // relative to the extent of the plane
     for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
-      const Vec2 u = row2(pair_.x, m_.tail[h]), edge = row2(pair_.x, m_.tip(h)) - u;
+      const Vec2 u = place_of(m_, pair_.x, h), edge = place_of(m_, pair_.x, next(h)) - u;
       const double slack = kRounding * pair_.extent * norm(edge);
       const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
       if (at_p < 0 && at_q < 0) return false;
@@ -10021,7 +10235,7 @@ class PathMapper {
       for (; next < parts.size() && parts[next].s <= at + kTouch; ++next)
         if (parts[next].t > best.t) best = parts[next];
       if (best.t > at + kTouch) {
-        append(p, q, best.face, at, best.t);
+        append(best.motion * p, best.motion * q, best.face, at, best.t);
         at = best.t;
       } else if (next < parts.size()) {
         is_open_ = false;
@@ -10061,7 +10275,8 @@ inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
 struct MapData : Outcome {                                 // kDone if the pair is valid
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
   Origin origin_a, origin_b;
-  EmbeddedPair pair;
+  Points2 f, g;       // of the embedded meshes
+  EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
 
   bool ok() const { return status == Status::kDone; }
   const TriangleMesh& mesh(Side side) const { return side == Side::kA ? *a : *b; }
@@ -10102,7 +10317,7 @@ struct MapData : Outcome {                                 // kDone if the pair 
     SurfacePoint image = pair.map_vertex(first_vertex(from) + v);
     const Array<std::array<int, 2>>& copies = origin(from).copies;
     const auto* copy = std::lower_bound(copies.begin(), copies.end(), std::array<int, 2>{v, -1});
-    for (; copy != copies.end() && (*copy)[0] == v && !image.exists(); ++copy)
+    for (; copy != copies.end() && (*copy)[0] == v && !image.exists() && !pair.is_closed(); ++copy)
       image = pair.map_vertex(first_vertex(from) + (*copy)[1]);
     return own(image);
   }
@@ -10189,13 +10404,13 @@ class MetaMeshBuilder {
     const EmbeddedPair& pair = data_.pair;
     for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
       const CornerKey key = pair.corner_key(p, i);
-      if (key == pair.corner_key(p, last)) continue;  // at the seam
+      if (key == pair.corner_key(p, last)) continue;  // at a cone
       const int e = p.piece(last), after = p.piece(i);
       Corner c = same_triangle(e, after)
                      ? vertex(p, after)
                      : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
-      if (key[0] == kOnSeam) {
-        const int k = pair.corner_on_seam(p.ta, key[1]), l = pair.corner_on_seam(p.tb, key[1]);
+      if (key[0] == kAtCone) {
+        const int k = pair.corner_at_cone(p.ta, key[1]), l = pair.corner_at_cone(p.tb, key[1]);
         if (k >= 0) c.on_a = surface_point(p.ta, unit3(k));
         if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
       }
@@ -10209,8 +10424,9 @@ class MetaMeshBuilder {
     const bool of_a = e < 3;
     const int own = of_a ? p.ta : p.tb, other = of_a ? p.tb : p.ta, k = e % 3;
     const SurfacePoint here = surface_point(own, unit3(k));
+    const Vec2 at = corner_place(m_, data_.pair.x, own, k);
     const SurfacePoint there =
-        closest_in_face(m_, data_.pair.x, other, row2(data_.pair.x, m_.corner(own, k)));
+        closest_in_face(m_, data_.pair.x, other, (of_a ? inverse(p.motion) : p.motion) * at);
     return {{}, of_a ? here : there, of_a ? there : here};
   }
 
@@ -10220,8 +10436,12 @@ class MetaMeshBuilder {
     const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
     const int h = data_.pair.first_half_edge(on_a), g = data_.pair.first_half_edge(on_b);
-    const Vec2 u = row2(x, m_.tail[h]), c = row2(x, m_.tail[g]);
-    const Crossing at = detail::crossing(u, row2(x, m_.tip(h)) - u, c, row2(x, m_.tip(g)) - c);
+    Motion motion = p.motion;  // takes the plane of g to that of h
+    if (h != on_a && data_.pair.is_closed()) motion = m_.pillow.across[h] * motion;
+    if (g != on_b && data_.pair.is_closed()) motion = motion * m_.pillow.across[on_b];
+    const Vec2 u = place_of(m_, x, h), edge = place_of(m_, x, next(h)) - u;
+    const Vec2 c = motion * place_of(m_, x, g), other = motion * place_of(m_, x, next(g)) - c;
+    const Crossing at = detail::crossing(u, edge, c, other);
     return {{},
             surface_point(p.ta, on_edge(edge_a, on_a == h ? at.t : 1 - at.t)),
             surface_point(p.tb, on_edge(edge_b, on_b == g ? at.mu : 1 - at.mu))};
@@ -10264,7 +10484,7 @@ struct TriangleMap {
 
 inline TriangleMap triangle_map(const JointSurface& s, const Points2& x, int f, double scale) {
   const double twice_area = accurate_area(
-      row2(x, s.mesh.corner(f, 0)), row2(x, s.mesh.corner(f, 1)), row2(x, s.mesh.corner(f, 2)));
+      corner_place(s.mesh, x, f, 0), corner_place(s.mesh, x, f, 1), corner_place(s.mesh, x, f, 2));
   return {scale * triangle_jacobian(s, x, f), scale * scale * twice_area / (2 * s.area[f])};
 }
 
@@ -10306,11 +10526,9 @@ const TriangleMesh& SurfaceMap::mesh(Side side, Ids ids) const {
   return ids == Ids::kGiven ? *data_->origin(side).given : data_->mesh(side);
 }
 Points2 SurfaceMap::planar_positions(Side side) const {
-  const int n_a = data_->pair.s.n_a, n = detail::rows_of(data_->pair.x);
-  return side == Side::kA ? detail::rows_between(data_->pair.x, 0, n_a)
-                          : detail::rows_between(data_->pair.x, n_a, n);
+  return side == Side::kA ? data_->f : data_->g;
 }
-bool SurfaceMap::is_closed() const { return data_->pair.is_closed; }
+bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
 SurfacePoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
@@ -12464,880 +12682,6 @@ inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open
   return p;
 }
 
-// ---- the seam ----
-
-/// An embedded surface to which vertices are added.
-struct Sheet {
-  HalfEdgeMesh mesh;
-  Array<Vec2> x;
-  std::vector<AddedVertex> added;
-
-  static constexpr double kLeast = 1e-6;  // of the weights of a new vertex
-
-  bool is_positive(int u, int v, Vec2 p) const { return orient2d(x[u], x[v], p) > 0; }
-
-  /// May the corner opposite to the edge from u to v go from p to q? By part of its height at most:
-  /// the map from the triangle to the plane changes by I + (q - p) ∇λᵀ with |∇λ| = 1 / height, and
-  /// nothing mends what the body gets of that.
-  bool may_bend(int u, int v, Vec2 p, Vec2 q) const {
-    constexpr double kMost = 0.25;
-    return is_positive(u, v, q) &&
-           norm(q - p) * norm(x[v] - x[u]) <= kMost * accurate_area(x[u], x[v], p);
-  }
-
-  /// May the edge of h be cut in two, at t of the way along h and at p in the plane, which is on it
-  /// or next to it? Not within `least` of its length of either end.
-  bool may_split(int h, double t, Vec2 p, double least = kLeast) const {
-    if (!(t > least && t < 1 - least)) return false;
-    const Vec2 on_edge = (1 - t) * x[mesh.tail[h]] + t * x[mesh.tip(h)];
-    for (int e : {h, mesh.twin[h]})
-      if (e < 0 || !may_bend(mesh.tip(e), mesh.tail[prev(e)], on_edge, p) ||
-          !may_bend(mesh.tail[prev(e)], mesh.tail[e], on_edge, p))
-        return false;
-    return true;
-  }
-
-  /// Adds a vertex to an edge, at t of the way along h.
-  int split(int h, double t, Vec2 p) {
-    AddedVertex on_edge(mesh.tail[h], mesh.tip(h));
-    on_edge.weights[0] = 1 - t;
-    on_edge.weights[1] = t;
-    return add(h, on_edge, p);
-  }
-
-  bool is_inside(int f, Vec2 p) const {
-    const int u = mesh.corner(f, 0), v = mesh.corner(f, 1), w = mesh.corner(f, 2);
-    return is_positive(u, v, p) && is_positive(v, w, p) && is_positive(w, u, p);
-  }
-
-  /// The vertex at a place, which is added where there is none, at p in the plane; -1 if rounding
-  /// leaves no room.
-  int vertex_at(const Place& place, Vec2 p) {
-    const Place here = located(place, mesh.n_vertices - static_cast<int>(added.size()), added);
-    const int v = detail::vertex_at(here);
-    if (v >= 0) return v;
-    const int h = find_place(mesh, here);
-    if (h < 0) return -1;
-    const double t = here.weights[mesh.tail[h] == here.corners[0] ? 1 : 0];
-    if (!(is_on_edge(here) ? may_split(h, t, p, 0) : is_inside(h / 3, p))) return -1;
-    return add(h, here, p);
-  }
-
-  /// Adds a vertex in a triangle; -1 if it is not inside.
-  int insert(int f, Vec2 p) {
-    if (!is_inside(f, p)) return -1;
-    const int u = mesh.corner(f, 0), v = mesh.corner(f, 1), w = mesh.corner(f, 2);
-    const Vec3 at = barycentric(p, x[u], x[v], x[w]);
-    AddedVertex inside;
-    inside.corners = Eigen::Vector3i(u, v, w);
-    inside.weights = Eigen::Vector3d(at.x, at.y, at.z);
-    return (std::min)({at.x, at.y, at.z}) > kLeast ? add(3 * f, inside, p) : -1;
-  }
-
-  int add(int h, const AddedVertex& vertex, Vec2 p) {
-    add_vertex(mesh, h, vertex);
-    added.push_back(vertex);
-    x.push_back(p);
-    return mesh.n_vertices - 1;
-  }
-
-  /// May a vertex be moved?
-  bool may_move(int v, Vec2 p) const {
-    bool may = !mesh.on_boundary(v);
-    mesh.for_each_outgoing(
-        v, [&](int h) { may = may && may_bend(mesh.tip(h), mesh.tail[prev(h)], x[v], p); });
-    return may;
-  }
-
-  int edge_between(int u, int v) const {
-    const int h = find_edge(mesh, u, v);
-    return h >= 0 && mesh.tail[h] == u ? h : -1;
-  }
-
-  /// The triangle in which a place of the plane lies, sought from one near it; -1 if there is none.
-  int locate(Vec2 p, int face) const {
-    const auto edge_before = [&](int f) {  // p is on its right
-      for (int h = 3 * f; h < 3 * f + 3; ++h)
-        if (!(orient2d(x[mesh.tail[h]], x[mesh.tip(h)], p) >= 0)) return h;
-      return -1;
-    };
-    for (int steps = 0; steps < mesh.n_faces; ++steps) {
-      const int h = edge_before(face);
-      if (h < 0) return face;
-      if (mesh.twin[h] < 0) break;
-      face = mesh.twin[h] / 3;
-    }
-    for (int f = 0; f < mesh.n_faces; ++f)
-      if (edge_before(f) < 0) return f;
-    return -1;
-  }
-};
-
-/// The seam as vertices of A and of B, counter-clockwise in the plane: pairs lie at the same place.
-struct Seam {
-  Array<int> a, b;
-};
-
-/// Makes a loop of edges of A one of B, too: its vertices are added to B, and then, where one of
-/// its edges crosses one of B, there is a new vertex of both. Where a place is next to a vertex or
-/// an edge that is there, that is taken, and what was straight is bent a little: without that,
-/// slivers arise.
-class SeamTracer {
- public:
-  SeamTracer(Sheet& a, Sheet& b) : a_(a), b_(b), is_taken_(b.mesh.n_vertices, 0) {}
-
-  /// `faces_near[i]`: a triangle of B near vertex i of the loop. False if rounding leaves no room.
-  bool trace(const Array<int>& loop, const Array<int>& faces_near, Seam& seam) {
-    Array<int> on_b;
-    for (int i = 0; i < loop.size(); ++i) {
-      on_b.push_back(insert(loop[i], faces_near[i]));
-      if (on_b.back() < 0) return false;
-    }
-    for (int i = 0; i < loop.size(); ++i) {
-      const int j = i + 1 < loop.size() ? i + 1 : 0;
-      if (!follow_edge(loop[i], loop[j], on_b[i], on_b[j], seam)) return false;
-    }
-    while (seam.a.size() < 4)
-      if (!halve_last(seam)) return false;
-    return true;
-  }
-
- private:
-  static constexpr double kNear = 0.02;  // of the height of a triangle, of the length of an edge
-
-  bool take(int v) {
-    if (is_taken_.size() < b_.mesh.n_vertices) is_taken_.resize(b_.mesh.n_vertices);
-    return !is_taken_[v]++;
-  }
-  bool is_free(int v) const {
-    return (v >= is_taken_.size() || !is_taken_[v]) && !b_.mesh.on_boundary(v);
-  }
-
-  /// The vertex of B at a vertex of A; -1 if there is no room for it.
-  int insert(int u, int face) {
-    const Vec2 p = a_.x[u];
-    const int f = b_.locate(p, face);
-    if (f < 0) return -1;
-    const HalfEdgeMesh& m = b_.mesh;
-    const Vec3 at =
-        barycentric(p, b_.x[m.corner(f, 0)], b_.x[m.corner(f, 1)], b_.x[m.corner(f, 2)]);
-    for (int k = 0; k < 3; ++k) {
-      const int w = m.corner(f, k);
-      if (!(at[k] > 1 - kNear) || !is_free(w) || !(b_.x[w] == p || a_.may_move(u, b_.x[w])))
-        continue;
-      a_.x[u] = b_.x[w];
-      take(w);
-      return w;
-    }
-    for (int k = 0; k < 3; ++k) {  // the edge opposite to a corner
-      const int h = next(3 * f + k);
-      const double s = at[(k + 1) % 3], t = at[(k + 2) % 3];
-      if (!(at[k] < kNear) || !b_.may_split(h, t / (s + t), p)) continue;
-      const int v = b_.split(h, t / (s + t), p);
-      take(v);
-      return v;
-    }
-    const int v = b_.insert(f, p);
-    if (v >= 0) take(v);
-    return v;
-  }
-
-  /// From u to v along an edge of A, and from w to z through B. Adds all but the end to the seam.
-  bool follow_edge(int u, int v, int w, int z, Seam& seam) {
-    for (int steps = 0; steps < b_.mesh.n_faces; ++steps) {
-      seam.a.push_back(u);
-      seam.b.push_back(w);
-      if (b_.edge_between(w, z) >= 0) return true;
-      const int h = a_.edge_between(u, v);
-      if (h < 0 || !advance(h, z, u, w)) return false;
-    }
-    return false;
-  }
-
-  /// The next vertex on the way to z, along half-edge h of A.
-  bool advance(int h, int z, int& u, int& w) {
-    const HalfEdgeMesh& m = b_.mesh;
-    const Vec2 p = b_.x[w], q = b_.x[z];
-    int into = -1;  // the triangle that the way leads into, as an outgoing half-edge
-    m.for_each_outgoing(w, [&](int e) {
-      if (orient2d(p, b_.x[m.tip(e)], q) >= 0 && orient2d(p, b_.x[m.tail[prev(e)]], q) < 0)
-        into = e;
-    });
-    if (into < 0) return false;
-    const int e = next(into), r = m.tail[e], l = m.tip(e);
-    const double right = -cross(q - p, b_.x[r] - p), left = cross(q - p, b_.x[l] - p);
-    const double t = right / (right + left);
-    if (t < kNear && pass_vertex(h, r, u, w)) return true;
-    if (t > 1 - kNear && pass_vertex(h, l, u, w)) return true;
-    const Vec2 at = flush_tiny((1 - t) * b_.x[r] + t * b_.x[l]);
-    const double s = part_of(h, at);
-    if (a_.may_split(h, s, at) && b_.may_split(e, t, at)) {
-      u = a_.split(h, s, at);
-      w = b_.split(e, t, at);
-      return take(w);
-    }
-    return pass_vertex(h, t < 0.5 ? r : l, u, w);
-  }
-
-  bool pass_vertex(int h, int vertex, int& u, int& w) {
-    const Vec2 at = b_.x[vertex];
-    const double s = part_of(h, at);
-    if (!is_free(vertex) || !a_.may_split(h, s, at)) return false;
-    u = a_.split(h, s, at);
-    w = vertex;
-    return take(vertex);
-  }
-
-  /// How far along a half-edge of A a place is.
-  double part_of(int h, Vec2 at) const {
-    const Vec2 p = a_.x[a_.mesh.tail[h]], way = a_.x[a_.mesh.tip(h)] - p;
-    return dot(at - p, way) / squared_norm(way);
-  }
-
-  /// Adds a vertex between the last one and the first one.
-  bool halve_last(Seam& seam) {
-    const int h = a_.edge_between(seam.a.back(), seam.a[0]);
-    const int e = b_.edge_between(seam.b.back(), seam.b[0]);
-    if (h < 0 || e < 0) return false;
-    const Vec2 at = flush_tiny(0.5 * (a_.x[seam.a.back()] + a_.x[seam.a[0]]));
-    if (!a_.may_split(h, 0.5, at) || !b_.may_split(e, 0.5, at)) return false;
-    seam.a.push_back(a_.split(h, 0.5, at));
-    seam.b.push_back(b_.split(e, 0.5, at));
-    return true;
-  }
-
-  Sheet &a_, &b_;
-  Array<char> is_taken_;  // vertices of B, by the seam
-};
-
-// ---- body and cap ----
-
-/// Leaves the largest connected part of some triangles, and of that, what does not meet itself at a
-/// vertex only. True if there may be more to leave out.
-inline bool make_disk(const HalfEdgeMesh& m, Array<char>& is_in) {
-  HalfEdgeMesh parts = m;
-  for (int h = 0; h < m.twin.size(); ++h)
-    if (m.twin[h] >= 0 && (!is_in[h / 3] || !is_in[m.twin[h] / 3])) parts.twin[h] = -1;
-  const Array<int> part = components_of(parts);
-  Array<int> size(m.n_faces, 0);
-  int largest = -1;
-  for (int f = 0; f < m.n_faces; ++f)
-    if (is_in[f] && (++size[part[f]], largest < 0 || size[part[f]] > size[largest]))
-      largest = part[f];
-  for (int f = 0; f < m.n_faces; ++f) is_in[f] = is_in[f] && part[f] == largest;
-  bool has_changed = false;
-  for (int v = 0; v < m.n_vertices; ++v) {
-    int borders = 0;
-    m.for_each_outgoing(v, [&](int h) {
-      const int t = m.twin[h];
-      borders += is_in[h / 3] != (t >= 0 && is_in[t / 3]);
-    });
-    if (borders <= 2) continue;
-    m.for_each_outgoing(v, [&](int h) { is_in[h / 3] = 0; });
-    has_changed = true;
-  }
-  return has_changed;
-}
-
-/// The triangles of A inside of the seam: those that B covers, and that have some distance from
-/// what it does not cover, and from where either surface is open; as a disk. Empty if there are
-/// none. `lost`: the area of what has that distance, too, but hangs on by less.
-inline Array<char> choose_body(const EmbeddedPair& pair, const Surface& a, double margin,
-                               double& lost) {
-  const HalfEdgeMesh &m = a.mesh, &both = pair.s.mesh;
-  const auto is_at_boundary = [&](int f) {
-    return both.on_boundary(both.corner(f, 0)) || both.on_boundary(both.corner(f, 1)) ||
-           both.on_boundary(both.corner(f, 2));
-  };
-  Array<char> is_body(m.n_faces, 1);
-  Array<int> open;
-  for (int f = 0; f < m.n_faces; ++f) {
-    bool is_open = is_at_boundary(f) || pair.by_face.start[f] == pair.by_face.start[f + 1];
-    pair.for_each_target(f, [&](int t) { is_open = is_open || is_at_boundary(t); });
-    if (!is_open) continue;
-    is_body[f] = 0;
-    for (int k = 0; k < 3; ++k) open.push_back(m.corner(f, k));
-  }
-  const Array<double> distance = edge_distances(a, open);
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (distance[m.tail[h]] < margin) is_body[h / 3] = 0;
-  const Array<char> is_far = is_body;
-  while (make_disk(m, is_body)) {
-  }
-  lost = 0;
-  for (int f = 0; f < m.n_faces; ++f)
-    if (is_far[f] && !is_body[f]) lost += a.area[f];
-  return is_body;
-}
-
-/// The vertices around some triangles that form a disk, counter-clockwise; empty if they do not.
-inline Array<int> loop_around(const HalfEdgeMesh& m, const Array<char>& is_in) {
-  const auto is_border = [&](int h) {
-    return is_in[h / 3] && !(m.twin[h] >= 0 && is_in[m.twin[h] / 3]);
-  };
-  int first = -1, borders = 0;
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (is_border(h)) first = h, ++borders;
-  Array<int> loop;
-  if (first < 0) return loop;
-  for (int h = first; loop.size() < borders;) {
-    loop.push_back(m.tail[h]);
-    for (h = next(h); !is_border(h);) h = next(m.twin[h]);
-    if (h == first) break;
-  }
-  if (loop.size() != borders) loop.clear();
-  return loop;
-}
-
-/// The half-edges of a closed path, given by its vertices.
-inline Array<int> edges_along(const HalfEdgeMesh& m, const Array<int>& loop) {
-  Array<int> edges;
-  for (int i = 0; i < loop.size(); ++i) {
-    const int v = loop[i + 1 < loop.size() ? i + 1 : 0];
-    m.for_each_outgoing(loop[i], [&](int h) {
-      if (m.tip(h) == v) edges.push_back(h);
-    });
-  }
-  return edges;
-}
-
-/// A closed surface in two parts, with the same ids of vertices as if it were in one, and copies of
-/// the seam behind them, for the cap.
-struct CutSurface {
-  Surface surface;
-  Array<int> id;       // per vertex of the sheet that it was
-  Points2 x;           // rows of the body
-  Array<int> seam;     // vertices of the body; those of the cap are the last ones of the surface
-  Array<char> is_cap;  // per triangle
-};
-
-/// Halves the edges on the right of a closed path that join two of its vertices.
-inline void halve_chords(const Array<int>& loop, Surface& s) {
-  HalfEdgeMesh parts = s.mesh;
-  const Array<int> edges = edges_along(s.mesh, loop);
-  Array<char> is_on_loop(s.mesh.n_vertices, 0);
-  for (int v : loop) is_on_loop[v] = 1;
-  for (int h : edges) parts.twin[h] = parts.twin[s.mesh.twin[h]] = -1;
-  const Array<int> part = components_of(parts);
-  std::vector<AddedVertex> chords;
-  for (int h = 0; h < s.mesh.tail.size(); ++h) {
-    const int v = s.mesh.tail[h], w = s.mesh.tip(h);
-    if (parts.twin[h] < h || part[h / 3] == part[edges[0] / 3]) continue;
-    if (is_on_loop[v] && is_on_loop[w]) chords.push_back({v, w});
-  }
-  add_vertices(chords, s);
-}
-
-/// Sews the cross of an opened surface, to which vertices have been added since, and cuts it along
-/// the seam. Edges of the cap that join two vertices of the seam are halved, or they would lie in
-/// its outline. False if `closed` does not fit.
-inline bool cut_in_two(const Surface& closed, const Surface& open, const Sheet& sheet,
-                       const Array<int>& seam, CutSurface& cut) {
-  Surface& s = cut.surface = closed;
-  const int n = closed.mesh.n_vertices;
-  std::vector<AddedVertex> all = open.added, added;
-  all.insert(all.end(), sheet.added.begin(), sheet.added.end());
-  Array<int>& id = cut.id;  // copies at the cross have those of the vertices
-  Array<Vec2> x;
-  for (int v = 0; v < n; ++v) id.push_back(v), x.push_back(sheet.x[v]);
-  for (AddedVertex p : all) {
-    for (int k = 0; k < 3; ++k)
-      if (p.corners[k] >= 0) p.corners[k] = id[p.corners[k]];
-    const int v = id.size();
-    id.push_back(is_copy(p) ? p.corners[0] : x.size());
-    if (is_copy(p)) continue;
-    added.push_back(p);
-    x.push_back(sheet.x[v]);
-  }
-  if (!add_vertices(added, s)) return false;
-  for (int v : seam) cut.seam.push_back(id[v]);
-  halve_chords(cut.seam, s);
-  const Array<int> edges = edges_along(s.mesh, cut.seam);
-  if (edges.size() != cut.seam.size()) return false;
-  cut_along(edges, s);
-  const Array<int> part = components_of(s.mesh);
-  for (int f = 0; f < s.mesh.n_faces; ++f) cut.is_cap.push_back(part[f] != part[edges[0] / 3]);
-  cut.x.setZero(s.mesh.n_vertices, 2);
-  for (int v = 0; v < x.size(); ++v) set_row(cut.x, v, x[v]);
-  return true;
-}
-
-/// Some triangles of a surface as a surface of their own.
-struct Patch {
-  Surface surface;
-  Array<int> vertex;  // per vertex, its id in the whole
-  Array<int> place;   // and back, or -1
-};
-
-inline Patch patch_of(const Surface& s, const Array<char>& is_in) {
-  Patch patch;
-  patch.place.assign(s.mesh.n_vertices, -1);
-  Array<int> corners;
-  for (int f = 0; f < s.mesh.n_faces; ++f)
-    for (int k = 0; k < 3 && is_in[f]; ++k) {
-      corners.push_back(s.mesh.corner(f, k));
-      patch.place[corners.back()] = 0;
-    }
-  for (int v = 0; v < s.mesh.n_vertices; ++v) {
-    if (patch.place[v] < 0) continue;
-    patch.place[v] = patch.vertex.size();
-    patch.vertex.push_back(v);
-  }
-  for (int& v : corners) v = patch.place[v];
-  Points3 vertices(patch.vertex.size(), 3);
-  for (int i = 0; i < patch.vertex.size(); ++i)
-    set_row(vertices, i, row3(s.vertices, patch.vertex[i]));
-  patch.surface =
-      build_surface(build_half_edges(patch.vertex.size(), triangles_from(corners)), vertices, true);
-  for (int v : patch.vertex) patch.surface.given.push_back(s.given_id(v));
-  return patch;
-}
-
-/// Adds to the whole the vertices that have been added to the patch, behind all others, and to x.
-inline void adopt(const Surface& refined, Patch& patch, Surface& whole, Points2& x) {
-  std::vector<AddedVertex> added = refined.added;
-  for (AddedVertex& p : added) {
-    for (int k = 0; k < 3; ++k)
-      if (p.corners[k] >= 0) p.corners[k] = patch.vertex[p.corners[k]];
-    patch.vertex.push_back(whole.mesh.n_vertices + static_cast<int>(&p - added.data()));
-  }
-  add_vertices(added, whole);
-  x = with_added(x, added);
-}
-
-/// The seam along the sides of a square, by its length on both surfaces.
-inline OutlinePair outlines_of(const Patch& a, const Patch& b, const Array<int>& seam_a,
-                               const Array<int>& seam_b) {
-  const int n = seam_a.size();
-  Array<double> arc(1, 0);
-  const auto length = [](const Patch& p, const Array<int>& seam, int i) {
-    const int v = seam[i], w = seam[(i + 1) % seam.size()];
-    return norm(row3(p.surface.vertices, w) - row3(p.surface.vertices, v));
-  };
-  double whole_a = 0, whole_b = 0;
-  for (int i = 0; i < n; ++i) {
-    whole_a += length(a, seam_a, i);
-    whole_b += length(b, seam_b, i);
-  }
-  for (int i = 0; i < n; ++i)
-    arc.push_back(arc[i] + 0.5 * (length(a, seam_a, i) / whole_a + length(b, seam_b, i) / whole_b));
-  int corner[5] = {0, 0, 0, 0, n};
-  for (int k = 1; k < 4; ++k) {
-    corner[k] = corner[k - 1] + 1;
-    while (corner[k] < n - 4 + k && arc[corner[k]] < k / 4.0) ++corner[k];
-  }
-  OutlinePair outlines;
-  outlines.a.half_side = outlines.b.half_side =
-      0.5 * std::sqrt(0.5 * (a.surface.total_area + b.surface.total_area));
-  outlines.a.u.assign(a.vertex.size(), -1);
-  outlines.b.u.assign(b.vertex.size(), -1);
-  for (int k = 0; k < 4; ++k) {
-    const double from = arc[corner[k]], to = arc[corner[k + 1]];
-    outlines.a.corner[k] = seam_a[corner[k]];
-    outlines.b.corner[k] = seam_b[corner[k]];
-    for (int i = corner[k]; i < corner[k + 1]; ++i)
-      outlines.a.u[seam_a[i]] = outlines.b.u[seam_b[i]] = k + (arc[i] - from) / (to - from);
-  }
-  return outlines;
-}
-
-/// Holds a vertex where it is on the other surface; false if it is not there.
-inline bool add_pin(const EmbeddedPair& pair, int row, Array<Follower>& followers) {
-  const SurfacePoint image = pair.map_vertex(row);
-  if (image.exists())
-    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image)));
-  return image.exists();
-}
-
-/// Vertices of two surfaces that are held on the other one.
-struct Held {
-  Array<Follower> followers;
-  Array<int> uncovered;  // are to be, but the other surface does not lie there
-};
-
-/// Closes the map of two closed surfaces that were opened, in steps.
-class Closer {
- public:
-  Closer(const SurfacePair& closed, const SurfacePair& open, const Array<PlacedLandmark>& landmarks,
-         const Held& held, const RunOptions& options, const Executor& executor)
-      : closed_(closed),
-        open_(open),
-        landmarks_(landmarks),
-        held_(held),
-        options_(options),
-        executor_(executor) {
-    options_.boundary = Boundary::kFixed;
-    options_.exact_landmarks = false;
-    for (std::vector<int>* list :
-         {&options_.pins_a, &options_.pins_b, &options_.fixed_a, &options_.fixed_b})
-      list->clear();
-  }
-
-  /// Cuts the surfaces along a seam; x are the positions of the opened ones.
-  void begin(const Points2& x, int max_iterations) {
-    options_.max_iterations = (std::max)(0, max_iterations);
-    pair_ = EmbeddedPair(join(open_), x);
-    cut_anew();
-  }
-
-  /// False after the last step.
-  bool step() {
-    if (status_ != Status::kUnfinished) return false;
-    if (!optimizer_) return embed();
-    const bool has_more = optimizer_->iterate(result_);
-    if (result_.log.size() > told_) {
-      told_ = result_.log.size();
-      log_.push_back(whole(result_.log.back()));
-    }
-    status_ = result_.status;
-    if (status_ == Status::kNumericalFailure) status_ = Status::kStalled;  // there is a map
-    if (status_ == Status::kStalled && has_settled()) status_ = Status::kConverged;
-    return has_more;
-  }
-
-  bool has_map() const { return optimizer_ != nullptr; }
-  bool has_failed() const { return !has_map() && status_ != Status::kUnfinished; }
-  Status status() const { return status_; }
-  /// Of the whole surfaces; the first entry is what cutting and embedding the caps came to.
-  const std::vector<IterationLog>& log() const { return log_; }
-  const SurfacePair& surfaces() const { return cut_pair_; }
-
-  /// The positions of both surfaces.
-  Points2 positions() const { return with_caps(optimizer_->positions()); }
-
- private:
-  Points2 with_caps(const Points2& y) const {
-    Points2 x = stacked(f_, g_);
-    const int n_a = a_.vertex.size();
-    for (int i = 0; i < n_a; ++i) set_row(x, a_.vertex[i], row2(y, i));
-    for (int i = 0; i < b_.vertex.size(); ++i)
-      set_row(x, cut_pair_.a.mesh.n_vertices + b_.vertex[i], row2(y, n_a + i));
-    return x;
-  }
-
-  /// Tries seams nearer and nearer to what is not covered, then ever smaller ones; takes the next
-  /// that there is room for.
-  void cut_anew() {
-    constexpr double kMargins[] = {0.06, 0.03, 0.01, 0};       // in roots of the area
-    constexpr double kParts[] = {0.4, 0.2, 0.1, 0.01, 0.001};  // of a triangle of A
-    constexpr double kMostLost = 0.002;                        // of the area, at first
-    constexpr int kEach = 4, kBodies = 2 * kEach, kAll = kBodies + 5;
-    const double unit = std::sqrt(open_.a.total_area);
-    for (; tried_ < kBodies; ++tried_) {
-      const double most = tried_ < kEach ? kMostLost * open_.a.total_area : kInfinity;
-      if (cut_around_body(kMargins[tried_ % kEach] * unit, most)) return void(++tried_);
-    }
-    for (; tried_ < kAll; ++tried_)
-      if (cut_in_polygon(kParts[tried_ - kBodies])) return void(++tried_);
-    status_ = Status::kStalled;
-  }
-
-  static Sheet sheet_of(const Surface& s, const Points2& x, int first) {
-    Sheet sheet;
-    sheet.mesh = s.mesh;
-    for (int v = 0; v < s.mesh.n_vertices; ++v) sheet.x.push_back(row2(x, first + v));
-    return sheet;
-  }
-
-  /// Cuts around the triangles that choose_body() chooses, unless limbs of more than some area
-  /// would be mapped anew.
-  bool cut_around_body(double margin, double most_lost) {
-    const HalfEdgeMesh& m = open_.a.mesh;
-    double lost = 0;
-    const Array<char> is_body = choose_body(pair_, open_.a, margin, lost);
-    const Array<int> loop = loop_around(m, is_body);
-    if (loop.empty() || lost > most_lost) return false;
-    Array<int> faces_near;
-    for (int v : loop) {
-      int near = 0;
-      m.for_each_outgoing(v, [&](int h) {
-        pair_.for_each_target(h / 3, [&](int t) { near = t - pair_.s.faces_a; });
-      });
-      faces_near.push_back(near);
-    }
-    Sheet a = sheet_of(open_.a, pair_.x, 0), b = sheet_of(open_.b, pair_.x, pair_.s.n_a);
-    return meet(is_body, a, b) && cut(loop, faces_near, a, b);
-  }
-
-  /// Makes vertices of both surfaces of what is held, unless it is inside of the body: the seam can
-  /// then be anywhere but there. False if there is no room.
-  bool meet(const Array<char>& is_body, Sheet& a, Sheet& b) {
-    met_.clear();
-    for (const Follower& follower : held_.followers) {
-      if (is_inside(pair_, is_body, follower)) continue;
-      const bool is_of_a = follower.row < pair_.s.n_a;
-      const int own = is_of_a ? follower.row : follower.row - pair_.s.n_a;
-      Place place;
-      for (int k = 0; k < 3; ++k) {
-        place.corners[k] = is_of_a ? follower.master[k] - pair_.s.n_a : follower.master[k];
-        place.weights[k] = follower.weight[k];
-      }
-      tidy(place);
-      const int there = (is_of_a ? b : a).vertex_at(place, row2(pair_.x, follower.row));
-      if (there < 0) return false;
-      met_.push_back(is_of_a ? VertexPair{own, there} : VertexPair{there, own});
-    }
-    return true;
-  }
-
-  /// True if the seam around some triangles of A stays away from those at a follower; the edges of
-  /// the triangle in which a pin lies are not to be bent either.
-  static bool is_inside(const EmbeddedPair& pair, const Array<char>& is_body,
-                        const Follower& follower) {
-    const Vec3& w = follower.weight;
-    const bool is_pin = (std::max)({w.x, w.y, w.z}) < 1;
-    bool is = true;
-    const auto check = [&](int f) { is = is && (f >= pair.s.faces_a || is_body[f]); };
-    pair.s.mesh.for_each_outgoing(follower.row, [&](int h) {
-      check(h / 3);
-      if (is_pin)
-        pair.for_each_target(h / 3, [&](int t) {
-          check(t);
-          pair.for_each_target(t, check);
-        });
-    });
-    return is;
-  }
-
-  /// Where triangles are so coarse that none is inside, a new one in the largest polygon of the
-  /// overlay is the body.
-  bool cut_in_polygon(double part) {
-    const OverlayPolygon* largest = nullptr;
-    double most = 0;
-    for (const OverlayPolygon& p : pair_.overlay.polygons) {
-      const SixPoints x = six_points(pair_.s.mesh, pair_.x, p);
-      const double area = polygon_area(polygon_shape(p, x), x);
-      if (area > most) most = area, largest = &p;
-    }
-    if (largest == nullptr) return false;
-    Sheet a = sheet_of(open_.a, pair_.x, 0), b = sheet_of(open_.b, pair_.x, pair_.s.n_a);
-    if (!meet(Array<char>(open_.a.mesh.n_faces, 0), a, b)) return false;
-    const Vec2 center = center_of(pair_, *largest);
-    const int face = a.locate(center, largest->ta);
-    if (face < 0) return false;
-    const Array<int> loop = small_triangle(face, center, part, a);
-    const Array<int> faces_near(3, largest->tb - pair_.s.faces_a);
-    return loop.size() == 3 && cut(loop, faces_near, a, b);
-  }
-
-  static Vec2 center_of(const EmbeddedPair& pair, const OverlayPolygon& p) {
-    const SixPoints x = six_points(pair.s.mesh, pair.x, p);
-    const PolygonShape shape = polygon_shape(p, x);
-    Vec2 sum;
-    for (int i = 0; i < shape.count; ++i) {
-      const Piece& q = shape[i];
-      sum += (1 - q.s) * x[edge_start(q.e)] + q.s * x[edge_end(q.e)];
-    }
-    return 1.0 / shape.count * sum;
-  }
-
-  /// Adds three vertices that form a triangle: the first in a face, the second in a face at that
-  /// one, and the third in a face at both.
-  static Array<int> small_triangle(int face, Vec2 center, double part, Sheet& s) {
-    Array<int> corners(1, s.insert(face, center));
-    if (corners[0] < 0) return {};
-    const int h = s.mesh.out[corners[0]], u = s.mesh.tip(h), v = s.mesh.tail[prev(h)];
-    const Vec2 to_u = part * (s.x[u] - center), to_v = part * (s.x[v] - center);
-    corners.push_back(s.insert(h / 3, center + to_u + 0.5 * to_v));
-    const int t = corners[1] < 0 ? -1 : s.edge_between(corners[0], corners[1]);
-    if (t < 0) return {};
-    corners.push_back(s.insert(t / 3, center + 0.5 * to_u + to_v));
-    if (corners[2] < 0) return {};
-    return corners;
-  }
-
-  /// Cuts both surfaces along a loop of edges of A.
-  bool cut(const Array<int>& loop, const Array<int>& faces_near, Sheet& a, Sheet& b) {
-    Seam seam;
-    CutSurface cut_a, cut_b;
-    if (!SeamTracer(a, b).trace(loop, faces_near, seam) ||
-        !cut_in_two(closed_.a, open_.a, a, seam.a, cut_a) ||
-        !cut_in_two(closed_.b, open_.b, b, seam.b, cut_b))
-      return false;
-    cut_pair_ = {cut_a.surface, cut_b.surface};
-    f_ = cut_a.x;
-    g_ = cut_b.x;
-    a_ = patch_of(cut_a.surface, cut_a.is_cap);
-    b_ = patch_of(cut_b.surface, cut_b.is_cap);
-    if (!take_held(cut_a, cut_b)) return false;
-    outlines_ = outlines_of(a_, b_, copies_of(seam.a.size(), a_), copies_of(seam.b.size(), b_));
-    caps_ = {a_.surface, b_.surface};
-    embedder_ = std::make_unique<PairEmbedder>(caps_, landmarks_on_caps(), options_, executor_,
-                                               Approach::kConnectivity, &outlines_);
-    return true;
-  }
-
-  /// What of the held vertices the caps have. False if the seam goes through one of them.
-  bool take_held(const CutSurface& cut_a, const CutSurface& cut_b) {
-    const auto is_on_seam = [](const CutSurface& cut, int v) {
-      return std::find(cut.seam.begin(), cut.seam.end(), v) != cut.seam.end();
-    };
-    joined_.clear();
-    for (const VertexPair& l : met_) {
-      const int u = cut_a.id[l.a], v = cut_b.id[l.b];
-      if (is_on_seam(cut_a, u) || is_on_seam(cut_b, v)) return false;
-      const VertexPair there = {a_.place[u], b_.place[v]};
-      if ((there.a < 0) != (there.b < 0)) return false;
-      if (there.a >= 0) joined_.push_back(there);
-    }
-    pins_.clear();
-    for (int v : held_.uncovered) {
-      const int n_a = pair_.s.n_a;
-      VertexPair pin;
-      (v < n_a ? pin.a : pin.b) = v < n_a ? a_.place[cut_a.id[v]] : b_.place[cut_b.id[v - n_a]];
-      if (pin.a >= 0 || pin.b >= 0) pins_.push_back(pin);
-    }
-    return true;
-  }
-
-  /// The seam in the ids of a cap, which has the last vertices of its surface; counter-clockwise as
-  /// seen from there.
-  static Array<int> copies_of(int n, const Patch& cap) {
-    Array<int> seam;
-    for (int i = 1; i <= n; ++i) seam.push_back(cap.vertex.size() - i);
-    return seam;
-  }
-
-  Array<PlacedLandmark> landmarks_on_caps() const {
-    const auto move = [](const Patch& cap, Place& p) {
-      for (int k = 0; k < 3; ++k) {
-        if (p.corners[k] < 0) continue;
-        p.corners[k] = cap.place[p.corners[k]];
-        if (p.corners[k] < 0) return false;
-      }
-      return true;
-    };
-    Array<PlacedLandmark> there;
-    for (const VertexPair& l : joined_) there.push_back({copy_of(l.a), copy_of(l.b), {}});
-    for (PlacedLandmark l : located(landmarks_, cut_pair_))
-      if (move(a_, l.a) && move(b_, l.b)) there.push_back(l);
-    return there;
-  }
-
-  /// A step of the embedding of the caps; then begins to optimise them.
-  bool embed() {
-    if (!has_ended_)
-      has_ended_ = !(joiner_ ? joiner_->step(embedding_) : embedder_->step(embedding_));
-    if (!has_ended_ || executor_.is_stopped()) return true;
-    has_ended_ = false;
-    if (!joiner_ && !joined_.empty() && embedding_.status == Status::kDone) {
-      joiner_ = std::make_unique<LandmarkJoiner>(caps_, joined_, options_, executor_);
-      return true;
-    }
-    if (!begin_to_optimize()) cut_anew();
-    return status_ == Status::kUnfinished;
-  }
-
-  bool begin_to_optimize() {
-    const Embedding found = std::move(embedding_);
-    embedder_.reset();
-    joiner_.reset();
-    embedding_ = Embedding();
-    if (found.status != Status::kDone) return false;
-    adopt(caps_.a, a_, cut_pair_.a, f_);
-    adopt(caps_.b, b_, cut_pair_.b, g_);
-    s_ = join(caps_);
-    const Points2 y = beside_body(stacked(found.f, found.g));
-    if (!is_injective(join(cut_pair_).mesh, with_caps(y)) || !hold(y)) return false;
-    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
-    optimizer_->start(y, result_);
-    if (result_.status != Status::kUnfinished) return optimizer_.reset(), false;
-    measure_body();
-    status_ = result_.status;
-    return true;
-  }
-
-  /// Finds the followers among the caps; false if one would follow another one.
-  bool hold(const Points2& y) {
-    followers_.clear();
-    for (const VertexPair& l : joined_) followers_.push_back(landmark_follower(s_, l));
-    if (pins_.empty()) return true;
-    const EmbeddedPair pair(s_, y);
-    for (const VertexPair& pin : pins_)
-      if (!add_pin(pair, pin.a >= 0 ? pin.a : s_.n_a + pin.b, followers_)) return false;
-    return find_chain(s_, followers_).row < 0;
-  }
-  /// The caps where they are apart from the bodies. As they move along x only, the sides of the
-  /// square stay straight.
-  Points2 beside_body(Points2 y) const {
-    constexpr double kGap = 3;  // from the right of the bodies to the middle of the square
-    const double shift =
-        (std::max)(bounding_box(f_)[1].x, bounding_box(g_)[1].x) + kGap * outlines_.a.half_side;
-    for (int i = 0; i < y.rows(); ++i) y(i, 0) += shift;
-    return y;
-  }
-
-  /// E of the body is what that of the whole has more than that of the cap.
-  void measure_body() {
-    const JointSurface s = join(cut_pair_);
-    Iterate x;
-    x.x = positions();
-    evaluate(s, weights_of(options_), x);
-    describe(s, {}, x, start_);
-    body_ = start_;
-    log_.push_back(start_);
-    area_a_ = s.area_a, area_b_ = s.area_b;
-    const IterationLog& cap = result_.initial;
-    body_.energy -= cap.energy;
-    body_.map_energy -= cap.map_energy;
-    body_.energy_f -= cap.energy_f;
-    body_.energy_g -= cap.energy_g;
-    body_.polygons -= cap.polygons;
-  }
-
-  /// Whether E of the whole has hardly fallen over the last iterations; that of the caps, which are
-  /// a small part of it, may still.
-  bool has_settled() const {
-    const std::size_t n = log_.size(), window = static_cast<std::size_t>(options_.tuning.window);
-    if (n <= window) return false;
-    const double now = log_.back().energy, before = log_.data()[n - 1 - window].energy;
-    const double scale = now + coverage_reward(options_) * (area_a_ + area_b_);
-    return before - now < options_.tuning.window * options_.tolerance * scale;
-  }
-
-  /// What an iteration on the caps means for the whole.
-  IterationLog whole(IterationLog log) const {
-    log.energy += body_.energy;
-    log.map_energy += body_.map_energy;
-    log.energy_f += body_.energy_f;
-    log.energy_g += body_.energy_g;
-    log.polygons += body_.polygons;
-    log.coverage_a = start_.coverage_a;
-    log.coverage_b = start_.coverage_b;
-    log.mean_distortion = log.map_energy / (log.coverage_a * area_a_ + log.coverage_b * area_b_);
-    return log;
-  }
-
-  const SurfacePair &closed_, &open_;
-  const Array<PlacedLandmark>& landmarks_;
-  const Held& held_;
-  RunOptions options_;
-  const Executor& executor_;
-  EmbeddedPair pair_;  // the surfaces that are open
-  int tried_ = 0;      // seams
-  SurfacePair cut_pair_;
-  Points2 f_, g_;  // rows of the bodies
-  Patch a_, b_;
-  Array<VertexPair> met_;     // held, vertices of the sheets
-  Array<VertexPair> joined_;  // those of the caps
-  Array<VertexPair> pins_;    // of the caps that are held where these are put; one of a, b is -1
-  SurfacePair caps_;
-  OutlinePair outlines_;
-  std::unique_ptr<PairEmbedder> embedder_;
-  Embedding embedding_;
-  bool has_ended_ = false;  // what makes it, embedder_ or joiner_
-  std::unique_ptr<LandmarkJoiner> joiner_;
-  JointSurface s_;  // of the caps
-  Array<Follower> followers_;
-  std::unique_ptr<Optimizer> optimizer_;
-  Result result_;  // of the caps
-  std::size_t told_ = 0;
-  std::vector<IterationLog> log_;
-  IterationLog start_, body_;
-  double area_a_ = 0, area_b_ = 0;
-  Status status_ = Status::kUnfinished;
-};
-
 }  // namespace detail
 
 // ==== [21] VERIFICATION ==========================================================================
@@ -13558,6 +12902,51 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
                 Element::kVertex);
 }
 
+/// Verifies that an injective embedding of a surface that is cut open covers a pillow once: motions
+/// take the two sides of the cut to each other, and its area is that of the pillow.
+inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side,
+                          const Array<DirectedEdge>& boundary, Outcome& outcome) {
+  constexpr double kPeriod = 2 * kPillowSide;
+  const auto refuse = [&](int v, const char* how) {
+    return fail(outcome, Status::kNumericalFailure,
+                {"at vertex ", v, " of ", letter(side), " the two sides of the cut ", how},
+                {{side, Element::kVertex, v}});
+  };
+  // The least of the places to which motions take a point, exactly: all lie on one grid.
+  const auto canonical = [](Vec2 p) {
+    const auto reduced = [](double c) {
+      const double rest = std::fmod(c, kPeriod);
+      return rest < 0 ? rest + kPeriod : rest + 0.0;
+    };
+    const Vec2 q = {reduced(p.x), reduced(p.y)}, r = {reduced(-p.x), reduced(-p.y)};
+    return comes_before(q, r) ? q : r;
+  };
+  Array<int> vertices, number(rows_of(x), 0);
+  for (const DirectedEdge& e : boundary) vertices.push_back(e.u);
+  std::sort(vertices.begin(), vertices.end(), [&](int u, int v) {
+    return comes_before(canonical(row2(x, u)), canonical(row2(x, v)));
+  });
+  for (int i = 1; i < vertices.size(); ++i) {
+    const int u = vertices[i - 1], v = vertices[i];
+    const bool is_same = canonical(row2(x, u)) == canonical(row2(x, v));
+    number[v] = number[u] + !is_same;
+    if (is_same && mesh.vertices.row(u) != mesh.vertices.row(v))
+      return refuse(v, "lie at different places of the surface");
+  }
+  Array<DirectedEdge> sides, single;
+  for (const DirectedEdge& e : boundary) sides.push_back({number[e.u], number[e.v], e.u});
+  int twice = -1;
+  if (!match_edges(sides, single, twice)) return refuse(twice, "meet another one");
+  if (!single.empty()) return refuse(single[0].of, "do not fit");
+  double area = 0;
+  for (int f = 0; f < mesh.triangles.rows(); ++f) {
+    const Vec2 p = row2(x, mesh.triangles(f, 0));
+    area += 0.5 * cross(row2(x, mesh.triangles(f, 1)) - p, row2(x, mesh.triangles(f, 2)) - p);
+  }
+  const double pillow = 2 * kPillowSide * kPillowSide;  // covered a whole number of times
+  return std::abs(area / pillow - 1) < 0.5 || refuse(0, "are those of several pillows");
+}
+
 /// Verifies the meta mesh of injective embeddings.
 class MetaMeshVerifier {
  public:
@@ -13602,18 +12991,46 @@ class MetaMeshVerifier {
   bool verify_polygon(int p) {
     const int a = meta_.face_a.data()[p], b = meta_.face_b.data()[p];
     if (end(p) - begin(p) < 3) return refuse(p, "has less than three corners");
+    if (!find_motion(p)) return refuse(p, "has a corner at two places");
     for (int i = begin(p); i < end(p); ++i) {
       const Vec3 on_a = row3(meta_.corner_a, i), on_b = row3(meta_.corner_b, i);
       if (!are_weights(on_a) || !are_weights(on_b)) return refuse(p, "has a corner outside");
-      const Vec3 in_f = place(*meta_.a, f_, a, on_a), in_g = place(*meta_.b, g_, b, on_b);
-      if (!are_close(in_f, in_g, size_f_) ||
-          !are_close(place(*meta_.a, meta_.a->vertices, a, on_a), row3(meta_.on_a, vertex(i)),
+      if (!are_close(place(*meta_.a, meta_.a->vertices, a, on_a), row3(meta_.on_a, vertex(i)),
                      size_a_) ||
           !are_close(place(*meta_.b, meta_.b->vertices, b, on_b), row3(meta_.on_b, vertex(i)),
                      size_b_))
         return refuse(p, "has a corner at two places");
     }
     return true;
+  }
+
+  /// Finds what takes a polygon from g's plane to f's: nothing, or a motion of the pillow.
+  bool find_motion(int p) {
+    constexpr double kPeriod = 2 * kPillowSide;
+    const auto in_f = [&](int i) {
+      return place(*meta_.a, f_, meta_.face_a.data()[p], row3(meta_.corner_a, i));
+    };
+    const auto in_g = [&](int i) {
+      return place(*meta_.b, g_, meta_.face_b.data()[p], row3(meta_.corner_b, i));
+    };
+    for (double sign : {1.0, -1.0}) {
+      if (sign < 0 && !is_closed_) break;
+      Motion motion = {sign, {}};
+      const Vec3 way = in_f(begin(p)) + -sign * in_g(begin(p));
+      if (is_closed_)
+        motion.shift = {kPeriod * std::round(way.x / kPeriod),
+                        kPeriod * std::round(way.y / kPeriod)};
+      bool fits = true;
+      for (int i = begin(p); i < end(p); ++i) {
+        const Vec3 at = in_g(i);
+        const Vec2 moved = motion * Vec2{at.x, at.y};
+        fits = fits && are_close(in_f(i), {moved.x, moved.y, 0}, size_f_);
+      }
+      motions_.push_back(motion);
+      if (fits) return true;
+      motions_.pop_back();
+    }
+    return false;
   }
 
   static bool are_weights(const Vec3& w) {
@@ -13627,14 +13044,17 @@ class MetaMeshVerifier {
     return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
   }
 
-  /// Checks that a pair of triangles has at most one polygon: their overlap is convex.
+  /// Checks that a pair of triangles has at most one polygon: their overlap is convex. On a pillow,
+  /// one for each motion.
   bool verify_pairs() {
     Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
       pairs.push_back({meta_.face_a.data()[p], meta_.face_b.data()[p], p});
     std::sort(pairs.begin(), pairs.end());
-    for (int i = 0; i + 1 < pairs.size(); ++i)
-      if (!(pairs[i] < pairs[i + 1])) return refuse(pairs[i + 1].of, "is there twice");
+    for (int i = 0; i < pairs.size(); ++i)
+      for (int j = i + 1; j < pairs.size() && !(pairs[i] < pairs[j]); ++j)
+        if (motions_[pairs[i].of] == motions_[pairs[j].of])
+          return refuse(pairs[j].of, "is there twice");
     return true;
   }
 
@@ -13677,6 +13097,7 @@ class MetaMeshVerifier {
   const double size_f_, size_a_, size_b_;  // largest coordinates
   const bool is_closed_;
   Outcome& outcome_;
+  Array<Motion> motions_;  // per polygon
 };
 
 }  // namespace detail
@@ -13691,7 +13112,9 @@ Outcome verify(const SurfaceMap& map) {
   const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded),
                      &b = map.mesh(Side::kB, Ids::kEmbedded);
   if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
-      detail::verify_embedding(b, g, Side::kB, boundary_b, outcome))
+      detail::verify_embedding(b, g, Side::kB, boundary_b, outcome) &&
+      (!map.is_closed() || (detail::verify_pillow(a, f, Side::kA, boundary_a, outcome) &&
+                            detail::verify_pillow(b, g, Side::kB, boundary_b, outcome))))
     detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.is_closed(), outcome)
         .run(boundary_a, boundary_b);
   return outcome;
@@ -14159,6 +13582,11 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
 
 /// Halves the edges of large triangles, see Options::refine.
 inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
+  constexpr int kLeast = 100;  // vertices of closed surfaces: paths pass between four cones
+  for (Surface* s : {&pair.a, &pair.b})
+    if (are_closed(pair))
+      halve_edges(1e-9 * std::sqrt(s->total_area), 0, kLeast - s->mesh.n_vertices, *s);
+  landmarks = located(landmarks, pair);
   if (options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
       options.initial_g.size() > 0)
     return;
@@ -14343,12 +13771,14 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          check_constraints(m, a, n, b, placed, options, outcome);
 }
 
-inline double largest_landmark_distance(const Embedding& e,
+inline double largest_landmark_distance(const JointSurface& s, const Points2& x,
                                         const Array<PlacedLandmark>& landmarks) {
   double largest = 0;
-  for (const PlacedLandmark& l : landmarks)
-    largest = (std::max)(largest, norm(mean(l.a, e.f) - mean(l.b, e.g)));
-  return largest / domain_radius(stacked(e.f, e.g));
+  for (const PlacedLandmark& l : landmarks) {
+    const Vec2 p = spot_of(s.mesh, x, l.a).at, q = spot_of(s.mesh, x, in_joint(s, l.b)).at;
+    largest = (std::max)(largest, norm(p - nearest_motion(s.mesh, p, q) * q));
+  }
+  return largest / domain_radius(x);
 }
 
 /// Returns the mesh of a surface, with the vertices added to it.
@@ -14447,18 +13877,19 @@ inline StatusWords words_of(Status s) {
   return kWords[static_cast<int>(s)];
 }
 
-/// Pins vertices where the start maps them. `may_wait`: a vertex without an image is pinned once
-/// the map is closed, else refused.
+/// Pins vertices where the start maps them.
 inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
-                     bool may_wait, Held& held, Outcome& outcome) {
+                     Array<Follower>& followers, Outcome& outcome) {
   for (int v : pins) {
-    if (add_pin(pair, first + v, held.followers)) continue;
-    if (!may_wait)
+    Motion motion;
+    const int row = first + v;
+    const SurfacePoint image = pair.map_vertex(row, &motion);
+    if (!image.exists())
       return fail(outcome, Status::kInvalidPins,
-                  {"pin: vertex ", name_of(pair.s, first + v), " is not mapped to ",
-                   letter(other(side_of(pair.s, first + v))), " by the start"},
-                  {element_id(pair.s, first + v)});
-    held.uncovered.push_back(first + v);
+                  {"pin: vertex ", name_of(pair.s, row), " is not mapped to ",
+                   letter(other(side_of(pair.s, row))), " by the start"},
+                  {element_id(pair.s, row)});
+    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image), motion));
   }
   return true;
 }
@@ -14477,19 +13908,82 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
 /// Collects the followers of Options::pins_a, pins_b and exact landmarks.
 inline bool find_followers(const JointSurface& s, const Points2& x,
                            const Array<PlacedLandmark>& landmarks, const RunOptions& options,
-                           bool may_wait, Held& held, Outcome& outcome) {
+                           Array<Follower>& followers, Outcome& outcome) {
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
     const VertexPair at = {vertex_at(l.a), vertex_at(l.b), l.given};
-    held.followers.push_back(landmark_follower(s, at));
+    followers.push_back(landmark_follower(s, x, at));
   }
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   const EmbeddedPair pair(s, x);
   if (pair.overlay.is_too_large)
     return fail(outcome, Status::kMemoryLimit, {words_of(Status::kMemoryLimit).sentence});
-  return add_pins(pair, options.pins_a, 0, may_wait, held, outcome) &&
-         add_pins(pair, options.pins_b, s.n_a, may_wait, held, outcome) &&
-         check_chains(s, held.followers, outcome);
+  return add_pins(pair, options.pins_a, 0, followers, outcome) &&
+         add_pins(pair, options.pins_b, s.n_a, followers, outcome) &&
+         check_chains(s, followers, outcome);
+}
+
+// ---- cones of closed surfaces ----
+
+inline int nearest_corner(const Place& p) {
+  const double* const w = p.weights.data();
+  return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
+}
+
+/// Chooses four pairs that are far apart on both surfaces, without edges between them, in the order
+/// of the shortest path through them; `attempt`: others each time. Empty if there are none.
+inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pairs, int attempt) {
+  const auto distance = [&](const VertexPair& p, const VertexPair& q) {
+    const auto on = [](const Surface& s, int u, int v) {
+      return norm(row3(s.vertices, u) - row3(s.vertices, v)) / std::sqrt(s.total_area);
+    };
+    if (find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0) return 0.0;
+    return (std::min)(on(pair.a, p.a, q.a), on(pair.b, p.b, q.b));
+  };
+  Cones cones;
+  if (pairs.empty()) return cones;
+  Array<double> nearest(pairs.size(), kInfinity);
+  int next = attempt % pairs.size();
+  while (cones.size() < 4 && nearest[next] > 0) {
+    cones.push_back(pairs[next]);
+    for (int i = 0; i < pairs.size(); ++i)
+      nearest[i] = (std::min)(nearest[i], distance(pairs[next], pairs[i]));
+    next = static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+  }
+  if (cones.size() < 4) return {};
+  std::array<std::size_t, 4> order = {0, 1, 2, 3}, best = order;
+  double least = kInfinity;
+  do {
+    double length = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+      length += distance(cones.data()[order[i]], cones.data()[order[i + 1]]);
+    if (length < least) least = length, best = order;
+  } while (std::next_permutation(order.begin(), order.end()));
+  Cones ordered;
+  for (std::size_t i : best) ordered.push_back(cones.data()[i]);
+  return ordered;
+}
+
+/// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
+inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
+  constexpr int kMost = 16;
+  const auto centred = [](const Surface& s, int v) {
+    Vec3 sum;
+    for (int w = 0; w < s.mesh.n_vertices; ++w) sum += row3(s.vertices, w);
+    return 1 / std::sqrt(s.total_area) * (row3(s.vertices, v) - 1.0 / s.mesh.n_vertices * sum);
+  };
+  Array<Vec3> a, b;
+  for (int v = 0; v < pair.a.mesh.n_vertices; ++v) a.push_back(centred(pair.a, v));
+  for (int v = 0; v < pair.b.mesh.n_vertices; ++v) b.push_back(centred(pair.b, v));
+  Array<VertexPair> pairs;
+  const auto distance = [&](int v, int w) { return norm(a[v] - a[w]); };
+  for (int v : farthest_items(kMost, Array<double>(a.size(), kInfinity), distance)) {
+    VertexPair nearest = {v, 0, {}};
+    for (int w = 0; w < b.size(); ++w)
+      if (squared_norm(b[w] - a[v]) < squared_norm(b[nearest.b] - a[v])) nearest.b = w;
+    pairs.push_back(nearest);
+  }
+  return pairs;
 }
 
 // ---- landmarks changed while a map exists ----
@@ -14535,7 +14029,8 @@ class LandmarkPuller {
   void stiffen() {
     Array<Spring> springs;
     for (const PlacedLandmark& l : apart_)
-      add_springs(l.a, in_joint(s_, l.b), diagonal(weight_ / apart_.size()), {}, {}, springs);
+      add_springs(s_.mesh, optimizer_.positions(), l.a, in_joint(s_, l.b),
+                  diagonal(weight_ / apart_.size()), springs);
     optimizer_.set_springs(std::move(springs));
   }
 
@@ -14689,9 +14184,12 @@ class Run {
     const PairEmbedder* const levels =
         is_embedding_ && embedder_ ? embedder_->levels_now() : nullptr;
     if (levels != nullptr) show_coarse_map(*levels);
-    return latest();
+    return result_;
   }
   bool is_embedding() const { return is_embedding_; }
+  /// The surfaces that are optimised, on a pillow if both are closed, and the positions.
+  const SurfacePair& surfaces() const { return pair_; }
+  Points2 positions() const { return optimizer_ ? own_positions() : start_; }
   double fraction() const { return executor_.fraction(); }
 
   /// Returns a run on the same surfaces that continues from the current map with other landmarks
@@ -14717,14 +14215,12 @@ class Run {
     if (!is_embedding() && !is_usable(result_.status)) return false;
     executor_.resume();
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
-      result_.status = is_embedding() ? Status::kUnfinished : optimized_;
+      result_.status = Status::kUnfinished;
     Timer timer;
     if (is_embedding())
       embed();
     else if (puller_)
       bring_together();
-    else if (optimizer_ && is_to_be_closed())
-      close();
     else if (optimizer_)
       optimizer_->iterate(result_);
     if (result_.status == Status::kNumericalFailure && is_changed_) {
@@ -14736,30 +14232,16 @@ class Run {
     if (is_embedding()) wait();
     if (optimizer_) hand_over();
     if (optimizer_) result_.seconds += timer.lap();
-    if (closer_ && closer_->has_map()) hand_over_closed();
-    if (closer_ && closer_->has_failed()) {
-      result_.status = Status::kStalled;
-      result_.message =
-          "the map could not be closed: where the surfaces were cut open they still are";
-    }
-    const bool must_close = optimizer_ && is_to_be_closed();
-    if (must_close && is_stopped && !(closer_ && closer_->has_map())) {
-      if (!closer_) optimized_ = result_.status;
-      result_.status = executor_.stop_status();
-      if (!has_reason_) result_.message = words_of(result_.status).sentence;
-    }
     executor_.pause();
-    const bool has_more = is_embedding() || result_.status == Status::kUnfinished || must_close;
+    const bool has_more = is_embedding() || result_.status == Status::kUnfinished;
     if (!has_more && !is_stopped) {
       executor_.finish();
-      judge(latest());
+      judge(result_);
     }
     return has_more && !is_stopped;
   }
 
  private:
-  Result& latest() { return closer_ && closer_->has_map() ? closed_result_ : result_; }
-
   // ---- changes, and landmarks apart in given positions ----
 
   /// Starts from the map of another run on the same surfaces.
@@ -14769,15 +14251,15 @@ class Run {
     open();
     pair_ = before.joiner_ ? before.pair_before_ : before.pair_;
     Embedding& start = result_.start;
-    start.f = before.result_.f, start.g = before.result_.g;  // of coarse levels
+    Points2 x = before.start_;  // of coarse levels
     omega_before_ = kNextOmega;
     if (before.optimizer_) {
       scale_ = before.scale_;
       omega_before_ = before.optimizer_->omega();
-      const Points2 x = before.own_positions();
-      start.f = rows_between(x, 0, before.s_.n_a);
-      start.g = rows_between(x, before.s_.n_a, before.s_.mesh.n_vertices);
+      x = before.own_positions();
     }
+    start.f = rows_between(x, 0, pair_.a.mesh.n_vertices);
+    start.g = rows_between(x, pair_.a.mesh.n_vertices, rows_of(x));
     start.seconds = before.result_.start.seconds;
     result_.seconds = before.result_.seconds;
     is_changed_ = true;
@@ -14816,10 +14298,12 @@ class Run {
   void begin_at_positions() {
     Embedding& start = result_.start;
     std::vector<AddedVertex> a, b;
+    const SurfacePair before = pair_;
     if (!options_.exact_landmarks ||
         add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, start)) {
-      start.f = with_added(start.f, a);
-      start.g = with_added(start.g, b);
+      pair_ = before;
+      add_vertices(a, pair_.a, start.f);
+      add_vertices(b, pair_.b, start.g);
       if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
         fail(start, Status::kInvalidLandmarks,
              {"landmarks are too close to edges, for the positions there are"});
@@ -14868,9 +14352,9 @@ class Run {
     accept_start();
     if (!is_usable(result_.status)) {
       const Outcome why = result_;
-      held_ = Held();  // releases all constraints
-      optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
-      optimizer_->start(scaled(scale_, stacked(start.f, start.g)), result_);
+      followers_.clear();  // releases all constraints
+      optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
+      optimizer_->start(scaled(scale_, start_), result_);
       optimizer_->lower_omega(omega_before_);
       return stall(why);
     }
@@ -14913,7 +14397,10 @@ class Run {
   }
 
   /// The paper's start is that of the landmarks alone.
-  bool finds_start() const { return options_.candidates && !options_.as_published; }
+  bool finds_start() const {
+    const bool has_cones = !are_closed(whole_) || placed_.size() >= 4;
+    return (options_.candidates && !options_.as_published) || !has_cones;
+  }
 
   void find_start() {
     if (!finder_)
@@ -14938,18 +14425,46 @@ class Run {
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     if (!mapped_)  // small surfaces have one coarse level, too
       options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
-    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
+    Array<Cones> cones;
+    if (are_closed(whole_) && !find_cones(cones)) return;
+    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_), cones,
                                            std::move(mapped_), options_, executor_);
   }
 
   bool find_opening() {
     const bool is_found = opening_.a >= 0 || opening_.b >= 0;
-    if (is_found || (!is_closed(whole_.a) && !is_closed(whole_.b))) return true;
+    if (is_found || is_closed(whole_.a) == is_closed(whole_.b)) return true;
     executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
     if (OpeningFinder(whole_, placed_, bound_landmarks()).find(opening_)) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
           "at one: refine it, or leave one of them out"});
+    is_embedding_ = false;
+    static_cast<Outcome&>(result_.start) = result_;
+    return false;
+  }
+
+  /// Finds cones at pairs of places that correspond: landmarks, exact ones alone if there are four,
+  /// and pairs that were found.
+  bool find_cones(Array<Cones>& cones) {
+    constexpr int kMost = 8;
+    Array<VertexPair> pairs;
+    const auto add = [&](const PlacedLandmark& l) {
+      pairs.push_back({nearest_corner(l.a), nearest_corner(l.b), l.given});
+    };
+    for (const PlacedLandmark& l : placed_) add(l);
+    const bool are_exact = options_.exact_landmarks && pairs.size() >= 4;
+    for (int i = 0; i < guides_.size() && !are_exact; ++i) add(guides_[i]);
+    for (int i = 0; i < kMost; ++i) {
+      const Cones next = choose_cones(whole_, pairs, i);
+      if (!next.empty()) cones.push_back(next);
+    }
+    for (int i = 0; i < kMost && cones.empty(); ++i) {
+      const Cones next = choose_cones(whole_, farthest_pairs(whole_), i);
+      if (!next.empty()) cones.push_back(next);
+    }
+    if (!cones.empty()) return true;
+    fail(result_, Status::kNumericalFailure, {"no four vertices apart correspond on A and B"});
     is_embedding_ = false;
     static_cast<Outcome&>(result_.start) = result_;
     return false;
@@ -15008,13 +14523,17 @@ class Run {
     Embedding& start = result_.start;
     is_embedding_ = false;
     return_input();
-    return_meshes(a_->mesh, b_->mesh, pair_, start);
+    start_ = stacked(start.f, start.g);
+    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
+    return_meshes(a_->mesh, b_->mesh, cut_, start);
     if (start.status != Status::kDone) {
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
       return void(fail(result_, start.status, {start.message}, start.ids));
     }
-    start.landmark_distance = largest_landmark_distance(start, located(opened_, pair_));
+    const JointSurface s = join(pair_);
+    start.landmark_distance = largest_landmark_distance(s, start_, located(opened_, pair_));
+    return_positions(start_, start.f, start.g);
     result_.status = Status::kDone;
     if (goal_ != Goal::kStart) begin_loop();
   }
@@ -15025,7 +14544,9 @@ class Run {
     const Array<PlacedLandmark> landmarks = located(opened_, pair_);
     for (int i = 0; i < landmarks.size(); ++i) {
       const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
-      const bool is_one = u >= 0 && v >= 0 && row2(result_.start.f, u) == row2(result_.start.g, v);
+      const int n_a = pair_.a.mesh.n_vertices;
+      const Vec2 p = row2(start_, (std::max)(u, 0)), q = row2(start_, n_a + (std::max)(v, 0));
+      const bool is_one = u >= 0 && v >= 0 && p == nearest_motion(pair_.a.mesh, p, q) * q;
       (is_pulled(i) && !is_one ? apart : together).push_back(landmarks[i]);
     }
     begin(together);
@@ -15042,15 +14563,18 @@ class Run {
     const int level = static_cast<int>(levels.levels().size());
     if (level == level_shown_ && !executor_.is_stopped()) return;
     Embedding& start = result_.start;
-    if (!levels.coarse_map(start)) return;
+    if (!levels.coarse_map(pair_, start)) return;
     level_shown_ = level;
     static_cast<Outcome&>(start) = Outcome();
-    return_meshes(a_->mesh, b_->mesh, pair_, start);
+    start_ = stacked(start.f, start.g);
+    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
+    return_meshes(a_->mesh, b_->mesh, cut_, start);
+    return_positions(start_, start.f, start.g);
     result_.f = start.f, result_.g = start.g;
     result_.coarse = levels.levels();
     const JointSurface s = join(pair_);
     const Array<Follower> none;
-    Optimizer(s, options_, none, executor_).start(stacked(start.f, start.g), result_);
+    Optimizer(s, options_, none, executor_).start(start_, result_);
     result_.status = executor_.stop_status();
     result_.message = words_of(result_.status).sentence;
   }
@@ -15073,18 +14597,18 @@ class Run {
   /// Begins Algorithm 1 at the start. `together`: the landmarks that may be exact.
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
-    held_ = Held();
+    followers_.clear();
     result_.f.resize(0, 2);
     result_.g.resize(0, 2);
     result_.log.clear();
     told_ = 0;
     s_ = join(pair_);
-    Points2 x = stacked(result_.start.f, result_.start.g);
+    Points2 x = start_;
     if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
     x = scaled(scale_, std::move(x));
     result_.status = Status::kUnfinished;
-    if (!find_followers(s_, x, together, options_, can_close(), held_, result_)) return;
-    optimizer_ = std::make_unique<Optimizer>(s_, options_, held_.followers, executor_);
+    if (!find_followers(s_, x, together, options_, followers_, result_)) return;
+    optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     if (!options_.as_published) {
       Array<PlacedLandmark> apart;
       if (!options_.exact_landmarks) apart = located(landmarks_apart(), pair_);
@@ -15097,7 +14621,7 @@ class Run {
   }
 
   void tell_iteration() {
-    const std::vector<IterationLog>& log = latest().log;
+    const std::vector<IterationLog>& log = result_.log;
     if (told_ == log.size()) return;
     told_ = log.size();
     executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"}, &log.back());
@@ -15115,69 +14639,18 @@ class Run {
     }
   }
 
-  void hand_over_positions() {
-    const Points2 x = own_positions();
-    result_.f = rows_between(x, 0, s_.n_a);
-    result_.g = rows_between(x, s_.n_a, s_.mesh.n_vertices);
-  }
+  void hand_over_positions() { return_positions(own_positions(), result_.f, result_.g); }
 
-  // ---- closed surfaces ----
+  bool is_on_pillow() const { return !pair_.a.mesh.pillow.is_empty(); }
 
-  bool can_close() const { return are_closed(whole_); }
-
-  /// True if the map of two opened surfaces is optimised but not closed.
-  bool is_to_be_closed() const {
-    if (goal_ != Goal::kMap || !can_close()) return false;
-    if (closer_) return closer_->status() == Status::kUnfinished;
-    return result_.status == Status::kConverged || result_.status == Status::kIterationLimit ||
-           result_.status == Status::kStalled;
-  }
-
-  void close() {
-    if (closer_) {
-      closer_->step();
-      if (closer_->has_map()) take_closed_log();
-      return;
-    }
-    optimized_ = result_.status;
-    const int done = static_cast<int>(result_.log.size());
-    closer_ = std::make_unique<Closer>(whole_, pair_, placed_, held_, options_, executor_);
-    closer_->begin(optimizer_->positions(), options_.max_iterations - done);
-  }
-
-  /// Appends new iterations since the surfaces were cut in two.
-  void take_closed_log() {
-    std::vector<IterationLog>& log = closed_result_.log;
-    if (log.empty()) log = result_.log;
-    for (std::size_t i = log.size() - result_.log.size(); i < closer_->log().size(); ++i) {
-      log.push_back(closer_->log()[i]);
-      log.back().iteration = static_cast<int>(log.size());
-    }
-  }
-
-  void hand_over_closed() {
-    Result& r = closed_result_;
-    const bool is_first = r.f.size() == 0;
-    r.seconds = result_.seconds;
-    r.status = closer_->status();
-    if (r.status == Status::kUnfinished) r.status = executor_.stop_status();
-    if (r.status == Status::kConverged) r.status = result_.status;
-    r.message = has_reason_ ? result_.message : words_of(r.status).sentence;
-    if (has_reason_) r.ids = result_.ids;
-    const Points2 x = closer_->positions();
-    const SurfacePair& pair = closer_->surfaces();
-    r.f = rows_between(x, 0, pair.a.mesh.n_vertices);
-    r.g = rows_between(x, pair.a.mesh.n_vertices, rows_of(x));
-    if (!is_first) return;
-    r.warnings = result_.warnings;
-    r.initial = result_.initial;
-    r.log_begin = result_.log_begin;
-    r.coarse = result_.coarse;
-    r.candidates = result_.candidates;
-    r.start = result_.start;
-    r.start.f = r.f;
-    r.start.g = r.g;
-    return_meshes(a_->mesh, b_->mesh, pair, r.start);
+  /// Splits positions of pair_ into those of the embedded meshes, which are cut open.
+  void return_positions(const Points2& x, Points2& f, Points2& g) const {
+    const int n_a = pair_.a.mesh.n_vertices;
+    f = rows_between(x, 0, n_a);
+    g = rows_between(x, n_a, rows_of(x));
+    if (!is_on_pillow()) return;
+    f = cut_positions(pair_.a.mesh, cut_.a.mesh, f);
+    g = cut_positions(pair_.b.mesh, cut_.b.mesh, g);
   }
 
   /// Names the worst places, and warns of a map that is too distorted to be useful.
@@ -15260,7 +14733,8 @@ class Run {
   const Goal goal_;
   Executor executor_;
   SurfacePair whole_;             // the prepared surfaces
-  SurfacePair pair_;              // the surfaces being optimised
+  SurfacePair pair_;              // the surfaces being optimised, on a pillow if both are closed,
+  SurfacePair cut_;               // and then cut open
   Array<PlacedLandmark> placed_;  // the landmarks on whole_,
   Array<PlacedLandmark> opened_;  // and after opening
   std::unique_ptr<StartFinder> finder_;
@@ -15269,14 +14743,12 @@ class Run {
   std::unique_ptr<MappedLevel> mapped_;
   double finder_seconds_ = 0;
   OpeningPair opening_;  // of pair_
-  std::unique_ptr<Closer> closer_;
-  Status optimized_ = Status::kUnfinished;  // the status before closing the map
-  Result closed_result_;
   Result result_;
   std::unique_ptr<Embedder> embedder_;
   JointSurface s_;
+  Points2 start_;     // of pair_
   double scale_ = 0;  // of the planes, relative to given positions; 0 until known
-  Held held_;
+  Array<Follower> followers_;
   std::unique_ptr<Optimizer> optimizer_;
   std::size_t told_ = 0;             // entries of the log that were reported
   bool is_changed_ = false;          // continues from the map of another run,
@@ -15426,13 +14898,11 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
   const Result& result = candidate.run->result();
   const int done = static_cast<int>(result.log.size());
   candidate.has_more = done < iterations && candidate.run->step();
-  constexpr double kMissed = 1;   // how much all landmarks weigh
-  constexpr double kClosed = 20;  // the distortion of what closed surfaces do not cover
+  constexpr double kMissed = 1;  // how much all landmarks weigh
   const IterationLog& last = candidate.run->result().final_state();
   if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
   const double covered = 0.5 * (last.coverage_a + last.coverage_b);
-  candidate.value = are_closed(whole_) ? covered * last.mean_distortion + (1 - covered) * kClosed
-                                       : last.mean_distortion / covered;
+  candidate.value = last.mean_distortion / covered;
   candidate.value *= 1 + kMissed * missed_landmarks(candidate);
 }
 
@@ -15597,10 +15067,17 @@ inline void StartFinder::take_best() {
   constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
   if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return level_.reset();
   const Result& best = candidates_[0].run->result();
-  const bool is_same = rows_of(best.f) == a_->vertex.size() && rows_of(best.g) == b_->vertex.size();
+  const SurfacePair& pair = candidates_[0].run->surfaces();
+  const Points2 x = candidates_[0].run->positions();
+  const int n_a = pair.a.mesh.n_vertices;
+  const bool is_same = n_a == a_->vertex.size() && rows_of(x) - n_a == b_->vertex.size();
   if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
   if (level_) {
-    level_->f = best.f, level_->g = best.g;
+    level_->f = rows_between(x, 0, n_a), level_->g = rows_between(x, n_a, rows_of(x));
+    if (!pair.a.mesh.pillow.is_empty()) {
+      level_->a->set_pillow(*a_, pair.a.mesh.pillow);
+      level_->b->set_pillow(*b_, pair.b.mesh.pillow);
+    }
     level_->log = best.final_state();
     for (const Candidate& c : candidates_)
       if (c.alignment < 0 && c.name == "landmarks")
@@ -15625,31 +15102,33 @@ inline void StartFinder::take_best() {
 inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origin origin_a,
                                                Origin origin_b, const Points2& f, const Points2& g,
                                                double scale_a, double scale_b,
-                                               const Array<SeamVertex>& seam) {
+                                               const Array<Copy>& copies_a,
+                                               const Array<Copy>& copies_b) {
   const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
   data->origin_a = std::move(origin_a);
   data->origin_b = std::move(origin_b);
   HalfEdgeMesh m, n;
   const auto check = [&](const TriangleMesh& mesh, Side side, HalfEdgeMesh& half_edges) {
-    std::vector<Problem> problems = find_problems(mesh, half_edges);
-    if (!seam.empty() && problems.size() == 1 &&
-        problems[0].kind == Problem::Kind::kSeveralComponents)
-      problems.clear();  // body and cap
-    return check_problems(problems, side, *data);
+    return check_problems(find_problems(mesh, half_edges), side, *data);
   };
   if (!check(*a, Side::kA, m)) return data;
   data->a = std::move(a);
   if (!check(*b, Side::kB, n)) return data;
   data->b = std::move(b);
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
-  SurfacePair pair = {build_surface(std::move(m), data->a->vertices, false),
-                      build_surface(std::move(n), data->b->vertices, false)};
+  data->f = f, data->g = g;
+  HalfEdgeMesh sewn_a, sewn_b;
+  if (sew(data->a->triangles, f, copies_a, sewn_a) && sew(data->b->triangles, g, copies_b, sewn_b))
+    m = std::move(sewn_a), n = std::move(sewn_b);
+  const Points3 vertices_a = data->a->vertices.topRows(m.n_vertices);
+  const Points3 vertices_b = data->b->vertices.topRows(n.n_vertices);
+  SurfacePair pair = {build_surface(std::move(m), vertices_a, false),
+                      build_surface(std::move(n), vertices_b, false)};
   if (scale_a > 0) rescale(scale_a / pair.a.scale, pair.a);
   if (scale_b > 0) rescale(scale_b / pair.b.scale, pair.b);
-  const bool are_cut_in_two =
-      count_components(pair.a.mesh) == 2 && count_components(pair.b.mesh) == 2;
-  data->pair = EmbeddedPair(join(pair), stacked(f, g), are_cut_in_two ? seam : Array<SeamVertex>());
+  data->pair = EmbeddedPair(join(pair), stacked(rows_between(f, 0, pair.a.mesh.n_vertices),
+                                                rows_between(g, 0, pair.b.mesh.n_vertices)));
   const Overlay& overlay = data->pair.overlay;
   const Status status = overlay.is_too_large       ? Status::kMemoryLimit
                         : overlay.polygons.empty() ? Status::kNoOverlap
@@ -15658,41 +15137,27 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   return data;
 }
 
-/// Returns the seam of a closed map of two closed surfaces, empty for other maps. Copies have the
-/// same order on A and B. A surface that was only opened has copies as well.
-inline Array<SeamVertex> seam_of(const Embedding& e, const Points2& f, const Points2& g) {
-  struct Copy {
-    int original, id;
-  };
-  const auto copies_in = [](const std::vector<AddedVertex>& added, const Points2& x) {
-    Array<Copy> copies;
-    const int n = rows_of(x), n_before = n - static_cast<int>(added.size());
-    for (int v = n_before; n_before >= 0 && v < n; ++v) {
-      const AddedVertex& p = added[static_cast<std::size_t>(v - n_before)];
-      const int original = p.corners[0];
-      if (is_copy(p) && original >= 0 && original < n) copies.push_back({original, v});
-    }
-    return copies;
-  };
-  const Array<Copy> a = copies_in(e.added_a, f), b = copies_in(e.added_b, g);
-  Array<SeamVertex> seam;
-  for (int i = 0; i < a.size() && a.size() == b.size(); ++i) {
-    if (row2(f, a[i].id) != row2(g, b[i].id)) return {};
-    seam.push_back({a[i].original, a[i].id, b[i].original, b[i].id});
+/// Returns the copies among the last vertices of an embedded mesh.
+inline Array<Copy> copies_in(const std::vector<AddedVertex>& added, const Points2& x) {
+  Array<Copy> copies;
+  const int n = rows_of(x), n_before = n - static_cast<int>(added.size());
+  for (int v = n_before; n_before >= 0 && v < n; ++v) {
+    const AddedVertex& p = added[static_cast<std::size_t>(v - n_before)];
+    if (is_copy(p) && p.corners[0] >= 0) copies.push_back({p.corners[0], v});
   }
-  return seam;
+  return copies;
 }
 
 inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
                                                const Points2& g) {
   return map_data(e.a, e.b, origin_of(*e.prepared_a, e.added_a, e.a),
                   origin_of(*e.prepared_b, e.added_b, e.b), f, g, e.scale_a, e.scale_b,
-                  seam_of(e, f, g));
+                  copies_in(e.added_a, f), copies_in(e.added_b, g));
 }
 
 inline std::shared_ptr<const MapData> map_data(const SharedMesh& a, const SharedMesh& b,
                                                const Points2& f, const Points2& g) {
-  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0, {});
+  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0, {}, {});
 }
 
 inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
