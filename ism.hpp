@@ -8317,6 +8317,7 @@ inline Array<int> boundary_loops(const HalfEdgeMesh& m) {
 /// wherever they are on one loop of either.
 inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
                         Outcome& outcome) {
+  if (pair.a.mesh.boundary.empty() || pair.b.mesh.boundary.empty()) return true;
   Array<VertexPair> left = boundary_landmarks(pair, landmarks);
   if (left.empty()) return true;
   const Array<double> arc_a = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
@@ -14059,8 +14060,8 @@ class LandmarkPuller {
 // Invariants: results do not depend on pauses.
 // Fails:      by finding nothing, where no start can be mapped.
 
-/// What a run is to compute: the initial embedding, the map of surfaces cut open, or the map.
-enum class Goal { kStart, kOpenMap, kMap };
+/// What a run is to compute: the initial embedding, a coarse map to choose from, or the map.
+enum class Goal { kStart, kCandidate, kMap };
 
 class Run;
 
@@ -14398,7 +14399,7 @@ class Run {
 
   /// The paper's start is that of the landmarks alone.
   bool finds_start() const {
-    const bool has_cones = !are_closed(whole_) || placed_.size() >= 4;
+    const bool has_cones = !are_closed(whole_) || placed_.size() >= 4 || goal_ == Goal::kCandidate;
     return (options_.candidates && !options_.as_published) || !has_cones;
   }
 
@@ -14807,8 +14808,9 @@ inline bool StartFinder::step() {
     if (candidates_[i].has_more) return true;
   if (round_ == kLast) return take_best(), false;
   drop_worst();
-  if (++round_ < kWithTips) return true;
-  if (round_ == kLast || candidates_[0].value < kGood || !add_tips()) round_ = kLast, running_ = 1;
+  const bool is_good = candidates_[0].value < kGood;
+  if (++round_ < kWithTips && !is_good) return true;
+  if (round_ == kLast || is_good || !add_tips()) round_ = kLast, running_ = 1;
   return true;
 }
 
@@ -14889,7 +14891,7 @@ inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int w
       candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
   }
   candidate.run =
-      std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
+      std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kCandidate);
   candidates_.push_back(std::move(candidate));
 }
 
@@ -14985,8 +14987,8 @@ inline bool StartFinder::add_tips() {
     for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
     for (const Landmark& l : spread_over(candidates_[i], map, tips))
       candidate.landmarks.push_back(l);
-    candidate.run =
-        std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kOpenMap);
+    candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_,
+                                          Goal::kCandidate);
     next.push_back(std::move(candidate));
   }
   const bool has_more = !next.empty();

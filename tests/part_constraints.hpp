@@ -149,16 +149,15 @@ TEST_CASE("the gradient of a pinned problem agrees with differences") {
   const Points2 start = stacked(a.plane, b.plane);
   const RunOptions options(with_pins(a, b));
   Result result;
-  Held held;
-  REQUIRE(find_followers(s, start, {}, options, false, held, result));
-  const Array<Follower>& followers = held.followers;
+  Array<Follower> followers;
+  REQUIRE(find_followers(s, start, {}, options, followers, result));
   REQUIRE(followers.size() == 4);
   const Weights weights = {2.2, 1e-2, 1e-3, &options.measure};
   const Executor executor(options);
   const auto at = [&](const Points2& x) {
     Iterate iterate;
     iterate.x = x;
-    place_followers(followers, iterate.x);
+    place_followers(s.mesh, followers, iterate.x);
     evaluate(s, weights, iterate);
     return iterate;
   };

@@ -251,7 +251,7 @@ TEST_CASE("springs between corners pull two places as one spring would") {
     Array<Spring> springs;
     const Mat2 stiffness = {{2, 0.3, 0.3, 1}};
     const Vec2 force = {0.7, -0.4}, u = mean(p, x) - mean(q, x);
-    add_springs(p, q, stiffness, force, springs);
+    add_springs(p, q, stiffness, force, {}, springs);
     CHECK(with_springs(0, springs, x) ==
           doctest::Approx(dot(stiffness * u - 2 * force, u)).epsilon(1e-12));
   }
