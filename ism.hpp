@@ -28,11 +28,11 @@
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
-//            validate() lists defects, prepare() repairs most of them. Closed surfaces are cut
-//            open; if both are closed, the final map is closed, too. One boundary loop is the
-//            outline (Options::outer_a); all others are openings, e.g. eyes and mouths, and points
-//            over an opening are not covered. Meshes are read in place: float or double,
-//            interleaved or not (MeshView).
+//            validate() lists defects, prepare() repairs most of them. If both are closed,
+//            so is the map; if one is, it is cut open. One boundary loop is the outline
+//            (Options::outer_a); all others are openings, e.g. eyes and mouths, and points over an
+//            opening are not covered. Meshes are read in place: float or double, interleaved or not
+//            (MeshView).
 // STEPS      ism::Solver runs compute_map() in steps, which can be stopped and resumed, also with
 //            other landmarks and options.
 // PROMISE    Assume that both meshes are surfaces of genus 0 for validate(), as given or after
@@ -42,7 +42,7 @@
 //            cancelled, stalled, between the steps of a Solver) and from every coarse level. All
 //            triangles of f and g are positive, angles around interior vertices sum to 2π,
 //            boundaries are simple; so f and g are injective, and Φ is a homeomorphism of the
-//            covered parts, and of the whole surfaces if the map is closed. Exact predicates decide
+//            covered parts, and of the whole surfaces if both are closed. Exact predicates decide
 //            this on the returned coordinates; verify() proves it independently.
 // NO PROMISE of a global minimum: the minimum is a local one; of semantic correspondence: landmarks
 //            guide the start only, unless Options::exact_landmarks is set; of full coverage: Φ maps
@@ -492,8 +492,7 @@ struct Options {
   double max_seconds = std::numeric_limits<double>::infinity();
   /// Vertices of A (of B) whose images on the other surface stay those of the start (§4.5). An
   /// image must not lie in a triangle with a pinned vertex. Vertices of A in exact landmarks count
-  /// as pinned. A vertex without an image is refused, or, if both surfaces are closed, pinned once
-  /// the map is closed.
+  /// as pinned. A vertex without an image is refused.
   std::vector<int> pins_a, pins_b;
   /// Vertices of A (of B) whose planar positions stay those of the start. Refused if both surfaces
   /// are closed.
@@ -554,7 +553,7 @@ struct Options {
 
 /// A vertex added to a mesh: on an edge (the third corner is -1) or in a triangle, as the mean of
 /// its corners with positive weights that sum to 1. A copy of a vertex has that one corner: a
-/// closed surface was cut there, and the copies belong to other sides of the cut.
+/// closed surface is cut there, and the copy is on the other side of the cut.
 struct AddedVertex {
   Eigen::Vector3i corners = {-1, -1, -1};
   Eigen::Vector3d weights = {0, 0, 0};
@@ -574,7 +573,7 @@ struct Embedding : Outcome {
   /// The added vertices in order: halved edges, copies, then exact landmarks given as points, in
   /// their order, if given at the start. Earlier ones may be corners of later ones.
   std::vector<AddedVertex> added_a, added_b;
-  /// Given vertices where closed surfaces were cut open; -1: the surface has a boundary.
+  /// The given vertex where a closed surface was cut open for one with a boundary, else -1.
   int opening_a = -1, opening_b = -1;
   /// The factors applied to the given coordinates, see Options::keep_scale.
   double scale_a = 1, scale_b = 1;
@@ -614,19 +613,18 @@ struct Result : Outcome {
   IterationLog initial;                    // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   IterationLog log_begin;            // the state before log[0]
-  /// One entry per iteration on the given meshes, and one for closing the map of closed surfaces; E
-  /// is from then on that of the whole map, and may begin higher.
-  std::vector<IterationLog> log;
-  std::vector<WorstPlace> worst;  // of a complete run, at most 5, see worst_places()
-  double seconds = 0;             // of the optimisation; start.seconds has those of the start
+  std::vector<IterationLog> log;     // one entry per iteration on the given meshes
+  std::vector<WorstPlace> worst;     // of a complete run, at most 5, see worst_places()
+  double seconds = 0;                // of the optimisation; start.seconds has those of the start
   /// The last state: log.back(), or log_begin if the log is empty.
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
 /// Embeds both meshes injectively in one plane, with up to 50 landmarks close to each other (§6);
 /// more only guide. Maps of decimated surfaces decide how the planes lie on each other
-/// (Options::candidates), and where closed surfaces are cut open. If an outline blocks itself or a
-/// surface is folded sharply, the boundary unfolds from a circle, which may strain the result.
+/// (Options::candidates). If an outline blocks itself or a surface is folded sharply, the boundary
+/// unfolds from a circle, which may strain the result. Two closed surfaces are cut along paths
+/// through four vertices; see compute_map().
 /// kNumericalFailure names the vertex for which rounding leaves no room.
 /// Ignores Options::initial_f and initial_g. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
 /// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
@@ -641,11 +639,12 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above
 /// 6, as if all were stretched 2.4 times, or above 1.5 times that of the start.
 ///
-/// Two closed surfaces are cut open, mapped, and then cut in two along a closed curve on each, the
-/// seam: the inside keeps its map; the outside, a small part, is mapped anew, with the seam held.
-/// The result embeds each surface as two disks, side by side in the plane, which agree on the seam:
-/// a homeomorphism. A run that ends earlier, or has only one closed surface, returns the map of the
-/// open surfaces.
+/// Two closed surfaces are mapped by way of a pillow: the plane, divided by the half-turns about
+/// four points, the cones. Four vertices of each lie there, on each other. The result embeds both
+/// surfaces cut along a path through these; the half-turns, and the translations that they make,
+/// take both sides of a cut to each other, and f(A) to where g(B) lies. So there is no boundary,
+/// and the map is a homeomorphism from the first iterate on. Of surfaces with less than 100
+/// vertices, edges are halved. A surface that is closed alone is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -762,7 +761,7 @@ class SurfaceMap {
   const std::string& message() const;
   const TriangleMesh& mesh(Side side, Ids ids = Ids::kGiven) const;
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
-  /// True for a closed map of two closed surfaces: every point has an image, in both directions.
+  /// True for maps of two closed surfaces: every point has an image, in both directions.
   bool is_closed() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. Ids out of range are not covered.
@@ -1518,7 +1517,7 @@ inline bool operator==(const Motion& g, const Motion& h) {
 inline Motion half_turn(Vec2 center) { return {-1, 2 * center}; }
 
 /// Where the corners of a closed surface's triangles lie in the plane, which is divided by the
-/// half-turns about four cones into copies of a pillow (part [20]). Empty for other surfaces.
+/// half-turns about four cones into copies of a pillow (part [14]). Empty for other surfaces.
 struct Pillow {
   Array<Motion> place;   // per half-edge: its tail v lies at place x_v
   Array<Motion> across;  // per half-edge: takes the places in the twin's triangle into its own
@@ -2156,6 +2155,11 @@ inline bool coordinates_are_usable(const Points2& x) {
 /// with a simple boundary is injective [Lipman 2014]. With openings, the winding numbers of all
 /// loops around a point add up to its number of preimages: one inside the outline and outside the
 /// openings, which wind the other way, else none. On A ⊔ B, f and g are injective separately.
+///
+/// On a pillow, positive triangles are enough. The angles around a vertex sum to a multiple of 2π,
+/// at a cone to one of π; with V vertices, the angles of all 2 V - 4 triangles sum to (2 V - 4) π,
+/// the least that such sums can be. So each is 2π or π, and the surface covers the pillow as often
+/// as it did at the start: once.
 inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
   return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
          boundaries_are_simple(m, x);
@@ -7590,6 +7594,19 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 }
 
 // ---- pillows ----
+//
+// Purpose:    lays a closed surface into the plane without a boundary. The half-turns about the
+//             corners of a square, the cones, and the translations that they make divide the plane
+//             into copies of two such squares; sewn along their sides, they are a pillow.
+// Method:     The surface is cut along a path through four vertices, the cones. One side of the
+// path
+//             stays, the other one is moved; so every corner of a triangle has a place, and what is
+//             across an edge is moved by one of these motions. Tutte's embedding then has one
+//             linear system [Aigerman and Lipman 2015]. Angles and lengths are the same in all
+//             copies, so all energies are.
+// Invariants: positions and shifts are multiples of 2^-50 below 8, so motions do not round. All
+//             triangles positive is enough for injectivity, see is_injective().
+// Fails:      where there is no room for the path.
 
 /// The half-edges of the shortest path from u to v through vertices that are free; empty if there
 /// is none.
@@ -12359,20 +12376,11 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 
 // ==== [20] CLOSED SURFACES =======================================================================
 //
-// Purpose:    maps of closed surfaces, which the paper leaves out: opens them for Algorithm 1, and
-//             closes the map again, to a homeomorphism.
-// Method:     A closed surface is cut along a small cross of edges; nothing is removed. Where both
-//             are closed, the crosses are at places that correspond. When Algorithm 1 has ended,
-//             the crosses are sewn, and both surfaces are cut in two along one closed curve in the
-//             overlap, the seam: a loop of edges of A, which become edges of B. The map inside of
-//             it, of the body, stays as it is. What is outside, the cap, is a disk on either
-//             surface: both caps are embedded in one square with the seam as its outline, and
-//             Algorithm 1 finds the map between them with that boundary held.
-// Invariants: the seam has the same vertices on A and B, at the same positions; so f(A) and g(B)
-//             are the same part of the plane, body and cap, and what body and cap say of an edge of
-//             the seam is the same.
-// Fails:      with kStalled and the map of the open surfaces, where rounding leaves no room for a
-//             seam.
+// Purpose:    where to cut a closed surface open that is mapped to one with a boundary, and what
+//             several parts need to know of tips and distances.
+// Method:     A closed surface is cut along a small cross of edges; nothing is removed. Pairs of
+//             closed surfaces are not cut: see pillows, part [14].
+// Fails:      where all vertices are bound by constraints.
 
 namespace detail {
 
