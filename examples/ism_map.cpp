@@ -96,8 +96,8 @@ printed.
 
 Files in OUT:
   A.obj B.obj            the triangulated input as it was mapped; vt is the place in the plane. Ids
-                         of vertices are those of the input; what constraints need, and the seams of
-                         closed surfaces, is added behind
+                         of vertices are those of the input; what constraints need, and copies where
+                         closed surfaces are cut, is added behind
   A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
                          without an image are in no face
   A_edges_on_B.obj       the edges of A's polygons, not of the triangles they are cut into, as
@@ -728,7 +728,7 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
 /// The edges of A's polygons as polylines on B.
 std::string edges_text(const Input& input, const picture::Scene& scene) {
   const ism::SurfaceMap& map = scene.map;
-  std::set<std::array<int, 2>> drawn;  // copies of an edge at a seam are one
+  std::set<std::array<int, 2>> drawn;  // copies of an edge at a cut are one
   std::vector<Eigen::Vector3d> points;
   std::vector<std::vector<int>> lines;
   for (const std::array<int, 2>& edge : input.edges_a) {
@@ -1047,7 +1047,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
-  if (found.is_closed) std::printf("closed       the map has been closed along a seam\n");
+  if (found.is_closed) std::printf("closed       every point of A and B has an image\n");
   if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),

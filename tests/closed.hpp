@@ -108,8 +108,8 @@ inline double round_trip(const ism::SurfaceMap& map) {
   return largest / diagonal(a);
 }
 
-/// Vertices within some edges of copied ones, the seam.
-inline std::vector<char> near_seam(const ism::TriangleMesh& mesh,
+/// Vertices within some edges of the cut, which has copies.
+inline std::vector<char> near_cut(const ism::TriangleMesh& mesh,
                                    const std::vector<ism::AddedVertex>& added, int rings) {
   std::vector<char> is_near(static_cast<std::size_t>(mesh.vertices.rows()), 0);
   const int first = static_cast<int>(mesh.vertices.rows()) - static_cast<int>(added.size());
@@ -128,17 +128,17 @@ inline std::vector<char> near_seam(const ism::TriangleMesh& mesh,
   return is_near;
 }
 
-/// Density that 95% of the area stay below, within two rings of edges of the seam on A or B, and in
+/// Density that 95% of the area stay below, within two rings of edges of the cut on A or B, and in
 /// the rest.
-struct SeamDistortion {
+struct CutDistortion {
   double near = 0, rest = 0;
 };
 
-inline SeamDistortion seam_distortion(const ism::Result& result, const ism::SurfaceMap& map) {
+inline CutDistortion cut_distortion(const ism::Result& result, const ism::SurfaceMap& map) {
   const ism::MetaMesh meta = map.meta_mesh(ism::Ids::kEmbedded);
   const std::vector<ism::PolygonDistortion> polygons = map.distortion();
-  const std::vector<char> at_a = near_seam(*result.start.a, result.start.added_a, 1);
-  const std::vector<char> at_b = near_seam(*result.start.b, result.start.added_b, 1);
+  const std::vector<char> at_a = near_cut(*result.start.a, result.start.added_a, 1);
+  const std::vector<char> at_b = near_cut(*result.start.b, result.start.added_b, 1);
   const auto touches = [](const ism::TriangleMesh& mesh, int f, const std::vector<char>& at) {
     return at[static_cast<std::size_t>(mesh.triangles(f, 0))] ||
            at[static_cast<std::size_t>(mesh.triangles(f, 1))] ||

@@ -1,6 +1,6 @@
-// Beyond the paper: closed surfaces. Every pair is drawn twice, seen from its front and from where
-// it was cut open: the texture of A on both, and the distortion, with the seam as a line. Closed
-// pairs are named; without, those of data/ are closed by a fan of triangles.
+// Beyond the paper: closed surfaces. Every pair is drawn twice, seen from its front and from behind:
+// the texture of A on both, and the distortion, with the path along which each surface is cut to lie
+// in the plane. Closed pairs are named; without, those of data/ are closed by a fan of triangles.
 
 #include "figure.hpp"
 
@@ -36,33 +36,27 @@ ism::TriangleMesh closed(ism::TriangleMesh mesh) {
   return {vertices, triangles};
 }
 
-/// The same direction to look along at B as at A, from another side: that of the cut.
-picture::Axes from_the_cut(const picture::Scene& front, const ism::Result& result) {
-  const ism::TriangleMesh& a = *result.start.prepared_a->given;
-  Eigen::Vector3d towards = Eigen::Vector3d::Zero();
-  for (int f = 0; f < a.triangles.rows(); ++f)
-    if ((a.triangles.row(f).array() == result.start.opening_a).any()) {
-      const Eigen::Vector3d p = a.vertices.row(a.triangles(f, 0));
-      towards += (a.vertices.row(a.triangles(f, 1)).transpose() - p)
-                     .cross(a.vertices.row(a.triangles(f, 2)).transpose() - p);
-    }
-  towards.normalize();
-  const Eigen::Matrix3d& axes = front.axes.a;
-  Eigen::Vector3d up = axes.row(1);
-  if (std::abs(up.dot(towards)) > 0.8) up = axes.row(2);
-  up = (up - up.dot(towards) * towards).normalized();
-  picture::Axes result_axes;
-  result_axes.a << up.cross(towards).transpose(), up.transpose(), towards.transpose();
-  result_axes.b = result_axes.a * axes.transpose() * front.axes.b;
-  return result_axes;
+/// The axes to look from behind.
+picture::Axes from_behind(const picture::Axes& front) {
+  const Eigen::Matrix3d turn = Eigen::Vector3d(-1, 1, -1).asDiagonal();
+  picture::Axes axes;
+  axes.a = turn * front.a;
+  axes.b = turn * front.b;
+  return axes;
 }
 
-/// The vertices that have copies, in order.
-figure::Lines seam(const ism::TriangleMesh& mesh, const std::vector<ism::AddedVertex>& added) {
-  figure::Lines lines(1);
-  for (const ism::AddedVertex& p : added)
-    if (p.corners[1] < 0) lines[0].push_back(mesh.vertices.row(p.corners[0]));
-  if (!lines[0].empty()) lines[0].push_back(lines[0][0]);
+/// The edges along which a mesh is cut.
+figure::Lines cut(const ism::TriangleMesh& mesh) {
+  std::map<std::array<int, 2>, int> uses;
+  const auto edge = [&](int f, int k) {
+    const int u = mesh.triangles(f, k), v = mesh.triangles(f, (k + 1) % 3);
+    return std::array<int, 2>{std::min(u, v), std::max(u, v)};
+  };
+  for (int f = 0; f < mesh.triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k) ++uses[edge(f, k)];
+  figure::Lines lines;
+  for (const auto& [ends, n] : uses)
+    if (n == 1) lines.push_back({mesh.vertices.row(ends[0]), mesh.vertices.row(ends[1])});
   return lines;
 }
 
@@ -80,23 +74,23 @@ int closed_surfaces(int argc, char** argv) {
     const ism::Result r = figure::optimize(pair, args.options);
     const ism::SurfaceMap map = figure::map_of(r);
     const picture::Scene front = picture::scene_of(map);
-    const picture::Scene below = picture::scene_of(map, from_the_cut(front, r));
+    const picture::Scene behind = picture::scene_of(map, from_behind(front.axes));
     for (int row = i; row < i + 2; ++row) {
-      const picture::Scene& scene = row == i ? front : below;
+      const picture::Scene& scene = row == i ? front : behind;
       const double top = 50 + figure::kRow * row;
       figure::draw_row(scene, top, canvas);
-      const auto draw_seam = [&](ism::Side side, int column, const figure::Lines& lines) {
+      const auto draw_cut = [&](ism::Side side, int column, const figure::Lines& lines) {
         const render::View view = scene.view(side, figure::row_panel(column, top));
         figure::draw_lines(view, lines, 1.5, figure::kBlue, canvas);
       };
-      draw_seam(ism::Side::kA, 2, seam(*r.start.a, r.start.added_a));
-      draw_seam(ism::Side::kB, 3, seam(*r.start.b, r.start.added_b));
+      draw_cut(ism::Side::kA, 2, cut(*r.start.a));
+      draw_cut(ism::Side::kB, 3, cut(*r.start.b));
     }
     canvas.text(
         {20, 32 + figure::kRow * i}, 12,
         figure::format("%s: distortion %.3f, below %.2f on 95%% of the area", pair.name.c_str(),
                        r.final_state().mean_distortion, ism::summarize(front.distortion).p95));
-    canvas.text({20, 32 + figure::kRow * (i + 1)}, 12, "the same, from where they were cut open");
+    canvas.text({20, 32 + figure::kRow * (i + 1)}, 12, "the same, from behind");
     claims.push_back({pair.name + ": the map is closed", map.is_closed()});
     claims.push_back(
         {pair.name + ": it is injective, and covers both surfaces", figure::is_proved(map)});

@@ -38,7 +38,7 @@ const Figure kFigures[] = {
     {"sec6_complexity", sec6_complexity, "polygons of the meta mesh per triangle"},
     {"sec7_boundaries", sec7_boundaries, "free, fixed and sliding boundaries"},
     {"openings", openings, "surfaces with openings"},
-    {"closed_surfaces", closed_surfaces, "closed surfaces, from their front and at the seam"},
+    {"closed_surfaces", closed_surfaces, "closed surfaces, from their front and from behind"},
 };
 
 void list_figures(std::FILE* out) {
