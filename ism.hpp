@@ -763,6 +763,9 @@ class SurfaceMap {
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
   /// True for maps of two closed surfaces: every point has an image, in both directions.
   bool is_closed() const;
+  /// The period of the motions between planes of two closed surfaces, x → ±x + period (i, j), see
+  /// compute_map(); 0 for other maps.
+  double period() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. Ids out of range are not covered.
   SurfacePoint forward(const SurfacePoint& on_a) const;   // Φ
@@ -1516,12 +1519,16 @@ inline bool operator==(const Motion& g, const Motion& h) {
 }
 inline Motion half_turn(Vec2 center) { return {-1, 2 * center}; }
 
+/// The side of a pillow's square for surfaces of area 1, so the pillow has about that area, too.
+inline constexpr double kPillowSide = 0x1.6ap-1;
+
 /// Where the corners of a closed surface's triangles lie in the plane, which is divided by the
 /// half-turns about four cones into copies of a pillow (part [14]). Empty for other surfaces.
 struct Pillow {
-  Array<Motion> place;   // per half-edge: its tail v lies at place x_v
-  Array<Motion> across;  // per half-edge: takes the places in the twin's triangle into its own
-  Array<int> cones;      // vertices, fixed; the angles around them sum to π
+  Array<Motion> place;        // per half-edge: its tail v lies at place x_v
+  Array<Motion> across;       // per half-edge: takes the places in the twin's triangle into its own
+  Array<int> cones;           // vertices, fixed; the angles around them sum to π
+  double side = kPillowSide;  // of the square, kPillowSide times a power of two
   bool is_empty() const { return place.empty(); }
   bool is_cone(int v) const { return std::find(cones.begin(), cones.end(), v) != cones.end(); }
 };
@@ -1584,29 +1591,25 @@ inline void find_crossings(HalfEdgeMesh& m) {
 }
 
 /// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
-/// pillow are rounded to multiples of 2^-50; so motions, whose shifts are, take them to other
+/// pillow are rounded to multiples of 2^-50 sides; so motions, whose shifts are, take them to other
 /// places exactly.
-inline Vec2 on_grid(Vec2 p) {
-  constexpr double kShift = 6;  // half an ulp of [4, 8) is 2^-51
-  return {(p.x + kShift) - kShift, (p.y + kShift) - kShift};
+inline Vec2 on_grid(Vec2 p, double side) {
+  const double shift = 6 * (side / kPillowSide);  // half an ulp of [4, 8) is 2^-51
+  return {(p.x + shift) - shift, (p.y + shift) - shift};
 }
 inline Vec2 usable(const HalfEdgeMesh& m, Vec2 p) {
-  return m.pillow.is_empty() ? flush_tiny(p) : on_grid(p);
+  return m.pillow.is_empty() ? flush_tiny(p) : on_grid(p, m.pillow.side);
 }
-
-/// The side of a pillow's square; the area of the pillow is about 1.
-inline constexpr double kPillowSide = 0x1.6ap-1;
 
 /// Returns the motion among those of a pillow that takes q nearest to p.
 inline Motion nearest_motion(const HalfEdgeMesh& m, Vec2 p, Vec2 q) {
-  constexpr double kPeriod = 2 * kPillowSide;
+  const double period = 2 * m.pillow.side;
   Motion nearest;
   double least = kInfinity;
   for (double sign : {1.0, -1.0}) {
     if (m.pillow.is_empty()) break;
     const Vec2 way = p - sign * q;
-    const Vec2 shift = {kPeriod * std::round(way.x / kPeriod),
-                        kPeriod * std::round(way.y / kPeriod)};
+    const Vec2 shift = {period * std::round(way.x / period), period * std::round(way.y / period)};
     if (norm(way - shift) >= least) continue;
     least = norm(way - shift);
     nearest = {sign, shift};
@@ -7645,17 +7648,18 @@ inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_f
   return path;
 }
 
-inline std::array<Vec2, 4> pillow_corners() {
-  return {Vec2{0, 0}, Vec2{kPillowSide, 0}, Vec2{kPillowSide, kPillowSide}, Vec2{0, kPillowSide}};
+inline std::array<Vec2, 4> pillow_corners(double side) {
+  return {Vec2{0, 0}, Vec2{side, 0}, Vec2{side, side}, Vec2{0, side}};
 }
 
 /// Cuts a closed surface along a path through four vertices and lays it on a pillow: the left side
 /// of the path stays, the right side is moved by g_1, g_2, g_3 between the cones; g_1 is the
 /// half-turn about the first one, and g_(i+1) = g_i h_i with that about the next one, so that going
 /// around a cone is a half-turn. False without such a path.
-inline bool make_pillow(const std::array<int, 4>& cones, Surface& s) {
+inline bool make_pillow(const std::array<int, 4>& cones, double side, Surface& s) {
   HalfEdgeMesh& m = s.mesh;
-  const std::array<Vec2, 4> corner = pillow_corners();
+  m.pillow.side = side;
+  const std::array<Vec2, 4> corner = pillow_corners(side);
   Array<char> is_free(m.n_vertices, 1);
   for (int v : cones) is_free[v] = 0;
   m.pillow.place.assign(m.tail.size(), Motion());
@@ -7680,7 +7684,7 @@ inline bool make_pillow(const std::array<int, 4>& cones, Surface& s) {
 /// Embeds a surface on its pillow: every vertex but the cones is the mean of its neighbours
 /// [Aigerman and Lipman 2015]. False if rounding turns a triangle over.
 inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Points2& x) {
-  const std::array<Vec2, 4> corner = pillow_corners();
+  const std::array<Vec2, 4> corner = pillow_corners(m.pillow.side);
   x = Points2::Zero(m.n_vertices, 2);
   Array<Vec2> right(m.n_vertices);
   for (int i = 0; i < 4; ++i) {
@@ -7706,7 +7710,7 @@ inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Poin
   if (!factor.ok) return false;
   const Array<Vec2> solution = ldlt_solve(factor, right);
   for (int v = 0; v < m.n_vertices; ++v)
-    if (!m.pillow.is_cone(v)) set_row(x, v, on_grid(solution[v]));
+    if (!m.pillow.is_cone(v)) set_row(x, v, usable(m, solution[v]));
   return is_injective(m, x);
 }
 
@@ -7814,25 +7818,27 @@ class Hierarchy {
     for (int f = 0; f < mesh_.face.size(); ++f)
       for (int k = 0; k < 3 && mesh_.alive[f]; ++k) pillow.place.push_back(place_[3 * f + k]);
     for (int v : cones_) pillow.cones.push_back(level.place[v]);
+    pillow.side = side_of_pillow_;
     find_crossings(level.surface.mesh);
     return level;
   }
 
   /// Puts the surface as it is now on a pillow; false if there is no room for the paths between the
   /// cones.
-  bool embed_on_pillow(const std::array<int, 4>& cones) {
+  bool embed_on_pillow(const std::array<int, 4>& cones, double side) {
     Level level = current();
     HalfEdgeMesh& m = level.surface.mesh;
     std::array<int, 4> here;
     for (std::size_t i = 0; i < 4; ++i) here[i] = level.place[cones[i]];
     Points2 x;
-    if (!make_pillow(here, level.surface) || !orbifold_tutte(m, executor_, x)) return false;
+    if (!make_pillow(here, side, level.surface) || !orbifold_tutte(m, executor_, x)) return false;
     set_pillow(level, m.pillow);
     set(level, x);
     return true;
   }
 
   void set_pillow(const Level& level, const Pillow& pillow) {
+    side_of_pillow_ = pillow.side;
     cones_.clear();
     for (int v : pillow.cones) cones_.push_back(level.vertex[v]);
     place_.assign(3 * mesh_.face.size(), Motion());
@@ -7841,7 +7847,7 @@ class Hierarchy {
   }
 
   /// The pillow of the full mesh.
-  Pillow pillow() const { return {place_, {}, cones_}; }
+  Pillow pillow() const { return {place_, {}, cones_, side_of_pillow_}; }
 
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
@@ -7996,7 +8002,7 @@ class Hierarchy {
 
   /// Places a vertex; on a pillow, positions are multiples of 2^-50.
   void put(int u, Vec2 p) { set_row(x_, u, place_.empty() ? p : usable(p)); }
-  Vec2 usable(Vec2 p) const { return place_.empty() ? flush_tiny(p) : on_grid(p); }
+  Vec2 usable(Vec2 p) const { return place_.empty() ? flush_tiny(p) : on_grid(p, side_of_pillow_); }
 
   Vec2 place_by_map(const Collapse& c) const {
     Vec2 sum;
@@ -8172,6 +8178,7 @@ class Hierarchy {
   Array<Collapse> collapses_;
   Array<Motion> place_;  // of corners, see Pillow
   Array<int> cones_;
+  double side_of_pillow_ = kPillowSide;
   int goal_ = 0;
   Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
@@ -8672,8 +8679,94 @@ inline double badness(const JointSurface& s, const Points2& positions) {
 /// Decimation keeps no more landmarks than these; many may be noisy, or wrong.
 inline constexpr int kMostLeading = 50;
 
+inline bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
+inline bool are_closed(const SurfacePair& pair) { return is_closed(pair.a) && is_closed(pair.b); }
+
+/// The side of the pillow of two surfaces, about as large as they are.
+inline double side_of_pillow(const SurfacePair& pair) {
+  const int exponent =
+      std::ilogb(std::sqrt(2 * pair.a.total_area)) + std::ilogb(std::sqrt(2 * pair.b.total_area));
+  return std::ldexp(kPillowSide, exponent / 2);
+}
+
+/// Returns at most `most` items, each the farthest one from those before it. `nearest`: per item,
+/// how far it is from what is there at first; distance(i, j) is that between items.
+template <class Distance>
+Array<int> farthest_items(int most, Array<double> nearest, const Distance& distance) {
+  Array<int> items;
+  while (items.size() < most && !nearest.empty()) {
+    const int i =
+        static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+    if (!(nearest[i] > 0)) break;
+    items.push_back(i);
+    for (int j = 0; j < nearest.size(); ++j) nearest[j] = (std::min)(nearest[j], distance(i, j));
+  }
+  return items;
+}
+
 /// Four pairs of vertices, the cones of two pillows; empty for surfaces with boundaries.
 using Cones = Array<VertexPair>;
+
+inline int nearest_corner(const Place& p) {
+  const double* const w = p.weights.data();
+  return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
+}
+
+/// Chooses four pairs that are far apart on both surfaces, without edges between them, in the order
+/// of the shortest path through them; `attempt`: others each time. Empty if there are none.
+inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pairs, int attempt) {
+  const auto distance = [&](const VertexPair& p, const VertexPair& q) {
+    const auto on = [](const Surface& s, int u, int v) {
+      return norm(row3(s.vertices, u) - row3(s.vertices, v)) / std::sqrt(s.total_area);
+    };
+    if (find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0) return 0.0;
+    return (std::min)(on(pair.a, p.a, q.a), on(pair.b, p.b, q.b));
+  };
+  Cones cones;
+  if (pairs.empty()) return cones;
+  Array<double> nearest(pairs.size(), kInfinity);
+  int next = attempt % pairs.size();
+  while (cones.size() < 4 && nearest[next] > 0) {
+    cones.push_back(pairs[next]);
+    for (int i = 0; i < pairs.size(); ++i)
+      nearest[i] = (std::min)(nearest[i], distance(pairs[next], pairs[i]));
+    next = static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+  }
+  if (cones.size() < 4) return {};
+  std::array<std::size_t, 4> order = {0, 1, 2, 3}, best = order;
+  double least = kInfinity;
+  do {
+    double length = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+      length += distance(cones.data()[order[i]], cones.data()[order[i + 1]]);
+    if (length < least) least = length, best = order;
+  } while (std::next_permutation(order.begin(), order.end()));
+  Cones ordered;
+  for (std::size_t i : best) ordered.push_back(cones.data()[i]);
+  return ordered;
+}
+
+/// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
+inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
+  constexpr int kMost = 16;
+  const auto centred = [](const Surface& s, int v) {
+    Vec3 sum;
+    for (int w = 0; w < s.mesh.n_vertices; ++w) sum += row3(s.vertices, w);
+    return 1 / std::sqrt(s.total_area) * (row3(s.vertices, v) - 1.0 / s.mesh.n_vertices * sum);
+  };
+  Array<Vec3> a, b;
+  for (int v = 0; v < pair.a.mesh.n_vertices; ++v) a.push_back(centred(pair.a, v));
+  for (int v = 0; v < pair.b.mesh.n_vertices; ++v) b.push_back(centred(pair.b, v));
+  Array<VertexPair> pairs;
+  const auto distance = [&](int v, int w) { return norm(a[v] - a[w]); };
+  for (int v : farthest_items(kMost, Array<double>(a.size(), kInfinity), distance)) {
+    VertexPair nearest = {v, 0, {}};
+    for (int w = 0; w < b.size(); ++w)
+      if (squared_norm(b[w] - a[v]) < squared_norm(b[nearest.b] - a[v])) nearest.b = w;
+    pairs.push_back(nearest);
+  }
+  return pairs;
+}
 
 /// A map of both surfaces decimated, from which Algorithm 1 may go on.
 struct MappedLevel {
@@ -9021,7 +9114,8 @@ class PairEmbedder {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
       h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, outer, executor_);
       if (executor_.is_stopped()) return true;
-      const bool is_embedded = cones_.empty() ? h->embed_base() : h->embed_on_pillow(cones);
+      const bool is_embedded =
+          cones_.empty() ? h->embed_base() : h->embed_on_pillow(cones, side_of_pillow(pair_));
       if (executor_.is_stopped()) return true;
       if (is_embedded) return false;
     }
@@ -9520,14 +9614,12 @@ class Embedder {
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
   /// which are never exact.
   /// `mapped`: a coarse map of the pair, or null.
-  /// `cones`: of closed surfaces, in the order in which they are tried.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-           const Array<PlacedLandmark>& guides, const Array<Cones>& cones,
-           std::unique_ptr<MappedLevel> mapped, const RunOptions& options, const Executor& executor)
+           const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
+           const RunOptions& options, const Executor& executor)
       : pair_(pair),
         landmarks_(landmarks),
         guides_(guides),
-        cones_(cones),
         mapped_(std::move(mapped)),
         options_(options),
         executor_(executor) {}
@@ -9576,6 +9668,7 @@ class Embedder {
         if (!PairEmbedder::has_levels(Approach::kShape, options_) || options_.coarsest == 0)
           mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
+        if (are_closed(pair_) && !find_cones()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kByShape, Approach::kShape, nullptr);
@@ -9621,6 +9714,41 @@ class Embedder {
     if (!has_openings_) return;
     disks_.a = closed_openings(pair_.a, outer_loop(pair_.a, options_.outer_a));
     disks_.b = closed_openings(pair_.b, outer_loop(pair_.b, options_.outer_b));
+  }
+
+  /// Finds cones at pairs that correspond; there are several choices, as a path may be in the way.
+  bool find_cones() {
+    constexpr int kMost = 8;
+    const Array<VertexPair> pairs = cone_pairs();
+    for (int i = 0; i < 2 * kMost; ++i) {
+      if (i == kMost && !cones_.empty()) break;
+      const Cones next = choose_cones(pair_, i < kMost ? pairs : farthest_pairs(pair_), i);
+      if (!next.empty()) cones_.push_back(next);
+    }
+    return !cones_.empty() || fail(result_, Status::kNumericalFailure,
+                                   {"no four vertices of A and B correspond that are apart"});
+  }
+
+  /// Exact landmarks, as far as there are enough; else pairs that were found, as landmarks may be
+  /// wrong, and landmarks if these are few.
+  Array<VertexPair> cone_pairs() const {
+    constexpr int kMany = 8;
+    Array<VertexPair> given, found;
+    for (const PlacedLandmark& l : landmarks())
+      (l.given.weight > 0 ? given : found)
+          .push_back({nearest_corner(l.a), nearest_corner(l.b), l.given});
+    for (const PlacedLandmark& guide : located(guides_, pair_))
+      found.push_back({nearest_corner(guide.a), nearest_corner(guide.b), guide.given});
+    if (!options_.exact_landmarks && found.size() >= kMany) return found;
+    if (options_.exact_landmarks && given.size() >= 4) return given;
+    const int n = given.size();
+    for (const VertexPair& pair : found) {
+      bool is_apart = true;
+      for (int i = 0; i < n; ++i)
+        is_apart = is_apart && pair.a != given[i].a && pair.b != given[i].b;
+      if (is_apart) given.push_back(pair);
+    }
+    return given;
   }
 
   bool prepare_landmarks() {
@@ -9677,7 +9805,7 @@ class Embedder {
   SurfacePair disks_;  // the same with openings closed, if there are any
   bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_, guides_;
-  const Array<Cones> cones_;
+  Array<Cones> cones_;  // of closed surfaces, in the order in which they are tried
   int next_cones_ = 0;
   std::unique_ptr<MappedLevel> mapped_;
   const RunOptions& options_;
@@ -9761,19 +9889,19 @@ using CornerKey = std::array<int, 3>;
 enum CornerKind { kAtVertex, kCrossing, kAtCone };
 
 /// Returns the number 0 to 3 of the cone at a place, or -1: those of a pillow lie on a grid.
-inline int cone_number(Vec2 p) {
-  const double i = std::round(p.x / kPillowSide), j = std::round(p.y / kPillowSide);
-  if (p != kPillowSide * Vec2{i, j}) return -1;
+inline int cone_number(Vec2 p, double side) {
+  const double i = std::round(p.x / side), j = std::round(p.y / side);
+  if (p != side * Vec2{i, j}) return -1;
   return std::abs(static_cast<int>(i) % 2) + 2 * std::abs(static_cast<int>(j) % 2);
 }
 
 /// Finds the motion of a pillow that takes p to q; false if there is none.
-inline bool find_motion(Vec2 p, Vec2 q, Motion& motion) {
+inline bool find_motion(Vec2 p, Vec2 q, double side, Motion& motion) {
+  const double period = 2 * side;
   for (double sign : {1.0, -1.0}) {
-    motion = {sign, q - sign * p};
-    const double period = 2 * kPillowSide;
-    if (motion.shift ==
-        period * Vec2{std::round(motion.shift.x / period), std::round(motion.shift.y / period)})
+    const Vec2 shift = q - sign * p;
+    motion = {sign, shift};
+    if (shift == period * Vec2{std::round(shift.x / period), std::round(shift.y / period)})
       return true;
   }
   return false;
@@ -9784,26 +9912,39 @@ struct Copy {
   int original, id;
 };
 
+/// Finds the motions from vertices to their copies, per vertex, for a pillow of some side.
+inline bool find_motions(const Points2& x, const Array<Copy>& copies, double side,
+                         Array<Motion>& motion) {
+  motion.assign(rows_of(x), Motion());
+  for (const Copy& copy : copies)
+    if (!find_motion(row2(x, copy.original), row2(x, copy.id), side, motion[copy.id])) return false;
+  return true;
+}
+
 /// Sews an embedding of a closed surface that is cut open: copies are the last vertices. False if
 /// it is none: copies are moved by no motion of a pillow, or there are not four cones.
 inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copies,
                 HalfEdgeMesh& m) {
+  constexpr int kMostExponent = 400;  // exponent of the side
   const int all = rows_of(x), n = all - copies.size();
+  if (copies.empty()) return false;
   Array<int> original = numbers_below(all);
-  Array<Motion> motion(all);
   for (const Copy& copy : copies) {
-    if (copy.original >= n || copy.id < n ||
-        !find_motion(row2(x, copy.original), row2(x, copy.id), motion[copy.id]))
-      return false;
+    if (copy.original >= n || copy.id < n) return false;
     original[copy.id] = copy.original;
   }
+  Array<Motion> motion;
+  double side = std::ldexp(kPillowSide, kMostExponent);
+  for (int i = 0; i <= 2 * kMostExponent && !find_motions(x, copies, side, motion); ++i)
+    side *= 0.5;
   Triangles triangles = cut;
   for (int i = 0; i < triangles.size(); ++i) triangles.data()[i] = original[cut.data()[i]];
   m = build_half_edges(n, triangles);
-  if (copies.empty() || !m.boundary.empty()) return false;
+  if (!m.boundary.empty()) return false;
+  m.pillow.side = side;
   m.pillow.cones.assign(4, -1);
   for (int v = 0; v < n; ++v)
-    if (cone_number(row2(x, v)) >= 0) m.pillow.cones[cone_number(row2(x, v))] = v;
+    if (cone_number(row2(x, v), side) >= 0) m.pillow.cones[cone_number(row2(x, v), side)] = v;
   if (m.pillow.is_cone(-1)) return false;
   for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
   find_crossings(m);
@@ -9851,7 +9992,9 @@ struct EmbeddedPair {
 
   /// Returns the number of the cone at the tail of a half-edge, or -1.
   int cone_at(int h) const {
-    return s.mesh.pillow.is_cone(s.mesh.tail[h]) ? cone_number(row2(x, s.mesh.tail[h])) : -1;
+    return s.mesh.pillow.is_cone(s.mesh.tail[h])
+               ? cone_number(row2(x, s.mesh.tail[h]), s.mesh.pillow.side)
+               : -1;
   }
 
   /// Returns the place of a half-edge's tail in the plane of a polygon's triangle of A.
@@ -10547,6 +10690,7 @@ Points2 SurfaceMap::planar_positions(Side side) const {
   return side == Side::kA ? data_->f : data_->g;
 }
 bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
+double SurfaceMap::period() const { return is_closed() ? 2 * data_->pair.s.mesh.pillow.side : 0; }
 SurfacePoint SurfaceMap::forward(const SurfacePoint& on_a) const {
   return data_->map(on_a, Side::kA);
 }
@@ -12384,9 +12528,6 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 
 namespace detail {
 
-inline bool is_closed(const Surface& s) { return s.mesh.boundary.empty(); }
-inline bool are_closed(const SurfacePair& pair) { return is_closed(pair.a) && is_closed(pair.b); }
-
 // ---- where to open ----
 
 /// Lengths of the shortest paths along edges from some vertices [Dijkstra 1959].
@@ -12507,21 +12648,6 @@ inline Tips find_tips(const Surface& s) {
         v, [&](int h) { is_behind[s.mesh.tip(h)] = is_behind[s.mesh.tail[prev(h)]] = 1; });
   }
   return tips;
-}
-
-/// Returns at most `most` items, each the farthest one from those before it. `nearest`: per item,
-/// how far it is from what is there at first; distance(i, j) is that between items.
-template <class Distance>
-Array<int> farthest_items(int most, Array<double> nearest, const Distance& distance) {
-  Array<int> items;
-  while (items.size() < most && !nearest.empty()) {
-    const int i =
-        static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-    if (!(nearest[i] > 0)) break;
-    items.push_back(i);
-    for (int j = 0; j < nearest.size(); ++j) nearest[j] = (std::min)(nearest[j], distance(i, j));
-  }
-  return items;
 }
 
 /// Returns at most `most` pairs, spread over A, of the half whose distances to each other agree
@@ -12913,19 +13039,18 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
 
 /// Verifies that an injective embedding of a surface that is cut open covers a pillow once: motions
 /// take the two sides of the cut to each other, and its area is that of the pillow.
-inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side,
+inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side, double period,
                           const Array<DirectedEdge>& boundary, Outcome& outcome) {
-  constexpr double kPeriod = 2 * kPillowSide;
   const auto refuse = [&](int v, const char* how) {
     return fail(outcome, Status::kNumericalFailure,
                 {"at vertex ", v, " of ", letter(side), " the two sides of the cut ", how},
                 {{side, Element::kVertex, v}});
   };
   // The least of the places to which motions take a point, exactly: all lie on one grid.
-  const auto canonical = [](Vec2 p) {
-    const auto reduced = [](double c) {
-      const double rest = std::fmod(c, kPeriod);
-      return rest < 0 ? rest + kPeriod : rest + 0.0;
+  const auto canonical = [&](Vec2 p) {
+    const auto reduced = [&](double c) {
+      const double rest = std::fmod(c, period);
+      return rest < 0 ? rest + period : rest + 0.0;
     };
     const Vec2 q = {reduced(p.x), reduced(p.y)}, r = {reduced(-p.x), reduced(-p.y)};
     return comes_before(q, r) ? q : r;
@@ -12952,14 +13077,15 @@ inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side,
     const Vec2 p = row2(x, mesh.triangles(f, 0));
     area += 0.5 * cross(row2(x, mesh.triangles(f, 1)) - p, row2(x, mesh.triangles(f, 2)) - p);
   }
-  const double pillow = 2 * kPillowSide * kPillowSide;  // covered a whole number of times
+  const double pillow = 0.5 * period * period;  // covered a whole number of times
   return std::abs(area / pillow - 1) < 0.5 || refuse(0, "are those of several pillows");
 }
 
 /// Verifies the meta mesh of injective embeddings.
 class MetaMeshVerifier {
  public:
-  MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, bool is_closed,
+  /// `period`: of the motions of a closed map, or 0.
+  MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, double period,
                    Outcome& outcome)
       : meta_(std::move(meta)),
         f_(f),
@@ -12967,7 +13093,8 @@ class MetaMeshVerifier {
         size_f_(f.cwiseAbs().maxCoeff()),
         size_a_(meta_.a->vertices.cwiseAbs().maxCoeff()),
         size_b_(meta_.b->vertices.cwiseAbs().maxCoeff()),
-        is_closed_(is_closed),
+        is_closed_(period > 0),
+        period_(period),
         outcome_(outcome) {}
 
   bool run(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
@@ -13015,7 +13142,6 @@ class MetaMeshVerifier {
 
   /// Finds what takes a polygon from g's plane to f's: nothing, or a motion of the pillow.
   bool find_motion(int p) {
-    constexpr double kPeriod = 2 * kPillowSide;
     const auto in_f = [&](int i) {
       return place(*meta_.a, f_, meta_.face_a.data()[p], row3(meta_.corner_a, i));
     };
@@ -13027,8 +13153,8 @@ class MetaMeshVerifier {
       Motion motion = {sign, {}};
       const Vec3 way = in_f(begin(p)) + -sign * in_g(begin(p));
       if (is_closed_)
-        motion.shift = {kPeriod * std::round(way.x / kPeriod),
-                        kPeriod * std::round(way.y / kPeriod)};
+        motion.shift = {period_ * std::round(way.x / period_),
+                        period_ * std::round(way.y / period_)};
       bool fits = true;
       for (int i = begin(p); i < end(p); ++i) {
         const Vec3 at = in_g(i);
@@ -13105,6 +13231,7 @@ class MetaMeshVerifier {
   const Points2 &f_, &g_;
   const double size_f_, size_a_, size_b_;  // largest coordinates
   const bool is_closed_;
+  const double period_;
   Outcome& outcome_;
   Array<Motion> motions_;  // per polygon
 };
@@ -13122,9 +13249,10 @@ Outcome verify(const SurfaceMap& map) {
                      &b = map.mesh(Side::kB, Ids::kEmbedded);
   if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
       detail::verify_embedding(b, g, Side::kB, boundary_b, outcome) &&
-      (!map.is_closed() || (detail::verify_pillow(a, f, Side::kA, boundary_a, outcome) &&
-                            detail::verify_pillow(b, g, Side::kB, boundary_b, outcome))))
-    detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.is_closed(), outcome)
+      (!map.is_closed() ||
+       (detail::verify_pillow(a, f, Side::kA, map.period(), boundary_a, outcome) &&
+        detail::verify_pillow(b, g, Side::kB, map.period(), boundary_b, outcome))))
+    detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.period(), outcome)
         .run(boundary_a, boundary_b);
   return outcome;
 }
@@ -13892,6 +14020,7 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
   for (int v : pins) {
     Motion motion;
     const int row = first + v;
+    if (pair.s.mesh.pillow.is_cone(row)) continue;  // stays where it is
     const SurfacePoint image = pair.map_vertex(row, &motion);
     if (!image.exists())
       return fail(outcome, Status::kInvalidPins,
@@ -13930,69 +14059,6 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
   return add_pins(pair, options.pins_a, 0, followers, outcome) &&
          add_pins(pair, options.pins_b, s.n_a, followers, outcome) &&
          check_chains(s, followers, outcome);
-}
-
-// ---- cones of closed surfaces ----
-
-inline int nearest_corner(const Place& p) {
-  const double* const w = p.weights.data();
-  return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
-}
-
-/// Chooses four pairs that are far apart on both surfaces, without edges between them, in the order
-/// of the shortest path through them; `attempt`: others each time. Empty if there are none.
-inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pairs, int attempt) {
-  const auto distance = [&](const VertexPair& p, const VertexPair& q) {
-    const auto on = [](const Surface& s, int u, int v) {
-      return norm(row3(s.vertices, u) - row3(s.vertices, v)) / std::sqrt(s.total_area);
-    };
-    if (find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0) return 0.0;
-    return (std::min)(on(pair.a, p.a, q.a), on(pair.b, p.b, q.b));
-  };
-  Cones cones;
-  if (pairs.empty()) return cones;
-  Array<double> nearest(pairs.size(), kInfinity);
-  int next = attempt % pairs.size();
-  while (cones.size() < 4 && nearest[next] > 0) {
-    cones.push_back(pairs[next]);
-    for (int i = 0; i < pairs.size(); ++i)
-      nearest[i] = (std::min)(nearest[i], distance(pairs[next], pairs[i]));
-    next = static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-  }
-  if (cones.size() < 4) return {};
-  std::array<std::size_t, 4> order = {0, 1, 2, 3}, best = order;
-  double least = kInfinity;
-  do {
-    double length = 0;
-    for (std::size_t i = 0; i < 3; ++i)
-      length += distance(cones.data()[order[i]], cones.data()[order[i + 1]]);
-    if (length < least) least = length, best = order;
-  } while (std::next_permutation(order.begin(), order.end()));
-  Cones ordered;
-  for (std::size_t i : best) ordered.push_back(cones.data()[i]);
-  return ordered;
-}
-
-/// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
-inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
-  constexpr int kMost = 16;
-  const auto centred = [](const Surface& s, int v) {
-    Vec3 sum;
-    for (int w = 0; w < s.mesh.n_vertices; ++w) sum += row3(s.vertices, w);
-    return 1 / std::sqrt(s.total_area) * (row3(s.vertices, v) - 1.0 / s.mesh.n_vertices * sum);
-  };
-  Array<Vec3> a, b;
-  for (int v = 0; v < pair.a.mesh.n_vertices; ++v) a.push_back(centred(pair.a, v));
-  for (int v = 0; v < pair.b.mesh.n_vertices; ++v) b.push_back(centred(pair.b, v));
-  Array<VertexPair> pairs;
-  const auto distance = [&](int v, int w) { return norm(a[v] - a[w]); };
-  for (int v : farthest_items(kMost, Array<double>(a.size(), kInfinity), distance)) {
-    VertexPair nearest = {v, 0, {}};
-    for (int w = 0; w < b.size(); ++w)
-      if (squared_norm(b[w] - a[v]) < squared_norm(b[nearest.b] - a[v])) nearest.b = w;
-    pairs.push_back(nearest);
-  }
-  return pairs;
 }
 
 // ---- landmarks changed while a map exists ----
@@ -14434,9 +14500,7 @@ class Run {
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     if (!mapped_)  // small surfaces have one coarse level, too
       options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
-    Array<Cones> cones;
-    if (are_closed(whole_) && !find_cones(cones)) return;
-    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_), cones,
+    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
                                            std::move(mapped_), options_, executor_);
   }
 
@@ -14448,32 +14512,6 @@ class Run {
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
           "at one: refine it, or leave one of them out"});
-    is_embedding_ = false;
-    static_cast<Outcome&>(result_.start) = result_;
-    return false;
-  }
-
-  /// Finds cones at pairs of places that correspond: landmarks, exact ones alone if there are four,
-  /// and pairs that were found.
-  bool find_cones(Array<Cones>& cones) {
-    constexpr int kMost = 8;
-    Array<VertexPair> pairs;
-    const auto add = [&](const PlacedLandmark& l) {
-      pairs.push_back({nearest_corner(l.a), nearest_corner(l.b), l.given});
-    };
-    for (const PlacedLandmark& l : placed_) add(l);
-    const bool are_exact = options_.exact_landmarks && pairs.size() >= 4;
-    for (int i = 0; i < guides_.size() && !are_exact; ++i) add(guides_[i]);
-    for (int i = 0; i < kMost; ++i) {
-      const Cones next = choose_cones(whole_, pairs, i);
-      if (!next.empty()) cones.push_back(next);
-    }
-    for (int i = 0; i < kMost && cones.empty(); ++i) {
-      const Cones next = choose_cones(whole_, farthest_pairs(whole_), i);
-      if (!next.empty()) cones.push_back(next);
-    }
-    if (!cones.empty()) return true;
-    fail(result_, Status::kNumericalFailure, {"no four vertices apart correspond on A and B"});
     is_embedding_ = false;
     static_cast<Outcome&>(result_.start) = result_;
     return false;

@@ -506,7 +506,7 @@ TEST_CASE("landmarks that cannot be joined end with their ids") {
   const Array<PlacedLandmark> none;
   const Executor executor(fixed);
   const auto embed = [&] {
-    Embedder embedder(pair, none, none, {}, nullptr, fixed, executor);
+    Embedder embedder(pair, none, none, nullptr, fixed, executor);
     while (embedder.step()) {
     }
     embedding = embedder.result();

@@ -115,7 +115,7 @@ OnPillow on_pillow(int level, int seed, int first = 0) {
       };
       if (along(v) > along(cones[i])) cones[i] = v;
     }
-  REQUIRE(make_pillow(cones, result.surface));
+  REQUIRE(make_pillow(cones, kPillowSide, result.surface));
   REQUIRE(orbifold_tutte(result.surface.mesh, executor, result.x));
   return result;
 }
@@ -242,7 +242,7 @@ TEST_CASE("on a pillow, what is seen from both sides of an edge is the same to t
     const bool is_cone = m.pillow.is_cone(v);
     CHECK(around.sign == (is_cone ? -1 : 1));
     if (!is_cone) CHECK(around == Motion());
-    CHECK((cone_number(row2(p.x, v)) >= 0) == is_cone);
+    CHECK((cone_number(row2(p.x, v), kPillowSide) >= 0) == is_cone);
   }
   double area = 0;
   for (int f = 0; f < m.n_faces; ++f) {
@@ -466,6 +466,27 @@ TEST_CASE("closed maps are verified in any unit, and a result without its positi
   spoilt = r;
   for (ism::AddedVertex& p : spoilt.start.added_a) p.corners[0] = 1 << 30;
   CHECK(SurfaceMap(spoilt).status() != Status::kNoMapYet);
+}
+
+TEST_CASE("closed surfaces keep their scale, and their maps the bits, if that is a power of two") {
+  const auto [a, b, landmarks] = blobs(2, 5);
+  Options options = iterations(5);
+  options.keep_scale = true;
+  const auto mapped = [&](double unit) {
+    TriangleMesh large_a = a, large_b = b;
+    large_a.vertices *= unit;
+    large_b.vertices *= unit;
+    const Result r = ism::compute_map(large_a, large_b, landmarks, options);
+    check_closed(large_a, large_b, r);
+    return r;
+  };
+  const Result one = mapped(1), large = mapped(0x1p9), small = mapped(0x1p-11);
+  CHECK(large.start.scale_a == 1);
+  CHECK(large.final_state().mean_distortion ==
+        doctest::Approx(one.final_state().mean_distortion).epsilon(1e-6));
+  CHECK(small.final_state().mean_distortion ==
+        doctest::Approx(one.final_state().mean_distortion).epsilon(1e-6));
+  CHECK(SurfaceMap(large).period() == 0x1p9 * SurfaceMap(one).period());
 }
 
 TEST_CASE("a surface that is closed is valid; one side held needs a boundary") {

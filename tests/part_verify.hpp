@@ -62,7 +62,7 @@ struct Spoilt {
 
   Outcome outcome() const {
     Outcome outcome;
-    ism::detail::MetaMeshVerifier(meta, f, g, map.is_closed(), outcome).run(boundary_a, boundary_b);
+    ism::detail::MetaMeshVerifier(meta, f, g, map.period(), outcome).run(boundary_a, boundary_b);
     return outcome;
   }
 
