@@ -1969,6 +1969,12 @@ struct OverlayPolygon {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
+/// Returns what takes the position of a half-edge's tail to the plane of a polygon's triangle of A.
+inline Motion motion_in(const HalfEdgeMesh& m, const OverlayPolygon& p, int h) {
+  if (m.pillow.is_empty()) return {};
+  return h / 3 == p.tb ? p.motion * m.pillow.place[h] : m.pillow.place[h];
+}
+
 inline bool boxes_meet(Vec2 lo, Vec2 hi, Vec2 other_lo, Vec2 other_hi) {
   return lo.x <= other_hi.x && lo.y <= other_hi.y && other_lo.x <= hi.x && other_lo.y <= hi.y;
 }
@@ -6740,7 +6746,7 @@ class LandmarkPull {
           const int g = 3 * polygon.tb + k;
           image.corners[k] = m.tail[g], image.weights[k] = w[k];
           motion.data()[k] = spot.motion.data()[k];
-          if (!m.pillow.is_empty()) motion.data()[3 + k] = polygon.motion * m.pillow.place[g];
+          motion.data()[3 + k] = motion_in(m, polygon, g);
         }
       }
     });
@@ -9033,28 +9039,17 @@ class PairEmbedder {
     const auto tie = [&](int v) {
       const auto [index, h] = at[v];
       if (index < 0) return;
-      const OverlayPolygon& polygon = overlay.polygons[index];
-      const bool is_of_a = h / 3 == polygon.ta;
-      const SixPoints points = six_points(s.mesh, x, polygon);
-      const int first = is_of_a ? 3 : 0;
-      const Vec2 p = points[h % 3 + 3 - first];
+      const OverlayPolygon& p = overlay.polygons[index];
+      const SixPoints points = six_points(s.mesh, x, p);
+      const bool is_of_a = h / 3 == p.ta;
+      const int other = is_of_a ? p.tb : p.ta, own = is_of_a ? 0 : 3, first = 3 - own;
+      const Vec3 weights =
+          barycentric(points[own + h % 3], points[first], points[first + 1], points[first + 2]);
       Place on;
-      std::array<Motion, 6> motion;
-      const auto motion_of = [&](int g) {
-        if (s.mesh.pillow.is_empty()) return Motion();
-        const Motion& own = s.mesh.pillow.place[g];
-        return g / 3 == polygon.ta ? own : polygon.motion * own;
-      };
-      motion[0] = motion_of(h);
+      std::array<Motion, 6> motion = {motion_in(s.mesh, p, h)};
       for (int k = 0; k < 3; ++k) {
-        const int g = 3 * (is_of_a ? polygon.tb : polygon.ta) + k;
-        on.corners[k] = s.mesh.tail[g];
-        motion.data()[3 + k] = motion_of(g);
-        const Vec2 a = points[first], b = points[first + 1], c = points[first + 2];
-        on.weights[k] = (k == 0   ? cross(b - p, c - p)
-                         : k == 1 ? cross(c - p, a - p)
-                                  : cross(a - p, b - p)) /
-                        cross(b - a, c - a);
+        on.corners[k] = s.mesh.corner(other, k), on.weights[k] = weights[k];
+        motion.data()[3 + k] = motion_in(s.mesh, p, 3 * other + k);
       }
       add_springs(copy_of(v), on, diagonal(kStiffness), {}, motion, springs);
     };
@@ -9999,8 +9994,7 @@ struct EmbeddedPair {
 
   /// Returns the place of a half-edge's tail in the plane of a polygon's triangle of A.
   Vec2 place_in(const OverlayPolygon& p, int h) const {
-    const Vec2 at = place_of(s.mesh, x, h);
-    return is_closed() && h / 3 == p.tb ? p.motion * at : at;
+    return motion_in(s.mesh, p, h) * row2(x, s.mesh.tail[h]);
   }
 
   /// Returns the key of corner i of a polygon. At a cone, where a vertex of A and one of B
