@@ -4,18 +4,24 @@
 // two figures are compared, they are equal or a fault.
 //
 // It proves of f and g, each: triangles are positive, the angles around an inner vertex add up to
-// 2π, boundary loops meet neither themselves nor each other, one of each component winds
-// counter-clockwise, and the others are openings within it. Of the meta mesh: its polygons belong
-// to the pairs of triangles that overlap, once each; corners are vertices or crossings of edges,
-// lie in convex order, and enclose the area that is common to the two triangles; polygons are
-// neighbours along their sides, but for what lies on a boundary; and areas add up to what is common
-// to the two domains, which is computed from their boundaries alone.
+// 2π, boundary loops meet neither themselves nor each other, one of them winds counter-clockwise,
+// and the others are openings within it. Of the meta mesh: its polygons belong to the pairs of
+// triangles that overlap, once each; corners are vertices or crossings of edges, lie in convex
+// order, and enclose the area that is common to the two triangles; polygons are neighbours along
+// their sides, but for what lies on a boundary; and areas add up to what is common to the two
+// domains, which is computed from their boundaries alone.
+//
+// Of closed maps, all this is proved after g(B) is laid over f(A), in as many copies as there are
+// motions of the pillow among the polygons; and of the surfaces sewn up: that every side of a
+// polygon has a neighbour, that a vertex is one point of the pillow in all polygons around it, and
+// that the areas of f(A), of g(B) and of the polygons are that of the pillow.
 //
 // Pairs that meet without area may have a polygon or not: the library breaks ties by a symbolic
 // perturbation. Such a polygon must have no area. Where corners coincide, or edges lie on each
 // other, what a corner is may be told by its coordinates in several ways; one that is consistent
 // must exist. A crossing of edges on one line has no place of its own: whatever it is, the polygon
-// has the same area. A closed map is one of two pairs of domains side by side.
+// has the same area. At the cones of a closed map, where a vertex of A and one of B coincide, a
+// corner may be either of them in one polygon, and a crossing of edges that end there in the next.
 
 #ifndef ISM_TESTS_RATIONAL_HPP
 #define ISM_TESTS_RATIONAL_HPP
@@ -33,7 +39,6 @@
 #include <iterator>
 #include <limits>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -215,6 +220,16 @@ struct Box {
   }
 };
 
+using Vector = Eigen::RowVector2d;
+
+/// The point with these coordinates in a triangle, rounded.
+inline Vector position_in(const ism::TriangleMesh& mesh, const ism::Points2& x, int f,
+                          const Eigen::RowVector3d& weights) {
+  Vector sum(0, 0);
+  for (int k = 0; k < 3; ++k) sum += weights[k] * x.row(mesh.triangles(f, k));
+  return sum;
+}
+
 inline Box box_of(const ism::Points2& x, int v) { return {{x(v, 0), x(v, 1)}, {x(v, 0), x(v, 1)}}; }
 
 template <class Vertices>
@@ -274,18 +289,28 @@ class BoxTree {
 
 // ---- what is checked, and what is found ----
 
+/// Of the two squares that are a pillow, the surface that closed ones are laid on: the plane, where
+/// points are the same if half-turns about the cones, kPillowSide (i, j), take them to each other.
+constexpr double kPillowSide = 0x1.6ap-1;
+/// Positions on a pillow, rounded, which are as close are meant to be one.
+constexpr double kSamePlace = 1e-9;
+
 /// All that is looked at. It is plain data, so tests can spoil it.
 struct MapData {
   ism::TriangleMesh a, b;
   ism::Points2 f, g;
   ism::MetaMesh meta;
+  bool is_closed = false;
 };
 
 inline MapData data_of(const ism::SurfaceMap& map) {
   constexpr ism::Ids kEmbedded = ism::Ids::kEmbedded;
-  return {map.mesh(ism::Side::kA, kEmbedded), map.mesh(ism::Side::kB, kEmbedded),
-          map.planar_positions(ism::Side::kA), map.planar_positions(ism::Side::kB),
-          map.meta_mesh(kEmbedded)};
+  return {map.mesh(ism::Side::kA, kEmbedded),
+          map.mesh(ism::Side::kB, kEmbedded),
+          map.planar_positions(ism::Side::kA),
+          map.planar_positions(ism::Side::kB),
+          map.meta_mesh(kEmbedded),
+          map.is_closed()};
 }
 
 struct Counts {
@@ -354,7 +379,6 @@ class Domain {
     for (const Edge& e : boundary_)
       boxes.push_back(box_around(x, std::array<int, 2>{e.from, e.to}));
     boundary_tree_ = BoxTree(boxes);
-    find_components();
   }
 
   int triangles() const { return static_cast<int>(mesh_.triangles.rows()); }
@@ -368,10 +392,10 @@ class Domain {
   Box box(int f) const {
     return box_around(x_, std::array<int, 3>{corner(f, 0), corner(f, 1), corner(f, 2)});
   }
-  /// A number that the triangles of a component have, and no other ones.
-  int component(int f) const { return component_[at(corner(f, 0))]; }
-  int components() const {
-    return size_of(std::set<int>(component_.begin(), component_.end()).size());
+  Integer twice_area() const {
+    Integer sum = 0;
+    for (int f = 0; f < triangles(); ++f) sum += turn(point(f, 0), point(f, 1), point(f, 2));
+    return sum;
   }
   bool is_on_boundary(int from, int to) const {
     return std::binary_search(boundary_.begin(), boundary_.end(), Edge{from, to, -1});
@@ -410,16 +434,6 @@ class Domain {
   }
 
  private:
-  void find_components() {
-    for (int v = 0; v < size_of(points_.size()); ++v) component_.push_back(v);
-    const auto root = [&](int v) {
-      while (component_[at(v)] != v) v = component_[at(v)] = component_[at(component_[at(v)])];
-      return v;
-    };
-    for (const Edge& e : edges_) component_[at(root(e.from))] = root(e.to);
-    for (int& v : component_) v = root(v);
-  }
-
   bool has_edge(int from, int to) const {
     return std::binary_search(edges_.begin(), edges_.end(), Edge{from, to, -1});
   }
@@ -524,7 +538,7 @@ class Domain {
     return loop_of;
   }
 
-  /// Loops, which are simple and apart, wind counter-clockwise around a component and clockwise
+  /// Loops, which are simple and apart, wind counter-clockwise around the domain and clockwise
   /// around its openings: the other ones wind around the first not at all, around the latter once.
   template <class Fault>
   void check_loops(const Fault& fault, Counts& counts) const {
@@ -544,14 +558,13 @@ class Domain {
       outer += is_outer;
       counts.openings += !is_outer;
     }
-    if (outer != components()) fault("there are", outer, "outer loops, and not one per component");
+    if (outer != 1) fault("there are", outer, "outer loops, and not one");
   }
 
   const ism::Points2& x_;
   const ism::TriangleMesh& mesh_;
   std::vector<Point> points_;
   std::vector<Edge> edges_, boundary_;  // sorted
-  std::vector<int> component_;          // per vertex, one of its component
   BoxTree boundary_tree_;
 };
 
@@ -672,12 +685,16 @@ inline void cross_edges(const Point& p, const Point& q, const Point& r, const Po
 class MetaMeshChecker {
  public:
   MetaMeshChecker(const Domain& a, const Domain& b, const Lattice& lattice,
-                  const ism::MetaMesh& meta, Report& report)
-      : a_(a), b_(b), lattice_(lattice), meta_(meta), report_(report) {}
+                  const ism::MetaMesh& meta, Report& report, const Integer& cones = 0)
+      : a_(a),
+        b_(b),
+        lattice_(lattice),
+        meta_(meta),
+        report_(report),
+        cones_(cones),
+        vertices_(at(meta.on_a.rows())) {}
 
   void run() {
-    if (!check_form()) return;
-    tell_vertices_apart();
     find_overlaps();
     check_pairs();
     find_candidates();
@@ -690,6 +707,14 @@ class MetaMeshChecker {
     report_.coverage_b = coverage(b_, area_b_);
   }
 
+  /// Where a corner is; null if it has no place of its own.
+  const Place* place_at(int corner) const {
+    const MetaVertex& v = vertices_[at(id(corner))];
+    return v.is_placed ? &v.corner.place : nullptr;
+  }
+  /// Twice the area of all polygons.
+  const Rational& twice_area() const { return twice_area_; }
+
  private:
   struct MetaVertex {
     std::vector<Corner> candidates;
@@ -697,7 +722,6 @@ class MetaMeshChecker {
     Corner corner;  // that of them which was chosen, once it is placed
   };
   using Faces = std::array<int, 2>;
-  using Vector = Eigen::RowVector2d;
   static constexpr int kFew = 200;  // polygons, of which areas are summed in another way, too
 
   void fault(const std::string& what) { report_.faults.push_back("meta mesh: " + what); }
@@ -710,36 +734,8 @@ class MetaMeshChecker {
   int face_b(int p) const { return meta_.face_b[at(p)]; }
   int begin(int p) const { return meta_.offsets[at(p)]; }
   int end(int p) const { return meta_.offsets[at(p) + 1]; }
-  MetaVertex& vertex(int corner) { return vertices_[at(id_[at(corner)])]; }
-
-  /// Arrays fit together, and ids are in range.
-  bool check_form() {
-    const std::size_t n = meta_.face_a.size(), corners = meta_.corners.size();
-    bool fits = meta_.face_b.size() == n && meta_.offsets.size() == n + 1 &&
-                meta_.offsets[0] == 0 && meta_.offsets[n] == size_of(corners) &&
-                at(meta_.corner_a.rows()) == corners && at(meta_.corner_b.rows()) == corners &&
-                meta_.on_b.rows() == meta_.on_a.rows() && meta_.plane.rows() == meta_.on_a.rows();
-    for (int p = 0; fits && p < size_of(n); ++p)
-      fits = begin(p) + 3 <= end(p) && end(p) <= begin(p) + 6 && face_a(p) >= 0 &&
-             face_a(p) < a_.triangles() && face_b(p) >= 0 && face_b(p) < b_.triangles();
-    for (std::size_t i = 0; fits && i < corners; ++i)
-      fits = meta_.corners[i] >= 0 && meta_.corners[i] < meta_.on_a.rows();
-    if (!fits) fault("arrays do not fit together");
-    return fits;
-  }
-
-  /// Closed maps have two components of either surface in the plane. A vertex of the meta mesh on
-  /// the seam between them is two here.
-  void tell_vertices_apart() {
-    std::map<std::array<int, 2>, int> ids;
-    for (int p = 0; p < meta_.n_polygons(); ++p)
-      for (int i = begin(p); i < end(p); ++i) {
-        const int next = size_of(ids.size());
-        id_.push_back(
-            ids.insert({{meta_.corners[at(i)], a_.component(face_a(p))}, next}).first->second);
-      }
-    vertices_.resize(ids.size());
-  }
+  int id(int corner) const { return meta_.corners[at(corner)]; }
+  MetaVertex& vertex(int corner) { return vertices_[at(id(corner))]; }
 
   /// All pairs of triangles whose interiors meet.
   void find_overlaps() {
@@ -775,21 +771,22 @@ class MetaMeshChecker {
 
   // -- what corners are
 
-  /// The candidates for one corner of a polygon. On the seam of a closed map, where a vertex of A
-  /// and one of B coincide, those beside it are not told apart: a corner is there what its
-  /// coordinates in this polygon say, if the place is the same.
+  /// The candidates for one corner of a polygon. At a cone it is what its coordinates in this
+  /// polygon say.
   std::vector<Corner> candidates_at(int p, int corner) {
-    std::vector<Corner> candidates = vertex(corner).candidates;
-    const bool is_of_a = std::any_of(candidates.begin(), candidates.end(),
-                                     [](const Corner& c) { return c.label[2] < 0; });
-    const bool is_of_b = std::any_of(candidates.begin(), candidates.end(),
-                                     [](const Corner& c) { return c.label[0] < 0; });
-    if (!is_of_a || !is_of_b || a_.components() == 1) return candidates;
-    for (const Label& label : labels_of(p, corner)) {
-      const Corner c = corner_of(label);
-      if (is_crossing(label) && c.exists) candidates.push_back(c);
+    return is_at_cone(p, corner) ? corners_of(labels_of(p, corner)) : vertex(corner).candidates;
+  }
+
+  /// True on closed maps where a vertex of A is at a cone. One of B is, too; the library makes one
+  /// of both, and breaks no ties there.
+  bool is_at_cone(int p, int corner) const {
+    if (cones_.is_zero()) return false;
+    for (int k = 0; k < 3; ++k) {
+      const Point& x = a_.point(face_a(p), k);
+      if (meta_.corner_a(corner, k) == 1)
+        return (x.x % cones_).is_zero() && (x.y % cones_).is_zero();
     }
-    return candidates;
+    return false;
   }
 
   /// What a corner may be, as its coordinates say. They are exactly 0 beside an edge, and exactly 1
@@ -828,13 +825,25 @@ class MetaMeshChecker {
     return c;
   }
 
+  /// Those that exist, and last those without a place.
+  std::vector<Corner> corners_of(const std::vector<Label>& labels) const {
+    std::vector<Corner> corners;
+    for (const Label& label : labels) {
+      const Corner c = corner_of(label);
+      if (c.exists) corners.push_back(c);
+    }
+    std::stable_partition(corners.begin(), corners.end(),
+                          [](const Corner& c) { return c.has_place; });
+    return corners;
+  }
+
   /// A vertex of the meta mesh is one thing in all polygons it is a corner of.
   void find_candidates() {
     std::vector<std::vector<Label>> labels(vertices_.size());
     for (int p = 0; p < meta_.n_polygons(); ++p)
       for (int i = begin(p); i < end(p); ++i) {
         const std::vector<Label> here = labels_of(p, i);
-        std::vector<Label>& all = labels[at(id_[at(i)])];
+        std::vector<Label>& all = labels[at(id(i))];
         std::vector<Label> both;
         std::set_intersection(all.begin(), all.end(), here.begin(), here.end(),
                               std::back_inserter(both));
@@ -843,14 +852,8 @@ class MetaMeshChecker {
         if (all.empty()) fault(p, "has a corner that is neither a vertex nor a crossing");
       }
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
-      std::vector<Corner>& candidates = vertices_[v].candidates;
-      for (const Label& label : labels[v]) {
-        const Corner c = corner_of(label);
-        if (c.exists) candidates.push_back(c);
-      }
-      std::stable_partition(candidates.begin(), candidates.end(),
-                            [](const Corner& c) { return c.has_place; });
-      report_.counts.told_in_many_ways += candidates.size() > 1;
+      vertices_[v].candidates = corners_of(labels[v]);
+      report_.counts.told_in_many_ways += vertices_[v].candidates.size() > 1;
     }
   }
 
@@ -971,7 +974,7 @@ class MetaMeshChecker {
         v.corner = c;
       }
       const int next = begin(p) + (i + 1) % reading.size();
-      if (!sides_.insert({{id_[at(begin(p) + i)], id_[at(next)]}, p}).second)
+      if (!sides_.insert({{id(begin(p) + i), id(next)}, p}).second)
         fault(p, "has a side that another one has");
     }
     area_a_[face_a(p)].push_back(area);
@@ -1020,11 +1023,8 @@ class MetaMeshChecker {
         if (!vertex(i).is_placed) continue;
         const Corner& exact = vertex(i).corner;
         const Vector x = rounded(exact.place);
-        Vector in_f(0, 0), in_g(0, 0);
-        for (int k = 0; k < 3; ++k) {
-          in_f += meta_.corner_a(i, k) * f.row(a_.corner(face_a(p), k));
-          in_g += meta_.corner_b(i, k) * g.row(b_.corner(face_b(p), k));
-        }
+        const Vector in_f = position_in(a_.mesh(), f, face_a(p), meta_.corner_a.row(i));
+        const Vector in_g = position_in(b_.mesh(), g, face_b(p), meta_.corner_b.row(i));
         const double error = std::max({(in_f - in_g).norm(), error_of(exact.label, in_f - x),
                                        error_of(exact.label, in_g - x)});
         report_.counts.largest_error = std::max(report_.counts.largest_error, error / size);
@@ -1111,17 +1111,18 @@ class MetaMeshChecker {
   static bool counts_there(const Domain& m, const Edge& e, const Place& middle, const Domain& other,
                            bool is_first) {
     const Point &p = m.point(e.from), &q = m.point(e.to);
-    int along =
-        0;  // 1: a boundary of the other domain, too, which runs the same way; -1: the other
+    bool is_boundary = false, runs_along = false;  // of the other domain, too; and the same way
     const Box box = box_around(m.positions(), std::array<int, 2>{e.from, e.to});
     other.boundary_tree().for_each_at(box, [&](int i) {
       const Point &r = other.point(other.boundary()[at(i)].from),
                   &s = other.point(other.boundary()[at(i)].to);
       if (side(r, s, middle) != 0) return;
       const Ratio t = parameter(r, s, middle);
-      if (t.num.sign() > 0 && t.num < t.den) along = dot(q - p, s - r).sign();
+      if (t.num.sign() <= 0 || !(t.num < t.den)) return;
+      is_boundary = true;
+      runs_along = runs_along || dot(q - p, s - r).sign() > 0;
     });
-    if (along != 0) return is_first && along > 0;
+    if (is_boundary) return is_first && runs_along;
     return other.winding(middle, box.lo[1], box.hi[1]) == 1;
   }
 
@@ -1129,9 +1130,10 @@ class MetaMeshChecker {
     std::vector<Rational> terms;
     sweep_boundary(a_, b_, true, terms);
     sweep_boundary(b_, a_, false, terms);
-    const Rational common = sum_of(terms), of_polygons = twice_area_of_polygons();
-    if (of_polygons != common) fault("the polygons have not the area common to the domains");
-    if (meta_.n_polygons() <= kFew && plain_sum() != of_polygons)
+    const Rational common = sum_of(terms);
+    twice_area_ = twice_area_of_polygons();
+    if (twice_area_ != common) fault("the polygons have not the area common to the domains");
+    if (meta_.n_polygons() <= kFew && plain_sum() != twice_area_)
       fault("the sum of areas is not that of what sides sweep");
     report_.area =
         lattice_.area({Integer(mp::numerator(common)), Integer(mp::denominator(common))});
@@ -1173,15 +1175,159 @@ class MetaMeshChecker {
   const Lattice& lattice_;
   const ism::MetaMesh& meta_;
   Report& report_;
-  std::vector<int> id_;  // per corner, of its vertex
+  const Integer cones_;  // lie at its multiples; 0: there are none
   std::vector<MetaVertex> vertices_;
   std::vector<Faces> overlaps_;              // sorted
   std::map<std::array<int, 2>, int> sides_;  // of polygons, by their ends
   std::vector<std::pair<std::array<int, 2>, TriangleSide>> rim_;
   std::map<int, std::vector<Ratio>> area_a_, area_b_;  // per triangle, of its polygons, twice
+  Rational twice_area_;
 };
 
+// ---- closed maps ----
+
+/// x → sign x + 2 kPillowSide (i, j): takes what lies on a pillow to another place. 0: none.
+struct Motion {
+  int sign = 0, i = 0, j = 0;
+  Vector operator()(const Vector& x) const { return sign * x + 2 * kPillowSide * Vector(i, j); }
+};
+inline bool operator==(const Motion& m, const Motion& n) {
+  return m.sign == n.sign && m.i == n.i && m.j == n.j;
+}
+
+/// What takes a polygon from the plane of g to that of f.
+inline Motion motion_of(const MapData& map, int p) {
+  const ism::MetaMesh& meta = map.meta;
+  Motion best;
+  double least = kSamePlace;
+  for (const int sign : {1, -1}) {
+    Motion motion;
+    double error = 0;
+    for (int i = meta.offsets[at(p)]; i < meta.offsets[at(p) + 1]; ++i) {
+      const Vector in_f = position_in(map.a, map.f, meta.face_a[at(p)], meta.corner_a.row(i));
+      const Vector in_g = position_in(map.b, map.g, meta.face_b[at(p)], meta.corner_b.row(i));
+      const Vector steps = (in_f - sign * in_g) / (2 * kPillowSide);
+      if (motion.sign == 0)
+        motion = {sign, static_cast<int>(std::lround(steps.x())),
+                  static_cast<int>(std::lround(steps.y()))};
+      error = std::max(error, (in_f - motion(in_g)).norm());
+    }
+    if (error < least) least = error, best = motion;
+  }
+  return best;
+}
+
+/// Writes a closed map as one of f(A) and copies of g(B), one per motion among the polygons. A
+/// vertex of the meta mesh becomes one for each copy of B, and for each place in the plane of f.
+class Unfolding {
+ public:
+  /// False if there is none: a polygon has no motion, or moved positions are rounded.
+  bool unfold(const MapData& closed) {
+    map = closed;
+    for (int p = 0; p < map.meta.n_polygons(); ++p) {
+      const Motion motion = motion_of(closed, p);
+      const auto known = std::find(motions_.begin(), motions_.end(), motion);
+      const int copy = static_cast<int>(known - motions_.begin());
+      if (motion.sign == 0) return false;
+      if (known == motions_.end()) motions_.push_back(motion);
+      split_vertices(p, copy);
+      map.meta.face_b[at(p)] += copy * static_cast<int>(closed.b.triangles.rows());
+    }
+    map.meta.on_a = map.meta.on_b = ism::Points3::Zero(vertices_, 3);
+    map.meta.plane = ism::Points2::Zero(vertices_, 2);
+    return copy_b(closed);
+  }
+  int copies() const { return size_of(motions_.size()); }
+
+  MapData map;
+
+ private:
+  void split_vertices(int p, int copy) {
+    ism::MetaMesh& meta = map.meta;
+    for (int i = meta.offsets[at(p)]; i < meta.offsets[at(p) + 1]; ++i) {
+      const Vector x = position_in(map.a, map.f, meta.face_a[at(p)], meta.corner_a.row(i));
+      auto& known = known_[{meta.corners[at(i)], copy}];
+      auto it = std::find_if(known.begin(), known.end(), [&](const std::pair<Vector, int>& v) {
+        return (v.first - x).norm() < kSamePlace;
+      });
+      if (it == known.end()) it = known.insert(it, {x, vertices_++});
+      meta.corners[at(i)] = it->second;
+    }
+  }
+
+  bool copy_b(const MapData& closed) {
+    const Eigen::Index n = closed.g.rows(), faces = closed.b.triangles.rows();
+    map.g.resize(n * copies(), 2);
+    map.b = {ism::Points3(n * copies(), 3), ism::Triangles(faces * copies(), 3)};
+    bool is_exact = true;
+    for (int c = 0; c < copies(); ++c) {
+      map.b.vertices.middleRows(c * n, n) = closed.b.vertices;
+      map.b.triangles.middleRows(c * faces, faces) =
+          (closed.b.triangles.array() + c * static_cast<int>(n)).matrix();
+      const Motion& motion = motions_[at(c)];
+      const Vector shift = motion({0, 0});
+      for (Eigen::Index v = 0; v < n; ++v) {
+        map.g.row(c * n + v) = motion(closed.g.row(v));
+        is_exact = is_exact && map.g.row(c * n + v) - shift == motion.sign * closed.g.row(v);
+      }
+    }
+    return is_exact;
+  }
+
+  std::vector<Motion> motions_;
+  std::map<std::array<int, 2>, std::vector<std::pair<Vector, int>>> known_;  // by vertex and copy
+  int vertices_ = 0;
+};
+
+/// True if motions of a pillow take one place to the other.
+inline bool are_same_on_pillow(const Place& p, const Place& q, const Integer& period) {
+  const Integer whole = period * p.w * q.w, x = p.x * q.w, y = p.y * q.w;
+  for (const int sign : {1, -1})
+    if (((x - sign * q.x * p.w) % whole).is_zero() && ((y - sign * q.y * p.w) % whole).is_zero())
+      return true;
+  return false;
+}
+
+/// Every side has one neighbour, and every vertex is one point of the pillow.
+inline void check_sewn(const ism::MetaMesh& meta, const MetaMeshChecker& unfolded,
+                       const Integer& period, Report& report) {
+  std::map<std::array<int, 2>, int> sides;  // how many run this way
+  std::vector<const Place*> place(at(meta.on_a.rows()));
+  for (int p = 0; p < meta.n_polygons(); ++p)
+    for (int i = meta.offsets[at(p)], end = meta.offsets[at(p) + 1]; i < end; ++i) {
+      const int u = meta.corners[at(i)];
+      const int v = meta.corners[at(i + 1 < end ? i + 1 : meta.offsets[at(p)])];
+      ++sides[{u, v}];
+      const Place *here = unfolded.place_at(i), *&known = place[at(u)];
+      if (known != nullptr && here != nullptr && !are_same_on_pillow(*known, *here, period))
+        report.faults.push_back("meta mesh: vertex " + std::to_string(u) + " is at two places");
+      if (known == nullptr) known = here;
+    }
+  for (const auto& [ends, times] : sides)
+    if (times != 1 || ends[0] == ends[1] || sides.count({ends[1], ends[0]}) == 0)
+      report.faults.push_back("meta mesh: the side from vertex " + std::to_string(ends[0]) +
+                              " to " + std::to_string(ends[1]) + " has not one neighbour");
+}
+
 // ---- checks ----
+
+/// Arrays of the meta mesh fit together, and ids are in range.
+inline bool is_formed(const MapData& map) {
+  const ism::MetaMesh& meta = map.meta;
+  const std::size_t n = meta.face_a.size(), corners = meta.corners.size();
+  bool fits = meta.face_b.size() == n && meta.offsets.size() == n + 1 && meta.offsets[0] == 0 &&
+              meta.offsets[n] == size_of(corners) && at(meta.corner_a.rows()) == corners &&
+              at(meta.corner_b.rows()) == corners && meta.on_b.rows() == meta.on_a.rows() &&
+              meta.plane.rows() == meta.on_a.rows();
+  for (std::size_t p = 0; fits && p < n; ++p) {
+    const int size = meta.offsets[p + 1] - meta.offsets[p];
+    fits = 3 <= size && size <= 6 && meta.face_a[p] >= 0 && meta.face_b[p] >= 0 &&
+           meta.face_a[p] < map.a.triangles.rows() && meta.face_b[p] < map.b.triangles.rows();
+  }
+  for (std::size_t i = 0; fits && i < corners; ++i)
+    fits = meta.corners[i] >= 0 && meta.corners[i] < meta.on_a.rows();
+  return fits;
+}
 
 inline bool are_sound(const ism::TriangleMesh& mesh, const ism::Points2& x) {
   return x.rows() == mesh.vertices.rows() && x.rows() > 0 && mesh.triangles.rows() > 0 &&
@@ -1205,6 +1351,28 @@ inline Report check(const ism::TriangleMesh& mesh, const ism::Points2& x) {
   return report;
 }
 
+/// Of a closed map with injective embeddings.
+inline void check_closed(const MapData& map, Report& report) {
+  Unfolding flat;
+  if (!flat.unfold(map)) {
+    report.faults.push_back("meta mesh: a polygon is at two places of the pillow");
+    return;
+  }
+  const Lattice lattice = lattice_of({&map.f, &map.g, &flat.map.g});
+  const Domain a(map.a, map.f, lattice), b(map.b, map.g, lattice);
+  const Domain copies(flat.map.b, flat.map.g, lattice);
+  const Integer side = lattice(kPillowSide), pillow = 4 * side * side;
+  if (a.twice_area() != pillow || b.twice_area() != pillow)
+    report.faults.push_back("map: a surface has not the area of the pillow");
+  MetaMeshChecker checker(a, copies, lattice, flat.map.meta, report, side);
+  checker.run();
+  report.coverage_b *= flat.copies();
+  if (!report.ok()) return;
+  if (checker.twice_area() != Rational(mp::cpp_int(pillow)))
+    report.faults.push_back("meta mesh: the polygons have not the area of the pillow");
+  check_sewn(map.meta, checker, 2 * side, report);
+}
+
 /// Of a map. The meta mesh is looked at only if both embeddings are injective.
 inline Report check(const MapData& map) {
   Report report;
@@ -1216,7 +1384,13 @@ inline Report check(const MapData& map) {
   const Domain a(map.a, map.f, lattice), b(map.b, map.g, lattice);
   a.check("f", report);
   b.check("g", report);
-  if (report.ok()) MetaMeshChecker(a, b, lattice, map.meta, report).run();
+  if (!report.ok()) return report;
+  if (!is_formed(map))
+    report.faults.push_back("meta mesh: arrays do not fit together");
+  else if (map.is_closed)
+    check_closed(map, report);
+  else
+    MetaMeshChecker(a, b, lattice, map.meta, report).run();
   return report;
 }
 
