@@ -20,7 +20,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <numeric>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -336,9 +338,120 @@ TEST_CASE("every iterate of closed surfaces is what rational arithmetic says") {
   flat.vertices.col(2) *= 0.4;
   Counts sum = run(shapes::tetrahedron(), flat, 3);
   sum += run(shapes::blob(2, 0.2, 4), shapes::blob(2, 0.15, 9), 6);
+  sum += run(shapes::sphere(1), shapes::sphere(1), 2);
   print("closed", sum);
   CHECK(sum.maps >= 9);
   CHECK(sum.polygons > 10000);
+}
+
+TEST_CASE("maps of random closed surfaces are what rational arithmetic says") {
+  Counts sum;
+  for (std::uint64_t seed = 0; seed < 8; ++seed) {
+    CAPTURE(seed);
+    Rng rng(seed);
+    const auto surface = [&]() -> ism::TriangleMesh {
+      const int kind = rng.below(5);
+      if (kind == 0) return shapes::tetrahedron();
+      if (kind == 1) return shapes::sphere(rng.below(3));
+      return shapes::blob(rng.below(3), rng.uniform(0.05, 0.4), seed);
+    };
+    const ism::TriangleMesh a = surface(), b = seed % 3 == 0 ? a : surface();
+    const Result result = ism::compute_map(a, b, {}, iterations(rng.below(4)));
+    REQUIRE(ism::is_usable(result.status));
+    REQUIRE(SurfaceMap(result).is_closed());
+    sum += check_result(result);
+  }
+  print("random closed surfaces", sum);
+  CHECK(sum.maps == 8);
+  CHECK(sum.polygons > 5000);
+}
+
+namespace {
+
+/// A closed surface of nine vertices, laid on a pillow and cut open along three of its sides.
+struct Pillow {
+  Disk disk;
+  std::vector<ism::AddedVertex> copies;  // the last vertices
+};
+
+/// True if no two edges have the same ends, once the cut is sewn up.
+bool is_simple(const Disk& disk, const std::vector<int>& original) {
+  std::set<std::array<int, 2>> edges;
+  for (int i = 0; i < disk.mesh.triangles.size(); ++i) {
+    const int u = original[at(disk.mesh.triangles(i / 3, i % 3))];
+    const int v = original[at(disk.mesh.triangles(i / 3, (i + 1) % 3))];
+    if (u == v || !edges.insert({u, v}).second) return false;
+  }
+  return true;
+}
+
+/// With random edges and all vertices on a grid of `n` cells per side, a power of two, so that many
+/// lie on each other or on a line with those of another one. Edges may connect cones.
+Pillow random_pillow(int n, Rng& rng) {
+  const auto step = [&] { return rational::kPillowSide * rng.between(1, n - 1) / n; };
+  constexpr double s = rational::kPillowSide;
+  const double p = step(), q = step(), r = step();
+  // Cones, vertices within the sides that are cut, and within the squares; copies to the left.
+  const std::vector<int> original = {0, 1, 2, 3, 4, 5, 6, 7, 8, 4, 1, 5, 2, 6};
+  const std::array<int, 7> right = {0, 4, 1, 5, 2, 6, 3}, left = {3, 13, 12, 11, 10, 9, 0};
+  Pillow pillow;
+  Disk& disk = pillow.disk;
+  disk.plane.resize(14, 2);
+  disk.plane << 0, 0, s, 0, s, s, 0, s, p, 0, s, q, r, s, step(), step(), -step(), step(),  //
+      -p, 0, -s, 0, -s, q, -s, s, -r, s;
+  disk.mesh.triangles.resize(14, 3);
+  for (int i = 0; i < 7; ++i) {
+    disk.mesh.triangles.row(i) << 7, right[at(i)], right[at((i + 1) % 7)];
+    disk.mesh.triangles.row(7 + i) << 8, left[at(i)], left[at((i + 1) % 7)];
+  }
+  for (int i = rng.below(100); i > 0; --i) {
+    const ism::Triangles before = disk.mesh.triangles;
+    shapes::flip_random_edge(disk, rng);
+    if (!is_simple(disk, original)) disk.mesh.triangles = before;
+  }
+  disk.mesh.vertices.resize(14, 3);
+  for (int v = 0; v < 14; ++v) {
+    disk.mesh.vertices.row(v) << rng.uniform(), rng.uniform(), rng.uniform();
+    if (v < 9) continue;
+    disk.mesh.vertices.row(v) = disk.mesh.vertices.row(original[at(v)]);
+    pillow.copies.push_back(ism::AddedVertex());
+    pillow.copies.back().corners = {original[at(v)], -1, -1};
+    pillow.copies.back().weights = {1, 0, 0};
+  }
+  return pillow;
+}
+
+SurfaceMap map_of(const Pillow& a, const Pillow& b) {
+  ism::Embedding start;
+  start.status = Status::kDone;
+  start.a = std::make_shared<ism::TriangleMesh>(a.disk.mesh);
+  start.b = std::make_shared<ism::TriangleMesh>(b.disk.mesh);
+  start.f = a.disk.plane, start.g = b.disk.plane;
+  start.added_a = a.copies, start.added_b = b.copies;
+  return SurfaceMap(start);
+}
+
+}  // namespace
+
+TEST_CASE("maps of closed surfaces with vertices on each other are what rational arithmetic says") {
+  Counts sum;
+  for (std::uint64_t seed = 0; seed < 500; ++seed) {
+    CAPTURE(seed);
+    Rng rng(seed);
+    const Pillow a = random_pillow(2 << rng.below(4), rng);
+    const Pillow b = rng.below(6) == 0 ? a : random_pillow(2 << rng.below(4), rng);
+    const SurfaceMap map = map_of(a, b);
+    REQUIRE(map.is_closed());
+    const Report report = check_map(map);
+    CHECK(agree(report.coverage_a, 1));
+    CHECK(agree(report.coverage_b, 1));
+    sum += report.counts;
+  }
+  print("pillows on a grid", sum);
+  CHECK(sum.maps == 500);
+  CHECK(sum.polygons > 10000);
+  CHECK(sum.without_area > 3000);
+  CHECK(sum.parallel > 2000);
 }
 
 TEST_CASE("maps of thousands of triangles are what rational arithmetic says") {
@@ -497,6 +610,43 @@ TEST_CASE("the checker finds every polygon that is left out, doubled or of other
     seeded.expect(rational::check(map), "has a corner that is neither");
   }
   seeded.conclude("polygons", 200);
+}
+
+TEST_CASE("the checker finds what is wrong with closed maps") {
+  Rng rng(6);
+  const MapData sound = rational::data_of(map_of(random_pillow(8, rng), random_pillow(16, rng)));
+  REQUIRE(rational::check(sound).ok());
+  Seeded seeded;
+  const int n = sound.meta.n_polygons();
+  for (int p = 0; p < n; ++p) {
+    MapData map = sound;
+    std::vector<int> polygons = up_to(n);
+    polygons.erase(polygons.begin() + p);
+    map.meta = polygons_of(sound.meta, polygons);
+    seeded.expect(rational::check(map), "meta mesh: ");
+    map.meta = sound.meta;
+    map.meta.face_b[at(p)] =
+        (map.meta.face_b[at(p)] + 1) % static_cast<int>(map.b.triangles.rows());
+    seeded.expect(rational::check(map), "meta mesh: ");
+  }
+  for (int v = 0; v < sound.meta.on_a.rows(); ++v) {  // is two vertices
+    MapData map = sound;
+    map.meta.on_a = map.meta.on_b = ism::Points3::Zero(sound.meta.on_a.rows() + 1, 3);
+    map.meta.plane = Points2::Zero(map.meta.on_a.rows(), 2);
+    *std::find(map.meta.corners.begin(), map.meta.corners.end(), v) =
+        static_cast<int>(map.meta.on_a.rows()) - 1;
+    seeded.expect(rational::check(map), "neighbour");
+  }
+  for (const int v : {9, 13})  // moved along the cut on one side only
+    for (const bool of_a : {true, false}) {
+      MapData map = sound;
+      (of_a ? map.f : map.g)(v, 0) += 0x1p-40;
+      seeded.expect(rational::check(map), "is at two places");
+    }
+  MapData map = sound;
+  map.g(11, 0) -= 0x1p-40;
+  seeded.expect(rational::check(map), "has not the area of the pillow");
+  seeded.conclude("closed maps", 150);
 }
 
 TEST_CASE("the checker finds every vertex that has moved across an edge") {
