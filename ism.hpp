@@ -9917,7 +9917,8 @@ inline bool find_motions(const Points2& x, const Array<Copy>& copies, double sid
 }
 
 /// Sews an embedding of a closed surface that is cut open: copies are the last vertices. False if
-/// it is none: copies are moved by no motion of a pillow, or there are not four cones.
+/// it is none: copies are moved by no motion of a pillow, positions are not on its grid, or there
+/// are not four cones.
 inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copies,
                 HalfEdgeMesh& m) {
   constexpr int kMostExponent = 400;  // exponent of the side
@@ -9936,6 +9937,8 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copie
   for (int i = 0; i < triangles.size(); ++i) triangles.data()[i] = original[cut.data()[i]];
   m = build_half_edges(n, triangles);
   if (!m.boundary.empty()) return false;
+  for (int v = 0; v < all; ++v)
+    if (on_grid(row2(x, v), side) != row2(x, v)) return false;
   m.pillow.side = side;
   m.pillow.cones.assign(4, -1);
   for (int v = 0; v < n; ++v)
@@ -13049,6 +13052,11 @@ inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side,
     const Vec2 q = {reduced(p.x), reduced(p.y)}, r = {reduced(-p.x), reduced(-p.y)};
     return comes_before(q, r) ? q : r;
   };
+  for (int v = 0; v < rows_of(x); ++v)
+    for (int c = 0; c < 2; ++c)
+      if (std::fmod(x(v, c), 0x1p-51 * period / kPillowSide) != 0 ||
+          !(std::abs(x(v, c)) < 4 * period))
+        return refuse(v, "may be moved with rounding");
   Array<int> vertices, number(rows_of(x), 0);
   for (const DirectedEdge& e : boundary) vertices.push_back(e.u);
   std::sort(vertices.begin(), vertices.end(), [&](int u, int v) {
