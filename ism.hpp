@@ -2407,9 +2407,10 @@ class OverlayBuilder {
     const int u = cones[0], v = cones[cones.size() / 2];
     m_.for_each_outgoing(u, [&](int h) {
       m_.for_each_outgoing(v, [&](int g) {
-        Motion motion = m_.pillow.place[h] * inverse(m_.pillow.place[g]);
-        for (int i = 0; i < 2; ++i, motion = half_turn(place_of(m_, x_, h)) * motion)
-          overlay_.seeds.push_back({h / 3, g / 3, motion});
+        const Vec2 cone = place_of(m_, x_, h);
+        const Motion motion = nearest_motion(m_, cone, place_of(m_, x_, g));
+        overlay_.seeds.push_back({h / 3, g / 3, motion});
+        overlay_.seeds.push_back({h / 3, g / 3, half_turn(cone) * motion});
       });
     });
   }
