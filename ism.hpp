@@ -14131,9 +14131,9 @@ class LandmarkPuller {
 //             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
 //             iterations from each; the better half goes on. The map with the least distortion for
 //             its coverage wins. Where it leaves the tip of a limb near to another one, new starts
-//             bring both together, and win if that is better. Surfaces with boundaries then go on
-//             from the map itself; closed ones, which are cut open before they are decimated, from
-//             points spread over it.
+//             bring both together, and win if that is better. The levels go on from the map itself;
+//             where a closed surface is cut open, before it is decimated, from points spread over
+//             it. A start of two closed surfaces has its own cones.
 // Invariants: results do not depend on pauses.
 // Fails:      by finding nothing, where no start can be mapped.
 
@@ -14510,7 +14510,7 @@ class Run {
   bool find_opening() {
     const bool is_found = opening_.a >= 0 || opening_.b >= 0;
     if (is_found || is_closed(whole_.a) == is_closed(whole_.b)) return true;
-    executor_.tell(true, 0, {"looking where to open closed surfaces"}, nullptr);
+    executor_.tell(true, 0, {"looking where to open the closed surface"}, nullptr);
     if (OpeningFinder(whole_, placed_, bound_landmarks()).find(opening_)) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",

@@ -366,6 +366,34 @@ TEST_CASE("a closed map that has a hole is found") {
   }
 }
 
+TEST_CASE("the two sides of a cut have to fit, without rounding") {
+  ism::Options options = runs::on_one_thread();
+  options.max_iterations = 3;
+  const ism::Result result =
+      ism::compute_map(shapes::blob(1, 0.2, 4), shapes::blob(1, 0.15, 9), {}, options);
+  const SurfaceMap map(result);
+  REQUIRE(map.is_closed());
+  const ism::TriangleMesh& mesh = map.mesh(Side::kA, ism::Ids::kEmbedded);
+  const auto verdict = [&](const Points2& x) {
+    ism::Outcome outcome;
+    ism::detail::Array<ism::detail::DirectedEdge> boundary;
+    if (ism::detail::verify_embedding(mesh, x, Side::kA, boundary, outcome))
+      ism::detail::verify_pillow(mesh, x, Side::kA, map.period(), boundary, outcome);
+    return outcome;
+  };
+  const Points2 f = map.planar_positions(Side::kA);
+  CHECK(verdict(f).status == Status::kDone);
+  Points2 x = f;
+  x(x.rows() - 1, 0) += 0x1p-40;  // a copy
+  CHECK(says(verdict(x), "the two sides of the cut do not fit"));
+  x = f;
+  x.col(1).array() += 0x1p-20;  // half-turns about other points
+  CHECK(says(verdict(x), "the two sides of the cut do not fit"));
+  x = f;
+  x(0, 0) += 0x1p-52;
+  CHECK(says(verdict(x), "may be moved with rounding"));
+}
+
 }  // namespace verify_tests
 
 #endif  // ISM_TESTS_PART_VERIFY_HPP
