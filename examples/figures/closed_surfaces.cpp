@@ -6,6 +6,8 @@
 
 #include <Eigen/Geometry>
 
+#include <map>
+
 namespace {
 
 /// A mesh with one boundary, closed by triangles around its middle; a closed one stays.
