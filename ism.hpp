@@ -643,7 +643,7 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// four points, the cones. Four vertices of each lie there, on each other. The result embeds both
 /// surfaces cut along a path through these; the half-turns, and the translations that they make,
 /// take both sides of a cut to each other, and f(A) to where g(B) lies. So there is no boundary,
-/// and the map is a homeomorphism from the first iterate on. Of surfaces with less than 100
+/// and the map is a homeomorphism from the first iterate on. Of surfaces with less than 64
 /// vertices, edges are halved. A surface that is closed alone is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
@@ -9950,6 +9950,12 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copie
   return true;
 }
 
+/// Puts vertices in the place of their copies, which are the last ones.
+inline void replace_copies(const Array<Copy>& copies, Array<int>& vertices) {
+  for (int& v : vertices)
+    if (v >= copies[0].id) v = copies[v - copies[0].id].original;
+}
+
 /// Cuts a surface on a pillow open, so that every vertex has one place.
 inline Surface cut_pillow(Surface s) {
   const Pillow pillow = std::move(s.mesh.pillow);
@@ -13722,7 +13728,7 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
 
 /// Halves the edges of large triangles, see Options::refine.
 inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
-  constexpr int kLeast = 100;  // vertices of closed surfaces: paths pass between four cones
+  constexpr int kLeast = 64;  // vertices of closed surfaces: paths pass between four cones
   for (Surface* s : {&pair.a, &pair.b})
     if (are_closed(pair))
       halve_edges(1e-9 * std::sqrt(s->total_area), 0, kLeast - s->mesh.n_vertices, *s);
@@ -15170,8 +15176,12 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
   data->f = f, data->g = g;
   HalfEdgeMesh sewn_a, sewn_b;
-  if (sew(data->a->triangles, f, copies_a, sewn_a) && sew(data->b->triangles, g, copies_b, sewn_b))
+  if (sew(data->a->triangles, f, copies_a, sewn_a) &&
+      sew(data->b->triangles, g, copies_b, sewn_b)) {
     m = std::move(sewn_a), n = std::move(sewn_b);
+    replace_copies(copies_a, data->origin_a.vertex);
+    replace_copies(copies_b, data->origin_b.vertex);
+  }
   const Points3 vertices_a = data->a->vertices.topRows(m.n_vertices);
   const Points3 vertices_b = data->b->vertices.topRows(n.n_vertices);
   SurfacePair pair = {build_surface(std::move(m), vertices_a, false),
