@@ -8604,7 +8604,7 @@ class OutlineBuilder {
 //             before decide it better than limbs that are pulled while they unfold. By connectivity
 //             nothing has unfolded before all vertices are there, so all of this comes last. With
 //             outlines, which go by connectivity, boundaries are dragged there from the circle, and
-//             that is where the planes meet.
+//             that is where the planes meet. On pillows they have met from the start.
 // Invariants: a step that the caller stops has changed nothing that shows; the next call repeats it
 //             or goes on with it, so results do not depend on pauses.
 // Fails:      with a status and a sentence.
@@ -9603,8 +9603,9 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 
 /// The start, as the options want it, in steps. Free boundaries are embedded by shape; where that
 /// fails or strains the surfaces, once more by connectivity, and the better one counts. Held ones
-/// go along a square; where no landmark tells how they correspond, a free embedding does. Then
-/// exact landmarks are joined. May add vertices to the meshes of the pair.
+/// go along a square; where no landmark tells how they correspond, a free embedding does. Closed
+/// surfaces go by shape onto a pillow; where that fails, onto one with other cones. Then exact
+/// landmarks are joined. May add vertices to the meshes of the pair.
 class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
