@@ -4160,7 +4160,7 @@ struct Follower {
   int row;
   int master[3];
   Vec3 weight;
-  std::array<Motion, 3> motion;  // on a pillow
+  std::array<Motion, 3> motion = {};  // on a pillow
 
   /// Calls visit(v, w) with w the derivative of x_row in x_v.
   template <class Visit>
