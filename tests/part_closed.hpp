@@ -11,6 +11,7 @@
 #include <doctest/doctest.h>
 
 #include <array>
+#include <cstdint>
 #include <set>
 #include <string>
 #include <utility>
@@ -101,7 +102,7 @@ struct OnPillow {
   Points2 x;
 };
 
-OnPillow on_pillow(int level, int seed, int first = 0) {
+OnPillow on_pillow(int level, std::uint64_t seed, int first = 0) {
   const Options options = on_one_thread();
   const Executor executor(options);
   OnPillow result = {build_surface(shapes::blob(level, 0.3, seed), false), {}};
