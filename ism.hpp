@@ -9103,9 +9103,10 @@ class PairEmbedder {
       keep[v] = Decimation::kCone;
     }
     const Array<double> angle = boundary_angles(s.mesh, outline);
-    Array<int> bases(1, Hierarchy::kBase);
-    bases.push_back(Hierarchy::kSmallBase);
-    if (!cones_.empty()) bases[0] = Hierarchy::kPillowBase, bases[1] = s.mesh.n_vertices;
+    Array<int> bases;
+    if (!cones_.empty()) bases.push_back(Hierarchy::kPillowBase);
+    for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) bases.push_back(base);
+    if (!cones_.empty()) bases.push_back(s.mesh.n_vertices);
     for (int base : bases) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
       h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, outer, executor_);
