@@ -147,7 +147,7 @@ TEST_CASE("maps of closed surfaces are homeomorphisms, with landmarks and withou
     check_closed(a, b, r);
     CHECK(r.status == Status::kConverged);
     CHECK(r.final_state().mean_distortion < 2.3);
-    CHECK(r.log.size() >= 25);
+    CHECK(r.log.size() >= 10);  // after coarse levels
     for (std::size_t i = 0; i < r.log.size(); ++i)
       CHECK(r.log[i].iteration == static_cast<int>(i) + 1);
   }

@@ -255,7 +255,7 @@ TEST_CASE("a coarse surface gets the vertices that the map needs") {
     options.refine = is_refined ? 8 : 0;
     const Result r = ism::compute_map(octahedron, ball, {}, options);
     REQUIRE(ism::is_usable(r.status));
-    CHECK((r.final_state().mean_distortion < 2.25) == is_refined);
+    CHECK(r.final_state().mean_distortion < 2.25);  // closed ones have 64 vertices at least
     const ism::SurfaceMap map(r);
     CHECK(ism::verify(map).status == ism::Status::kDone);
     CHECK(map.mesh(Side::kA).vertices == octahedron.vertices);
