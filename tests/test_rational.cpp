@@ -507,6 +507,15 @@ std::vector<int> up_to(int n) {
   return all;
 }
 
+/// A map whose meta mesh lacks a polygon.
+MapData without(const MapData& sound, int polygon) {
+  MapData map = sound;
+  std::vector<int> polygons = up_to(sound.meta.n_polygons());
+  polygons.erase(polygons.begin() + polygon);
+  map.meta = polygons_of(sound.meta, polygons);
+  return map;
+}
+
 /// A map that is as it should be, to be spoilt.
 MapData sound_map(std::uint64_t seed = 8) {
   Rng rng(seed);
@@ -595,12 +604,9 @@ TEST_CASE("the checker finds every polygon that is left out, doubled or of other
   const int n = sound.meta.n_polygons();
   Seeded seeded;
   for (int p = 0; p < n; ++p) {
-    MapData map = sound;
-    std::vector<int> polygons = up_to(n);
-    polygons.erase(polygons.begin() + p);
-    map.meta = polygons_of(sound.meta, polygons);
+    MapData map = without(sound, p);
     seeded.expect(rational::check(map), "left out is the polygon");
-    polygons = up_to(n);
+    std::vector<int> polygons = up_to(n);
     polygons.insert(polygons.begin() + (p * 7) % n, p);
     map.meta = polygons_of(sound.meta, polygons);
     seeded.expect(rational::check(map), "there twice is the polygon");
@@ -619,10 +625,7 @@ TEST_CASE("the checker finds what is wrong with closed maps") {
   Seeded seeded;
   const int n = sound.meta.n_polygons();
   for (int p = 0; p < n; ++p) {
-    MapData map = sound;
-    std::vector<int> polygons = up_to(n);
-    polygons.erase(polygons.begin() + p);
-    map.meta = polygons_of(sound.meta, polygons);
+    MapData map = without(sound, p);
     seeded.expect(rational::check(map), "meta mesh: ");
     map.meta = sound.meta;
     map.meta.face_b[at(p)] =
