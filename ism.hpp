@@ -524,8 +524,8 @@ struct Options {
   /// of few or long ones is good. It ends where both have as many triangles, or 4 / refine² times
   /// as many as the finer one, at most four times. The shape and the ids of given vertices stay,
   /// see Embedding::added_a. 8 suits a coarse mesh and a fine one; 1 makes both finer, which helps
-  /// where both have about a thousand triangles. Closing the map of closed surfaces fails more
-  /// often then. 0: off. Given positions and as_published refine nothing.
+  /// where both have about a thousand triangles. 0: off. Given positions and as_published refine
+  /// nothing.
   double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
