@@ -4780,21 +4780,6 @@ class Optimizer {
 
   // -- hooks for Half II --
 
-  /// Restarts at another x if it is injective and raises E by less than `most`; else returns false.
-  bool begin_at(const Points2& x, double most, Result& result) {
-    Iterate other;
-    other.x = x;
-    if (!is_held_) move_to_anchors(s_.mesh, anchors_, other.x);
-    place_followers(s_.mesh, followers_, other.x);
-    if (!is_injective(s_.mesh, other.x)) return false;
-    evaluate(s_, weights_, other);
-    if (!(other.energy < x_.energy + most)) return false;
-    x_ = std::move(other);
-    describe(s_, followers_, x_, result.log_begin);
-    if (pull_) result.log_begin.energy += pull_(x_, springs_);
-    return true;
-  }
-
   /// Returns the step rules; least_area_a and _b are shares of the area covered at the start.
   const StepRules& rules() const { return rules_; }
   /// Keeps the least covered areas of an earlier start that covered more.
@@ -6147,23 +6132,15 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 // Method:     Tutte's embedding of a whole limb shrinks exponentially, below what doubles resolve;
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
-//             Tutte 1963]. There are two approaches, tried in this order:
-//               by shape: triangles are to keep the shape they have on the surface, the boundary is
-//               free. Both planes meet at some hundred vertices, or come from there with a map
-//               (part [23], candidates), and from there on Algorithm 1 maps every level (but for
-//               exact landmarks). Fails or strains where a long outline gets
-//               in its own way or a fold has no good coarse shape.
-//               by connectivity: all edges alike, the boundary on a circle, until every vertex is
-//               back; then step by step to their own lengths. The uniform triangles leave room
-//               everywhere.
-// Parts:      openings · decimation · planar Newton · one surface across all resolutions · both
+//             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
+//             (part [23], candidates), and from there on Algorithm 1 maps every level. For exact
+//             landmarks it waits until these are joined. Boundaries that are held lie along a
+//             square at all resolutions, and the planes meet once all vertices are back.
+// Parts:      outlines · decimation · planar Newton · one surface across all resolutions · both
 //             boundaries on one square · both surfaces · exact landmarks · which of them a call
 //             needs
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
-// Fails:      if rounding leaves no room for a vertex even then; the status names it.
-
-/// What the levels of an embedding are relaxed to: the surface, or triangles that are all alike.
-enum class Approach { kShape, kConnectivity };
+// Fails:      if rounding leaves no room for a vertex; the status names it.
 
 inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
                           int j) {
@@ -6802,14 +6779,6 @@ inline double misfit(const Points2& from, const Points2& to) {
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
 }
 
-// ---- openings ----
-//
-// Purpose:    closes the openings of a surface, so that what is embedded is a disk.
-// Method:     rings of triangles, each with half as many vertices as the one around it, shrink
-//             towards the middle. They have no part in the map: once all is embedded, they go.
-// Invariants: vertices and triangles of the surface keep their ids.
-// Fails:      never.
-
 /// The loop around a surface: the one through a vertex, or, if that is -1, the longest.
 inline int outer_loop(const Surface& s, int vertex) {
   const HalfEdgeMesh& m = s.mesh;
@@ -6826,120 +6795,52 @@ inline int outer_loop(const Surface& s, int vertex) {
   return outer;
 }
 
-/// The vertices around an opening, its inside on the left.
-inline Array<int> around_opening(const HalfEdgeMesh& m, int loop) {
-  Array<int> ring;
-  for (int i = m.loop[loop + 1] - 1; i >= m.loop[loop]; --i) ring.push_back(m.tip(m.boundary[i]));
-  return ring;
-}
+// ---- outlines ----
 
-class OpeningCloser {
- public:
-  explicit OpeningCloser(const Surface& s) : s_(s), corners_(s.mesh.tail) {
-    for (int v = 0; v < s.mesh.n_vertices; ++v) {
-      point_.push_back(row3(s.vertices, v));
-      given_.push_back(s.given_id(v));
+/// The boundary of a mesh along a square or a circle around the origin, counter-clockwise: u from k
+/// to k + 1 is side k of the square, or quarter k of the circle.
+struct Outline {
+  double half_side = 0;
+  bool is_round = false;
+  int corner[4];    // of a square: the vertices at u = 0, 1, 2 and 3
+  Array<double> u;  // per vertex, -1 off the boundary
+
+  /// The place of a boundary vertex.
+  Vec2 point(int v) const {
+    if (is_round) return half_side * on_circle(0.5 * kPi * u[v]);
+    const int side = static_cast<int>(u[v]);
+    const double along = half_side * (2 * (u[v] - side) - 1);
+    switch (side % 4) {
+      case 0:
+        return {along, -half_side};
+      case 1:
+        return {half_side, along};
+      case 2:
+        return {-along, half_side};
+      default:
+        return {-half_side, -along};
     }
   }
 
-  void close(int loop) {
-    constexpr double kLift = 0.1, kThinnest = 1e-6;
-    const Array<int> around = around_opening(s_.mesh, loop);
-    const Vec3 normal = normal_of(around), center = center_of(around);
-    const int n_vertices = point_.size(), n_corners = corners_.size();
-    for (double lift = kLift; lift < 1e3 * kLift; lift *= 2) {  // until no triangle is flat
-      point_.resize(n_vertices);
-      corners_.resize(n_corners);
-      Array<int> ring = around;
-      while (ring.size() > 5) ring = add_ring(ring, center + lift * normal);
-      point_.push_back(center + 2 * lift * normal);
-      for (int i = 0; i < ring.size(); ++i)
-        add_triangle(ring[i], ring[(i + 1) % ring.size()], point_.size() - 1);
-      if (thinnest_from(n_corners) > kThinnest) break;
-    }
-    while (given_.size() < point_.size()) given_.push_back(given_[around[0]]);
+  /// True for two boundary vertices on one side; corners are on two. An inner edge between them
+  /// would lie in the side.
+  bool share_side(int v, int w) const {
+    if (is_round || !(u[v] >= 0 && u[w] >= 0)) return false;
+    const int i = static_cast<int>(u[v]), j = static_cast<int>(u[w]);
+    return i == j || (u[v] == i && (i + 3) % 4 == j) || (u[w] == j && (j + 3) % 4 == i);
   }
-
-  Surface build() const {
-    Points3 vertices(point_.size(), 3);
-    for (int v = 0; v < point_.size(); ++v) set_row(vertices, v, point_[v]);
-    Surface closed =
-        build_surface(build_half_edges(point_.size(), triangles_from(corners_)), vertices, true);
-    closed.given = given_;
-    return closed;
-  }
-
- private:
-  void add_triangle(int u, int v, int w) {
-    for (int corner : {u, v, w}) corners_.push_back(corner);
-  }
-
-  /// Adds the vertices of the next ring, half way to the middle, and the triangles between.
-  Array<int> add_ring(const Array<int>& ring, const Vec3& middle) {
-    const int n = ring.size(), m = (n + 1) / 2, first = point_.size();
-    for (int j = 0; j < m; ++j) {
-      const int a = ring[2 * j], b = ring[(std::min)(2 * j + 1, n - 1)];
-      point_.push_back(0.5 * (0.5 * (point_[a] + point_[b]) + middle));
-    }
-    Array<int> inner;
-    for (int j = 0; j < m; ++j) {
-      const int a = ring[2 * j], b = ring[(std::min)(2 * j + 1, n - 1)];
-      const int c = ring[j + 1 < m ? 2 * j + 2 : 0];
-      const int v = first + j, w = first + (j + 1) % m;
-      if (a != b) add_triangle(a, b, v);
-      add_triangle(b, c, w);
-      add_triangle(b, w, v);
-      inner.push_back(v);
-    }
-    return inner;
-  }
-
-  Vec3 center_of(const Array<int>& ring) const {
-    Vec3 sum;
-    for (int v : ring) sum += point_[v];
-    return 1.0 / ring.size() * sum;
-  }
-
-  /// A direction across an opening, as long as the radius of a circle of its length.
-  Vec3 normal_of(const Array<int>& ring) const {
-    Vec3 normal, longest;
-    double length = 0;
-    for (int i = 0; i < ring.size(); ++i) {
-      const Vec3 p = point_[ring[i]] - point_[ring[0]];
-      const Vec3 q = point_[ring[(i + 1) % ring.size()]] - point_[ring[0]];
-      normal += cross(p, q);
-      if (squared_norm(p) > squared_norm(longest)) longest = p;
-      length += norm(q - p);
-    }
-    if (!(norm(normal) > 1e-9 * length * length))  // a slit: any direction across it will do
-      normal = cross(longest, unit3(std::abs(longest.x) < std::abs(longest.y) ? 0 : 1));
-    return length / (2 * kPi) * normalized(normal);
-  }
-
-  /// The least ratio of height and longest edge of the triangles from a corner on.
-  double thinnest_from(int corner) const {
-    double least = kInfinity;
-    for (int i = corner; i < corners_.size(); i += 3) {
-      const Vec3 p = point_[corners_[i + 1]] - point_[corners_[i]];
-      const Vec3 q = point_[corners_[i + 2]] - point_[corners_[i]];
-      const double longest2 = (std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)});
-      least = (std::min)(least, norm(cross(p, q)) / longest2);
-    }
-    return least;
-  }
-
-  const Surface& s_;
-  Array<Vec3> point_;
-  Array<int> given_;    // per point, Surface::given
-  Array<int> corners_;  // of all triangles
 };
 
-/// A surface as a disk: all openings but the outer loop are closed.
-inline Surface closed_openings(const Surface& s, int outer) {
-  OpeningCloser closer(s);
-  for (int i = 0; i < s.mesh.loops(); ++i)
-    if (i != outer) closer.close(i);
-  return closer.build();
+/// The vertices of a loop evenly along a circle as large as the surface.
+inline Outline circle_for(const Surface& s, int loop) {
+  Outline circle;
+  circle.is_round = true;
+  circle.half_side = std::sqrt(s.total_area / kPi);
+  circle.u.assign(s.mesh.n_vertices, -1);
+  const int begin = s.mesh.loop[loop], edges = s.mesh.loop[loop + 1] - begin;
+  for (int i = 0; i < edges; ++i)
+    circle.u[s.mesh.tail[s.mesh.boundary[begin + i]]] = 4.0 * i / edges;
+  return circle;
 }
 
 // ---- decimation ----
@@ -7178,19 +7079,21 @@ struct Quadric {
   }
 };
 
-/// Chooses the collapses, cheapest first. By shape the cost is the error quadric plus a little of
-/// the edge length, and protected vertices go as late as the shape of triangles allows. By
-/// connectivity it is the number of vertices that are then merged into one, times its valence, so
-/// that every level is as even as the full mesh.
+/// Chooses the collapses, cheapest first: the cost is the error quadric plus a little of the edge
+/// length, and protected vertices go as late as the shape of triangles allows. With a square, no
+/// inner edge comes to lie in a side. On a circle, where all triangles are alike, the cost is the
+/// number of vertices that are then merged into one, times its valence, so that every level is as
+/// even as the full mesh.
 class Decimation {
  public:
-  static constexpr char kCone = 2;  // among `is_protected`: never collapsed
+  static constexpr char kCorner = 2, kCone = 3;  // among `is_protected`: never collapsed
 
-  Decimation(const Surface& s, const Array<char>& is_protected, Approach approach,
+  /// `outline`: null if the boundary is free.
+  Decimation(const Surface& s, const Array<char>& is_protected, const Outline* outline,
              const Executor& executor, DynamicMesh& mesh)
       : s_(s),
         protected_(is_protected),
-        approach_(approach),
+        outline_(outline),
         executor_(executor),
         mesh_(mesh),
         version_(s.mesh.n_vertices, 0),
@@ -7255,12 +7158,11 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
-    if (is_hub(u) || protected_[u] == kCone) return;
+    if (is_hub(u) || protected_[u] >= kCorner) return;
     const Array<int> ring = mesh_.neighbours(u);
-    const bool by_shape = approach_ != Approach::kConnectivity;
     for (int v : ring) {
-      const double cost = by_shape ? shape_cost(u, v) : connectivity_cost(u, v);
-      if (cost < best.cost && may_collapse(u, v, ring) && (!by_shape || shape_allows(u, v))) {
+      const double cost = cost_of(u, v);
+      if (cost < best.cost && may_collapse(u, v, ring) && shape_allows(u, v)) {
         best.cost = cost;
         best.v = v;
       }
@@ -7277,19 +7179,33 @@ class Decimation {
 
   /// No edge joins two cones, or no path would pass between them.
   bool may_collapse(int u, int v, const Array<int>& ring) const {
-    for (int w : ring)
-      if (protected_[v] == kCone && w != v && protected_[w] == kCone) return false;
+    for (int w : ring) {
+      if (w == v) continue;
+      if (protected_[v] == kCone && protected_[w] == kCone) return false;
+      if (outline_ != nullptr && outline_->share_side(v, w) && !continues_side(u, v, w))
+        return false;
+    }
     return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
-  double connectivity_cost(int u, int v) const {
-    constexpr int kRegular = 6;
-    const int dead = mesh_.on_boundary(u) ? 1 : 2;
-    const int valence = mesh_.faces_of[u].size() + mesh_.faces_of[v].size() - 2 * dead;
-    return static_cast<double>(merged_[u] + merged_[v]) * (std::max)(valence, kRegular);
+  /// True if w follows on u along the boundary, on the other side of v.
+  bool continues_side(int u, int v, int w) const {
+    return (mesh_.boundary_next[u] == v && mesh_.boundary_prev[u] == w) ||
+           (mesh_.boundary_next[u] == w && mesh_.boundary_prev[u] == v) || are_linked(v, w);
+  }
+  bool are_linked(int v, int w) const {
+    return mesh_.boundary_next[v] == w || mesh_.boundary_prev[v] == w;
   }
 
-  double shape_cost(int u, int v) const {
+  bool are_alike() const { return outline_ != nullptr && outline_->is_round; }
+
+  double cost_of(int u, int v) const {
+    constexpr int kRegular = 6;
+    if (are_alike()) {
+      const int valence =
+          mesh_.faces_of[u].size() + mesh_.faces_of[v].size() - (mesh_.on_boundary(u) ? 2 : 4);
+      return static_cast<double>(merged_[u] + merged_[v]) * (std::max)(valence, kRegular);
+    }
     constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
     constexpr double kProtected = 1e6;  // times the squared area of the surface
     const double length2 = squared_norm(point(u) - point(v));
@@ -7298,6 +7214,7 @@ class Decimation {
   }
 
   bool shape_allows(int u, int v) const {
+    if (are_alike()) return true;
     constexpr double kTurn = 0.2;      // least cosine between old and new normal
     constexpr double kQuality = 0.15;  // least 4√3 area / Σ length² unless it was worse before
     constexpr double kThinnest = 1e-10;  // and always
@@ -7329,7 +7246,7 @@ class Decimation {
 
   const Surface& s_;
   const Array<char>& protected_;
-  const Approach approach_;
+  const Outline* const outline_;
   const Executor& executor_;
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
@@ -7354,7 +7271,6 @@ struct FlatProblem {
   Boundary boundary = Boundary::kFree;
   Array<Spring> springs = {};
   Array<Follower> followers = {};
-  Array<int> held = {};  // vertices that stay
 };
 
 class FlatNewton {
@@ -7369,7 +7285,6 @@ class FlatNewton {
         energy_(value(x_)) {
     fix_boundaries(m_, x_, problem_.boundary, is_fixed_);
     for (int v : m_.pillow.cones) is_fixed_.fix(v);
-    for (int v : problem_.held) is_fixed_.fix(v);
   }
 
   const Points2& positions() const { return x_; }
@@ -7728,20 +7643,18 @@ class Hierarchy {
   static constexpr int kBase = 50, kSmallBase = 10;
   static constexpr int kPillowBase = 200;  // leaves room for the paths between cones
 
-  /// `base`: how many vertices the coarsest mesh has. `angle`: where those of the boundary go on
-  /// the circle, by connectivity.
-  /// `outer`: a vertex of the loop that becomes the outline, or -1.
+  /// `base`: how many vertices the coarsest mesh has. `outline`: where those of the boundary lie,
+  /// or null. `outer`: a vertex of the loop around the surface, or -1.
   Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
-            Approach approach, const Array<double>& angle, int outer, const Executor& executor)
+            const Outline* outline, int outer, const Executor& executor)
       : s_(s),
         side_(side),
         outer_(outer),
-        approach_(approach),
+        border_(outline),
         executor_(executor),
-        angle_(angle),
         mesh_(s.mesh),
         x_(Points2::Zero(s.mesh.n_vertices, 2)) {
-    collapses_ = Decimation(s, is_protected, approach, executor, mesh_).run(base);
+    collapses_ = Decimation(s, is_protected, outline, executor, mesh_).run(base);
     goal_ = active();
   }
 
@@ -7752,39 +7665,51 @@ class Hierarchy {
   bool has(int v) const { return mesh_.is_present(v); }
   bool is_full() const { return collapses_.empty(); }
 
-  /// Embeds the coarsest mesh by Tutte's theorem: outline on a circle, every other vertex the mean
-  /// of its neighbours, while openings are closed.
+  /// Embeds the coarsest mesh by Tutte's theorem: the boundary on the square or on a circle, every
+  /// other vertex the mean of its neighbours; in an opening, one more vertex is joined to all
+  /// around it.
   bool embed_base() {
     const Level level = current();
-    const Surface disk = closed_openings(level.surface, outer_loop_of(level));
-    const HalfEdgeMesh& m = disk.mesh;
-    Points2 x = Points2::Zero(m.n_vertices, 2);
-    Array<Vec2> right(m.n_vertices);
-    Array<Block> blocks;
+    const HalfEdgeMesh& m = level.surface.mesh;
+    const int outer = outer_loop_of(level), n = m.n_vertices;
     const double radius = std::sqrt(s_.total_area / kPi);
-    for (int i = 0; i < m.boundary.size(); ++i) {
-      const int u = m.tail[m.boundary[i]];
-      const double angle = approach_ == Approach::kConnectivity ? angle_[level.vertex[u]]
-                                                                : 2 * kPi * i / m.boundary.size();
-      right[u] = radius * on_circle(angle);
-      set_row(x, u, right[u]);
+    Points2 x = Points2::Zero(n + m.loops(), 2);
+    Array<char> is_fixed(n + m.loops(), 0);
+    Array<Vec2> right(n + m.loops());
+    Array<Block> blocks;
+    const auto fix = [&](int u, Vec2 p) {
+      is_fixed[u] = 1;
+      right[u] = p;
+      set_row(x, u, p);
       blocks.push_back({u, u, diagonal(1)});
+    };
+    const auto join = [&](int u, int v) {
+      for (int w : {u, v})
+        if (!is_fixed[w]) blocks.push_back({w, w, diagonal(1)});
+      if (!is_fixed[u] && !is_fixed[v])
+        blocks.push_back({(std::min)(u, v), (std::max)(u, v), diagonal(-1)});
+      else if (!is_fixed[u] || !is_fixed[v])
+        right[is_fixed[u] ? v : u] += row2(x, is_fixed[u] ? u : v);
+    };
+    const int begin = m.loop[outer], edges = m.loop[outer + 1] - begin;
+    for (int i = 0; i < edges; ++i) {
+      const int u = m.tail[m.boundary[begin + i]];
+      fix(u, border_ != nullptr ? border_->point(level.vertex[u])
+                                : radius * on_circle(2 * kPi * i / edges));
     }
-    for (int h = 0; h < m.tail.size(); ++h) {
-      const int u = m.tail[h], v = m.tip(h);
-      if (m.on_boundary(u)) continue;
-      blocks.push_back({u, u, diagonal(1)});
-      if (m.on_boundary(v))
-        right[u] += row2(x, v);
-      else if (u < v)
-        blocks.push_back({u, v, diagonal(-1)});
-    }
-    const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor_);
+    fix(n + outer, {});
+    for (int h = 0; h < m.tail.size(); ++h)
+      if (m.twin[h] < h) join(m.tail[h], m.tip(h));
+    for (int i = 0; i < m.loops(); ++i)
+      for (int k = m.loop[i]; k < m.loop[i + 1] && i != outer; ++k)
+        join(m.tail[m.boundary[k]], n + i);
+    const BlockMatrix H = sum_of_blocks(n + m.loops(), blocks, executor_);
     LdltFactor factor;
     ldlt_factorize({&H, nullptr, 0}, x, executor_, factor);
     if (!factor.ok) return false;
     const Array<Vec2> solution = ldlt_solve(factor, right);
-    for (int v = 0; v < m.n_vertices; ++v) set_row(x, v, solution[v]);
+    for (int v = 0; v < n; ++v) set_row(x, v, solution[v]);
+    x.conservativeResize(n, 2);
     if (!is_injective(m, x)) return false;
     set(level, x);
     return true;
@@ -7820,6 +7745,7 @@ class Hierarchy {
         for (int v : mesh_.face[f]) corners.push_back(level.place[v]);
     level.surface = build_surface(build_half_edges(level.vertex.size(), triangles_from(corners)),
                                   vertices, true);
+    if (are_alike()) level.surface = softened(level.surface, 0, s_.total_area);
     if (place_.empty()) return level;
     Pillow& pillow = level.surface.mesh.pillow;
     for (int f = 0; f < mesh_.face.size(); ++f)
@@ -7864,6 +7790,8 @@ class Hierarchy {
   void set(const Level& level, const Points2& x) {
     for (int i = 0; i < level.vertex.size(); ++i) set_row(x_, level.vertex[i], row2(x, i));
     is_outline_known_ = false;
+    is_stuck_ = false;
+    active_at_set_ = active();
   }
   const Points2& positions() const { return x_; }
   /// Moves the plane, unless rounding would cost the injectivity of so thin an embedding.
@@ -7874,32 +7802,44 @@ class Hierarchy {
     is_outline_known_ = false;
   }
 
+  /// Lets the boundary go, and triangles have the shapes of the surface.
+  void let_go() { border_ = nullptr; }
+
   /// How many vertices are to be present next.
   void set_goal(int vertices) { goal_ = vertices; }
-  bool has_grown() const { return is_full() || active() >= goal_; }
+  /// True if they are, or one has no room until all have moved; set() lets it try again.
+  bool has_grown() const { return is_full() || active() >= goal_ || is_stuck_; }
 
-  /// Brings vertices back until as many are present, or the caller stops; the id of one without
-  /// room, or -1.
+  /// Brings vertices back until has_grown(), or the caller stops. Returns the id of a vertex
+  /// without room although all have moved since one returned, or -1.
   int grow() {
     while (!has_grown() && !executor_.is_stopped()) {
-      const int stuck = grow_by_one();
-      if (stuck >= 0) return stuck;
+      if (grow_by_one()) continue;
+      if (active() == active_at_set_) return collapses_.back().u;
+      is_stuck_ = true;
     }
     return -1;
   }
 
-  /// Brings one vertex back; its id if there is no room for it, or -1.
-  int grow_by_one() {
+  /// Brings one vertex back; false if there is no room for it.
+  bool grow_by_one() {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
     if (!is_outline_known_) outline_.build(mesh_, x_);
     is_outline_known_ = true;
     local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
+    Array<Motion> places;
+    for (int i = 0; i < 3 * c.changed.size() && !place_.empty(); ++i)
+      places.push_back(place_[3 * c.changed[i / 3] + i % 3]);
     mesh_.undo(c);
     place_corners(c);
     const bool has_room = place(c);
     if (mesh_.on_boundary(c.u)) update_outline(c.u);
-    return has_room ? -1 : c.u;
+    if (has_room) return true;
+    for (int i = 0; i < places.size(); ++i) place_[3 * c.changed[i / 3] + i % 3] = places[i];
+    collapses_.push_back(mesh_.collapse(c.u, c.v));
+    is_outline_known_ = false;
+    return false;
   }
 
  private:
@@ -7963,8 +7903,10 @@ class Hierarchy {
   Motion& place_at(int f, int v) { return place_[3 * f + corner_at(f, v)]; }
   bool is_cone(int v) const { return std::find(cones_.begin(), cones_.end(), v) != cones_.end(); }
 
+  /// All triangles are alike on a circle, which leaves room everywhere.
+  bool are_alike() const { return border_ != nullptr && border_->is_round; }
   Mat2 rest(int a, int b, int c) const {
-    if (approach_ == Approach::kConnectivity) return rest_frame(1.0, 1.0, 1.0);
+    if (are_alike()) return rest_frame(1.0, 1.0, 1.0);
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
@@ -7993,9 +7935,9 @@ class Hierarchy {
   /// goes inside of the edge it splits, or, if it has but one triangle, close to the middle of that
   /// edge.
   bool place(const Collapse& c) {
-    if (approach_ == Approach::kConnectivity && mesh_.on_boundary(c.u)) return place_on_circle(c);
+    if (border_ != nullptr && border_->u[c.u] >= 0) return place_on_border(c);
     const Vec2 corner = row2(x_, c.v);
-    if (approach_ == Approach::kShape && !c.changed.empty()) {
+    if (!c.changed.empty()) {
       put(c.u, place_by_map(c));
       if (fits(c.u)) return relax(c.u), true;
     }
@@ -8022,12 +7964,6 @@ class Hierarchy {
     return 1.0 / c.changed.size() * sum;
   }
 
-  /// The angle from u on to v, on the full boundary.
-  double angle_between(int u, int v) const {
-    const double angle = angle_[v] - angle_[u];
-    return angle > 0 ? angle : angle + 2 * kPi;
-  }
-
   /// Puts u where place(t) is, for the first of t = 1, 1/2, 1/4, ... for which that fits.
   template <class Place>
   bool place_halving(int u, const Place& place) {
@@ -8039,18 +7975,15 @@ class Hierarchy {
     return false;
   }
 
-  /// Puts u on the arc that its boundary edge cut off, at its angle, or as close to v as its
-  /// triangles demand.
-  bool place_on_circle(const Collapse& c) {
-    const int before = mesh_.boundary_prev[c.u], after = mesh_.boundary_next[c.u];
-    const double to_u = angle_between(before, c.u), from_u = angle_between(c.u, after);
-    const Vec2 p = row2(x_, before), q = row2(x_, after);
-    double arc = angle_of({dot(p, q), cross(p, q)});
-    if (arc < 0) arc += 2 * kPi;
-    const double ideal = arc * to_u / (to_u + from_u);
-    return place_halving(c.u, [&](double t) {
-      return rotation_to(on_circle(c.v == before ? t * ideal : arc - t * (arc - ideal))) * p;
-    });
+  /// Puts u at its place on the outline, or as close to it as its triangles and neighbours allow.
+  bool place_on_border(const Collapse& c) {
+    const Vec2 from = row2(x_, c.v);
+    const Vec2 middle =
+        0.5 * (row2(x_, mesh_.boundary_prev[c.u]) + row2(x_, mesh_.boundary_next[c.u]));
+    for (const Vec2 to : {border_->point(c.u), middle})
+      if (place_halving(c.u, [&](double t) { return t < 1 ? from + t * (to - from) : to; }))
+        return true;
+    return false;
   }
 
   bool place_on_ray(int u, Vec2 from, Vec2 to) {
@@ -8175,9 +8108,8 @@ class Hierarchy {
   const Surface& s_;
   const Side side_;
   const int outer_;
-  const Approach approach_;
+  const Outline* border_;  // where the boundary is held, or null
   const Executor& executor_;
-  const Array<double> angle_;  // per vertex of the full mesh
   DynamicMesh mesh_;
   Points2 x_;
   PlanarOutline outline_;  // of x_
@@ -8186,7 +8118,8 @@ class Hierarchy {
   Array<Motion> place_;  // of corners, see Pillow
   Array<int> cones_;
   double side_of_pillow_ = kPillowSide;
-  int goal_ = 0;
+  int goal_ = 0, active_at_set_ = 0;
+  bool is_stuck_ = false;
   Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
@@ -8196,50 +8129,6 @@ class Hierarchy {
 // Invariants: corresponding places get the same place on the square; four pairs of vertices are its
 //             corners; no inner edge lies in a side.
 // Fails:      never; vertices are added in the middle of edges where a mesh has none for a corner.
-
-/// The boundary of a mesh along the outline of a square around the origin: u from k to k + 1 is
-/// side k, all counter-clockwise.
-struct Outline {
-  double half_side = 0;
-  int corner[4];    // the vertices at u = 0, 1, 2 and 3
-  Array<double> u;  // per vertex, -1 off the boundary
-
-  /// A part of the way from places at even distances between the corners (0) to u (1).
-  Array<double> places(const HalfEdgeMesh& m, double part) const {
-    if (part == 1) return u;
-    Array<double> result(u.size(), -1);
-    const int n = m.boundary.size();
-    const auto vertex = [&](int i) { return m.tail[m.boundary[i % n]]; };
-    int i = 0;
-    while (vertex(i) != corner[0]) ++i;
-    for (int k = 0; k < 4; ++k) {
-      int edges = 1;
-      while (vertex(i + edges) != corner[(k + 1) % 4]) ++edges;
-      for (int j = 0; j < edges; ++j) {
-        const int v = vertex(i + j);
-        const double even = k + j / static_cast<double>(edges);
-        result[v] = even + part * (u[v] - even);
-      }
-      i += edges;
-    }
-    return result;
-  }
-
-  Vec2 point(double u_at) const {
-    const int side = static_cast<int>(u_at);
-    const double along = half_side * (2 * (u_at - side) - 1);
-    switch (side % 4) {
-      case 0:
-        return {along, -half_side};
-      case 1:
-        return {half_side, along};
-      case 2:
-        return {-along, half_side};
-      default:
-        return {-half_side, -along};
-    }
-  }
-};
 
 /// The outlines of A and B.
 struct OutlinePair {
@@ -8437,8 +8326,8 @@ class OutlineBuilder {
       outlines.b.corner[k] = corner.b;
     }
     place(outlines.a, outlines.b);
-    split_chords(outlines.a.u, pair_.a);
-    split_chords(outlines.b.u, pair_.b);
+    split_chords(outlines.a, pair_.a);
+    split_chords(outlines.b, pair_.b);
     return outlines;
   }
 
@@ -8569,22 +8458,16 @@ class OutlineBuilder {
     return false;
   }
 
-  /// True if two places are on one side; corners are on two.
-  static bool share_side(double u, double v) {
-    const int i = static_cast<int>(u), j = static_cast<int>(v);
-    return i == j || (u == i && (i + 3) % 4 == j) || (v == j && (j + 3) % 4 == i);
-  }
-
   /// Halves all inner edges between boundary vertices of one side, which would lie in the outline.
-  static void split_chords(Array<double>& u, Surface& s) {
+  static void split_chords(Outline& outline, Surface& s) {
     std::vector<AddedVertex> chords;
     for (int h = 0; h < s.mesh.tail.size(); ++h) {
       if (s.mesh.twin[h] < h) continue;
       const int v = s.mesh.tail[h], w = s.mesh.tip(h);
-      if (u[v] >= 0 && u[w] >= 0 && share_side(u[v], u[w])) chords.push_back({v, w});
+      if (outline.share_side(v, w)) chords.push_back({v, w});
     }
     add_vertices(chords, s);
-    while (u.size() < s.mesh.n_vertices) u.push_back(-1);
+    outline.u.resize(s.mesh.n_vertices, -1);
   }
 
   SurfacePair& pair_;
@@ -8596,15 +8479,13 @@ class OutlineBuilder {
 
 // ---- both surfaces ----
 //
-// Purpose:    embeds a pair by one of the approaches and brings the planes together, in steps that
-//             take some tenths of a second at most for 10,000 vertices.
-// Method:     by shape: each surface alone up to a coarse level, where the planes meet; then both,
-//             tied by the landmarks, up to the full meshes. Where the planes meet decides the
-//             isotopy class of the map around the landmarks, and limbs that have unfolded freely
-//             before decide it better than limbs that are pulled while they unfold. By connectivity
-//             nothing has unfolded before all vertices are there, so all of this comes last. With
-//             outlines, which go by connectivity, boundaries are dragged there from the circle, and
-//             that is where the planes meet. On pillows they have met from the start.
+// Purpose:    embeds a pair and brings the planes together, in steps that take some tenths of a
+//             second at most for 10,000 vertices.
+// Method:     each surface alone up to a coarse level, where the planes meet; then both, tied by
+//             the landmarks, up to the full meshes. Where the planes meet decides the isotopy class
+//             of the map around the landmarks, and limbs that have unfolded freely before decide it
+//             better than limbs that are pulled while they unfold. With outlines, each is embedded
+//             alone up to the full mesh. On pillows they have met from the start.
 // Invariants: a step that the caller stops has changed nothing that shows; the next call repeats it
 //             or goes on with it, so results do not depend on pauses.
 // Fails:      with a status and a sentence.
@@ -8794,21 +8675,19 @@ class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free. `mapped`: the coarsest level, or null.
   PairEmbedder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-               const RunOptions& options, const Executor& executor, Approach approach,
-               const OutlinePair* outlines, const Cones& cones = {}, MappedLevel* mapped = nullptr)
+               const RunOptions& options, const Executor& executor, const OutlinePair* outlines,
+               const Cones& cones = {}, MappedLevel* mapped = nullptr)
       : pair_(pair),
         landmarks_(landmarks),
         options_(options),
         level_options_(options),
         executor_(executor),
-        approach_(approach),
-        is_held_(outlines != nullptr),
-        outline_a_(is_held_ ? &outlines->a : nullptr),
-        outline_b_(is_held_ ? &outlines->b : nullptr),
+        outlines_(outlines),
+        is_held_(outlines != nullptr && !outlines->a.is_round),
         cones_(cones),
-        depth_(!has_levels(approach, options) ? 0
-               : mapped == nullptr            ? depth_of(pair, options.coarsest)
-                                              : depth_above(pair, options.coarsest, *mapped)),
+        depth_(outlines != nullptr || !has_levels(options) ? 0
+               : mapped == nullptr                         ? depth_of(pair, options.coarsest)
+                                   : depth_above(pair, options.coarsest, *mapped)),
         level_(depth_),
         first_level_(depth_) {
     level_options_.initial_f.resize(0, 2);
@@ -8826,9 +8705,9 @@ class PairEmbedder {
   }
 
   /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
-  static bool has_levels(Approach approach, const RunOptions& options) {
-    return approach == Approach::kShape && options.boundary == Boundary::kFree &&
-           !options.exact_landmarks && options.max_iterations > 0;
+  static bool has_levels(const RunOptions& options) {
+    return options.boundary == Boundary::kFree && !options.exact_landmarks &&
+           options.max_iterations > 0;
   }
 
   /// The last iteration on each level that was mapped, the coarsest first.
@@ -8842,7 +8721,7 @@ class PairEmbedder {
     if (optimizer_) take_positions(a, b);
     for (Hierarchy* h : {&a, &b})
       while (!h->is_full())
-        if (h->grow_by_one() >= 0) return false;
+        if (!h->grow_by_one()) return false;
     result.f = a.positions();
     result.g = b.positions();
     if (!a.pillow().is_empty()) set_pillows(a, b, pair);
@@ -8858,22 +8737,26 @@ class PairEmbedder {
   }
 
  private:
-  static constexpr int kTrial = 800;           // vertices at which rotations are tried
-  static constexpr int kCoarse = 3200;         // and at which landmarks begin to pull
-  static constexpr int kUnfoldingSteps = 500;  // per stage: winding outlines take many
-  static constexpr double kUnfoldingTolerance = 1e-4;
+  const Outline* outline(Side side) const {
+    return outlines_ == nullptr ? nullptr : side == Side::kA ? &outlines_->a : &outlines_->b;
+  }
+
+  static constexpr int kTrial = 800;      // vertices at which rotations are tried
+  static constexpr int kCoarse = 3200;    // and at which landmarks begin to pull
+  static constexpr int kMostDrags = 200;  // of a boundary, per level
+  static constexpr int kStages = 4;       // of unfolding, after the first one
 
   /// A step returns true if it is to be called again.
   using Step = std::function<bool()>;
   void add(Step step) { steps_.push_back(std::move(step)); }
 
   void plan() {
-    add([this] { return decimate(pair_.a, Side::kA, outline_a_, a_); });
-    add([this] { return decimate(pair_.b, Side::kB, outline_b_, b_); });
-    if (approach_ == Approach::kShape)
-      plan_to_meet_early();
-    else
+    add([this] { return decimate(pair_.a, Side::kA, a_); });
+    add([this] { return decimate(pair_.b, Side::kB, b_); });
+    if (outlines_ != nullptr)
       plan_to_meet_last();
+    else
+      plan_to_meet_early();
     add([this] { return finish(); });
   }
 
@@ -8895,12 +8778,12 @@ class PairEmbedder {
 
   void plan_to_meet_early() {
     if (depth_ == 0) {
-      add_embed_alone(kTrial);
+      add_embed_alone(kTrial, Boundary::kFree);
       if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
-      add_embed_alone(kCoarse);
+      add_embed_alone(kCoarse, Boundary::kFree);
     } else {
-      add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_)); });
-      add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_)); });
+      add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_), Boundary::kFree); });
+      add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_), Boundary::kFree); });
       if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
     }
     add_bring_together();
@@ -8940,8 +8823,7 @@ class PairEmbedder {
   /// Maps the level, then brings back what the next finer one has.
   bool map_levels() {
     if (optimizer_) return optimize_level();
-    if (!a_->has_grown()) return grow(*a_);
-    if (!b_->has_grown()) return grow(*b_);
+    if (!a_->has_grown() || !b_->has_grown()) return grow_both();
     if (!is_relaxed_) {
       is_relaxed_ = !(levels_.empty() ? relax_both(kStiffest) : smooth_both());
       return true;
@@ -9060,16 +8942,19 @@ class PairEmbedder {
   }
 
   void plan_to_meet_last() {
-    add_embed_alone((std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices));
-    add_unfold(a_, outline_a_);
-    add_unfold(b_, outline_b_);
+    const int all = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
+    add_embed_alone(all, Boundary::kFixed);
+    for (int i = 0; i <= kStages && !is_held_; ++i) {
+      add([this, i] { return unfold(*a_, i); });
+      add([this, i] { return unfold(*b_, i); });
+    }
     if (!is_held_ && landmarks_.size() < 2) add([this] { return align_by_trial(); });
     add_bring_together();
   }
 
-  void add_embed_alone(int target) {
-    add([this, target] { return embed_alone(*a_, target); });
-    add([this, target] { return embed_alone(*b_, target); });
+  void add_embed_alone(int target, Boundary boundary) {
+    add([this, target, boundary] { return embed_alone(*a_, target, boundary); });
+    add([this, target, boundary] { return embed_alone(*b_, target, boundary); });
   }
 
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
@@ -9085,31 +8970,29 @@ class PairEmbedder {
     return detail::fail(*result_, Status::kNumericalFailure, message, ids);
   }
 
-  bool decimate(const Surface& s, Side side, const Outline* outline,
-                std::unique_ptr<Hierarchy>& h) const {
+  bool decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h) const {
     tell({"decimating ", letter(side)});
     const bool are_many = landmarks_.size() > kMostLeading;
     Array<char> keep(s.mesh.n_vertices, 0);
     for (const PlacedLandmark& l : landmarks_)
       for (int k = 0; k < 3; ++k) {
         const int v = (side == Side::kA ? l.a : l.b).corners[k];
-        const bool is_kept =
-            l.weight == 1 ? options_.exact_landmarks || !are_many : approach_ == Approach::kShape;
-        if (v >= 0 && is_kept) keep[v] = 1;
+        if (v >= 0 && (l.weight < 1 || options_.exact_landmarks || !are_many)) keep[v] = 1;
       }
     std::array<int, 4> cones;
     for (int i = 0; i < cones_.size(); ++i) {
       const int v = cones.data()[i] = side == Side::kA ? cones_[i].a : cones_[i].b;
       keep[v] = Decimation::kCone;
     }
-    const Array<double> angle = boundary_angles(s.mesh, outline);
+    if (is_held_)
+      for (int v : outline(side)->corner) keep[v] = Decimation::kCorner;
     Array<int> bases;
     if (!cones_.empty()) bases.push_back(Hierarchy::kPillowBase);
     for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) bases.push_back(base);
     if (!cones_.empty()) bases.push_back(s.mesh.n_vertices);
     for (int base : bases) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
-      h = std::make_unique<Hierarchy>(s, side, keep, base, approach_, angle, outer, executor_);
+      h = std::make_unique<Hierarchy>(s, side, keep, base, outline(side), outer, executor_);
       if (executor_.is_stopped()) return true;
       const bool is_embedded =
           cones_.empty() ? h->embed_base() : h->embed_on_pillow(cones, side_of_pillow(pair_));
@@ -9132,83 +9015,35 @@ class PairEmbedder {
     executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
 
-  /// What the boundaries may do once they have left the circle.
+  /// What the boundaries may do once the planes meet.
   Boundary boundary() const { return is_held_ ? options_.boundary : Boundary::kFree; }
 
-  /// Where boundary vertices go on the circle: evenly, between corners if there are any.
-  static Array<double> boundary_angles(const HalfEdgeMesh& m, const Outline* outline) {
-    Array<double> angle(m.n_vertices, 0), even;
-    if (outline != nullptr) even = outline->places(m, 0);
-    for (int i = 0; i < m.boundary.size(); ++i) {
-      const int v = m.tail[m.boundary[i]];
-      const Vec2 p = outline != nullptr ? outline->point(even[v]) : Vec2();
-      angle[v] = outline != nullptr ? angle_of(p) : 2 * kPi * i / m.boundary.size();
+  /// Drags the boundary of a surface towards its places on the square; true if more is to come.
+  bool drag(const Outline& outline, Points2& x) const {
+    constexpr int kMostHalvings = 20, kRelaxations = 3;
+    Points2 places = x;
+    for (int h : level_a_.surface.mesh.boundary) {
+      const int v = level_a_.surface.mesh.tail[h];
+      set_row(places, v, outline.point(level_a_.vertex[v]));
     }
-    return angle;
-  }
-
-  /// Where a boundary vertex is at t, from 0 to 1, on its way from p to q.
-  using Way = Vec2 (*)(Vec2 p, Vec2 q, double t, const Outline& outline);
-
-  /// A surface on its way from edges that are all alike to their lengths on the surface.
-  struct Unfolding {
-    Points2 x;
-    Points2 from;  // where a drag begins
-    double t = 0, step = 0.25;
-    int drags = 0;
-  };
-
-  static constexpr int kStages = 4;
-  Surface stage_surface(const Surface& s, int stage) const {
-    return stage < kStages ? softened(s, stage / double{kStages}, s.total_area) : s;
-  }
-
-  /// Drags the boundary of a surface a little farther to its places on an outline.
-  bool drag(const Hierarchy& h, const Outline& outline, int stage) {
-    constexpr int kMostDrags = 500, kRelaxations = 3;
-    const Surface& s = h.surface();
-    Unfolding& u = unfolding_;
-    if (u.drags == 0) u.from = u.x;
-    const int percent = static_cast<int>(100 * u.t);
-    tell({"boundary of ", h.name(), " along a square: ", percent, "%"});
-    const double next = (std::min)(1.0, u.t + u.step);
-    const Array<double> places = outline.places(s.mesh, stage / double{kStages});
-    const Way way = stage == 0 ? rounded_square : straight;
-    Points2 target = u.from;
-    for (int e : s.mesh.boundary) {
-      const int v = s.mesh.tail[e];
-      set_row(target, v, way(row2(u.from, v), outline.point(places[v]), next, outline));
-    }
-    FlatNewton newton({stage_surface(s, stage), Boundary::kFixed}, u.x, executor_);
+    if (places == x) return false;
+    FlatNewton newton({level_a_.surface, Boundary::kFixed}, x, executor_);
     while (newton.minimize(kRelaxations, 0) && !executor_.is_stopped()) {
     }
-    const bool is_there = newton.drag(target);
-    if (executor_.is_stopped()) return true;
-    u.x = newton.positions();
-    if (is_there) u.t = next;
-    u.step *= is_there ? 1.5 : 0.5;
-    if (u.t < 1 && ++u.drags < kMostDrags) return true;
-    if (u.t < 1) fail({"the boundary of mesh ", h.name(), " cannot be laid along a square"});
-    u.t = 0, u.step = 0.25, u.drags = 0;
-    return false;
-  }
-
-  /// Along a side.
-  static Vec2 straight(Vec2 p, Vec2 q, double t, const Outline&) {
-    return t < 1 ? p + t * (q - p) : q;
-  }
-
-  /// From a circle to the square, on x² + y² - k² x² y² = 1 with k from 0 to 1, which is convex
-  /// [Fernández Guasti 1992].
-  static Vec2 rounded_square(Vec2 p, Vec2 q, double t, const Outline& outline) {
-    if (t == 1) return q;
-    const double k2 = t * (2 - t), turn = angle_of({dot(p, q), cross(p, q)});
-    const Vec2 d = rotation_to(on_circle(t * turn)) * (1 / norm(p) * p);
-    const double xy = d.x * d.y, root = std::sqrt((std::max)(1 - 4 * k2 * xy * xy, 0.0));
-    return ((1 - t) * norm(p) + t * outline.half_side) * std::sqrt(2 / (1 + root)) * d;
+    double t = 1;
+    for (int i = 0; i < kMostHalvings && !executor_.is_stopped(); ++i, t *= 0.5) {
+      const Points2& p = newton.positions();
+      if (newton.drag(t == 1 ? places : Points2(p + t * (places - p)))) break;
+    }
+    x = newton.positions();
+    return true;
   }
 
   /// Brings vertices back.
+  bool grow_both() {
+    is_relaxed_ = false;
+    return grow(a_->has_grown() ? *b_ : *a_);
+  }
   bool grow(Hierarchy& h) const {
     const int stuck = h.grow();
     if (stuck < 0) return true;
@@ -9218,17 +9053,20 @@ class PairEmbedder {
   }
 
   /// Embeds one surface, without the other, up to a number of vertices: grows, or takes a step.
-  bool embed_alone(Hierarchy& h, int target) {
+  bool embed_alone(Hierarchy& h, int target, Boundary boundary) {
     tell({"embedding ", h.name(), ": ", h.active(), " vertices"});
     if (!h.has_grown()) return grow(h);
     if (!newton_) {
       level_a_ = h.current();
-      const bool by_shape = approach_ == Approach::kShape;
-      Surface s =
-          by_shape ? level_a_.surface : softened(level_a_.surface, 0, h.surface().total_area);
-      newton_ = std::make_unique<FlatNewton>(
-          FlatProblem{std::move(s), by_shape ? Boundary::kFree : Boundary::kFixed},
-          h.positions(level_a_), executor_);
+      Points2 x = h.positions(level_a_);
+      if (is_held_ && drag(*outline(h.side()), x)) {
+        if (executor_.is_stopped()) return true;
+        h.set(level_a_, x);
+        if (++drags_ < kMostDrags) return true;
+        return fail({"the boundary of mesh ", h.name(), " cannot be laid along a square"});
+      }
+      drags_ = 0;
+      newton_ = std::make_unique<FlatNewton>(FlatProblem{level_a_.surface, boundary}, x, executor_);
     }
     if (newton_->minimize(kMostSteps, kTolerance)) return true;
     h.set(level_a_, newton_->positions());
@@ -9238,49 +9076,33 @@ class PairEmbedder {
     return true;
   }
 
+  /// Lets a boundary leave its circle while triangles turn from all alike to those of the surface.
+  bool unfold(Hierarchy& h, int stage) {
+    tell({"unfolding ", h.name(), ": stage ", stage + 1, " of ", kStages + 1});
+    h.let_go();
+    const Surface& s = h.surface();
+    if (!newton_)
+      newton_ = std::make_unique<FlatNewton>(
+          FlatProblem{stage < kStages ? softened(s, stage / double{kStages}, s.total_area) : s},
+          h.positions(), executor_);
+    if (newton_->minimize(200, 1e-4)) return true;
+    h.set(h.current(), newton_->positions());
+    newton_.reset();
+    return false;
+  }
+
   /// Embeds both up to the full meshes.
   bool embed_both() {
     tell({"embedding both: ", a_->active(), " + ", b_->active(), " vertices"});
-    if (!a_->has_grown()) return grow(*a_);
-    if (!b_->has_grown()) return grow(*b_);
+    if (!a_->has_grown() || !b_->has_grown()) return grow_both();
     if (is_relaxed_ && a_->is_full() && b_->is_full()) return false;
     if (is_relaxed_) {
       a_->set_goal(2 * a_->active());
       b_->set_goal(2 * b_->active());
-      is_relaxed_ = false;
       return true;
     }
     is_relaxed_ = !relax_both(kStiffest);
     return true;
-  }
-
-  /// Returns from edges that are all alike to their lengths on the surface. The boundary is let go,
-  /// or, with an outline, laid along the square first.
-  void add_unfold(const std::unique_ptr<Hierarchy>& h, const Outline* outline) {
-    add([this, &h] {
-      unfolding_.x = h->positions();
-      return false;
-    });
-    for (int i = 0; i <= kStages; ++i) {
-      if (is_held_ && (i == 0 || boundary() == Boundary::kFixed))
-        add([this, &h, outline, i] { return drag(*h, *outline, i); });
-      add([this, &h, i] { return unfold(*h, i); });
-    }
-    add([this, &h] {
-      h->set(h->current(), unfolding_.x);
-      return false;
-    });
-  }
-
-  bool unfold(const Hierarchy& h, int stage) {
-    tell({"unfolding ", h.name(), ": stage ", stage + 1, " of ", kStages + 1});
-    if (!newton_)
-      newton_ = std::make_unique<FlatNewton>(
-          FlatProblem{stage_surface(h.surface(), stage), boundary()}, unfolding_.x, executor_);
-    if (newton_->minimize(kUnfoldingSteps, kUnfoldingTolerance)) return true;
-    unfolding_.x = newton_->positions();
-    newton_.reset();
-    return false;
   }
 
   /// The landmarks on two levels, the rows of B behind those of A; decimation may take some if
@@ -9396,9 +9218,8 @@ class PairEmbedder {
   const RunOptions& options_;
   RunOptions level_options_;  // of Algorithm 1 on the levels
   const Executor& executor_;
-  const Approach approach_;
+  const OutlinePair* const outlines_;
   const bool is_held_;
-  const Outline *const outline_a_, *const outline_b_;
   const Cones cones_;
   Embedding* result_ = nullptr;
   Array<Step> steps_;
@@ -9407,11 +9228,11 @@ class PairEmbedder {
   Level level_a_, level_b_;             // what is being relaxed; of one surface alone, the first
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of embed_both()
-  Unfolding unfolding_;
-  const int depth_;     // how many coarse levels there are
-  int level_;           // the one the hierarchies are at, depth_ is the coarsest
-  int first_level_;     // that is mapped here
-  JointSurface joint_;  // the level being mapped
+  int drags_ = 0;                       // on this level
+  const int depth_;                     // how many coarse levels there are
+  int level_;                           // the one the hierarchies are at, depth_ is the coarsest
+  int first_level_;                     // that is mapped here
+  JointSurface joint_;                  // the level being mapped
   const Array<Follower> no_followers_ = {};
   std::unique_ptr<Optimizer> optimizer_;  // maps it
   Result log_;
@@ -9602,11 +9423,11 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
   return energy < kInfinity ? energy / (pair.a.total_area + pair.b.total_area) : kInfinity;
 }
 
-/// The start, as the options want it, in steps. Free boundaries are embedded by shape; where that
-/// fails or strains the surfaces, once more by connectivity, and the better one counts. Held ones
-/// go along a square; where no landmark tells how they correspond, a free embedding does. Closed
-/// surfaces go by shape onto a pillow; where that fails, onto one with other cones. Then exact
-/// landmarks are joined. May add vertices to the meshes of the pair.
+/// The start, as the options want it, in steps. Free boundaries that leave no room for a vertex, or
+/// a strained surface, stay on a circle until all vertices are back. Boundaries that are held go
+/// along a square; where no landmark tells how they correspond, a free embedding does. Closed
+/// surfaces go onto a pillow; where that fails, onto one with other cones. Then exact landmarks are
+/// joined. May add vertices to the meshes of the pair.
 class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
@@ -9628,7 +9449,7 @@ class Embedder {
     Timer timer;
     const bool is_running = stage_ == Stage::kBegin || run_stage();
     if (!is_running || stage_ == Stage::kBegin) stage_ = next_stage();
-    if (result_.status != Status::kDone && stage_ != Stage::kByConnectivity) stage_ = Stage::kEnd;
+    if (result_.status != Status::kDone && stage_ != Stage::kOnCircle) stage_ = Stage::kEnd;
     if (stage_ == Stage::kEnd && result_.status != Status::kDone) {
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
@@ -9641,56 +9462,55 @@ class Embedder {
   /// The map of the coarse levels so far, see PairEmbedder.
   const PairEmbedder* levels_now() const {
     const bool has_levels = embedder_ && !embedder_->levels().empty();
-    return has_levels && stage_ == Stage::kByShape ? embedder_.get() : nullptr;
+    return has_levels && stage_ == Stage::kFree ? embedder_.get() : nullptr;
   }
   /// The last iteration on each coarse level that was mapped.
   const std::vector<IterationLog>& levels() const { return levels_; }
 
  private:
-  enum class Stage { kBegin, kByShape, kByConnectivity, kInSquare, kJoining, kEnd };
+  enum class Stage { kBegin, kFree, kOnCircle, kInSquare, kJoining, kEnd };
 
   bool is_held() const { return options_.boundary != Boundary::kFree; }
 
   /// A step of the stage; false after its last one.
   bool run_stage() {
     if (stage_ == Stage::kJoining) return joiner_->step(result_);
-    return embedder_->step(stage_ == Stage::kByConnectivity ? other_ : result_);
+    return embedder_->step(stage_ == Stage::kOnCircle ? other_ : result_);
   }
 
   /// What follows on a stage.
   Stage next_stage() {
-    constexpr double kStrained = 100;      // of isometries: 4
-    constexpr double kMostStrained = 1e4;  // with a map
+    constexpr double kStrained = 100, kMostStrained = 1e4;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
-        if (!PairEmbedder::has_levels(Approach::kShape, options_) || options_.coarsest == 0)
-          mapped_.reset();
+        if (!PairEmbedder::has_levels(options_) || options_.coarsest == 0) mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
         if (are_closed(pair_) && !find_cones()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
-        return begin(Stage::kByShape, Approach::kShape, nullptr);
-      case Stage::kByShape:
+        return begin(Stage::kFree, nullptr);
+      case Stage::kFree:
         if (!cones_.empty() && result_.status == Status::kDone)
           set_pillows(embedder_->hierarchy(Side::kA), embedder_->hierarchy(Side::kB), pair_);
         if (mapped_ && (result_.status != Status::kDone ||
                         (cones_.empty() && !(strain(pair_, result_) < kMostStrained)))) {
           mapped_.reset();
           static_cast<Outcome&>(result_) = Outcome();
-          return begin(Stage::kByShape, Approach::kShape, nullptr);
+          return begin(Stage::kFree, nullptr);
         }
         if (!cones_.empty() && result_.status != Status::kDone && next_cones_ < cones_.size()) {
           static_cast<Outcome&>(result_) = Outcome();
-          return begin(Stage::kByShape, Approach::kShape, nullptr);
+          return begin(Stage::kFree, nullptr);
         }
         if (result_.status == Status::kDone) levels_ = embedder_->levels();
         if (!cones_.empty()) return after_embedding();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
-        close_openings();
-        return begin(Stage::kByConnectivity, Approach::kConnectivity, nullptr);
-      case Stage::kByConnectivity:
-        other_.seconds = result_.seconds;
-        if (strain(disks(), other_) < strain(pair_, result_)) {
+        outlines_.a = circle_for(pair_.a, outer_loop(pair_.a, options_.outer_a));
+        outlines_.b = circle_for(pair_.b, outer_loop(pair_.b, options_.outer_b));
+        return begin(Stage::kOnCircle, &outlines_);
+      case Stage::kOnCircle:
+        if (strain(pair_, other_) < strain(pair_, result_)) {
+          other_.seconds = result_.seconds;
           result_ = std::move(other_);
           levels_.clear();
         }
@@ -9703,16 +9523,6 @@ class Embedder {
   }
 
   Array<PlacedLandmark> landmarks() const { return located(landmarks_, pair_); }
-
-  /// What is embedded.
-  const SurfacePair& disks() const { return has_openings_ ? disks_ : pair_; }
-
-  void close_openings() {
-    has_openings_ = pair_.a.mesh.loops() > 1 || pair_.b.mesh.loops() > 1;
-    if (!has_openings_) return;
-    disks_.a = closed_openings(pair_.a, outer_loop(pair_.a, options_.outer_a));
-    disks_.b = closed_openings(pair_.b, outer_loop(pair_.b, options_.outer_b));
-  }
 
   /// Finds cones at pairs that correspond; there are several choices, as a path may be in the way.
   bool find_cones() {
@@ -9754,22 +9564,21 @@ class Embedder {
     return add_landmark_vertices(landmarks_, options_, pair_, a, b, result_);
   }
 
-  Stage begin(Stage stage, Approach approach, const OutlinePair* outlines) {
+  Stage begin(Stage stage, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
     const bool are_many = all.size() > kMostLeading && !options_.exact_landmarks;
     if (are_many && !mapped_ && !guides_.empty()) all.clear();  // guides are of those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
     Cones cones;
     if (!cones_.empty() && !mapped_) cones = cones_[next_cones_++];
-    embedder_ =
-        std::make_unique<PairEmbedder>(disks(), all, options_, executor_, approach, outlines, cones,
-                                       stage == Stage::kByShape ? mapped_.get() : nullptr);
+    embedder_ = std::make_unique<PairEmbedder>(pair_, all, options_, executor_, outlines, cones,
+                                               stage == Stage::kFree ? mapped_.get() : nullptr);
     return stage;
   }
 
   Stage begin_square() {
     outlines_ = outline_builder_->build();
-    return begin(Stage::kInSquare, Approach::kConnectivity, &outlines_);
+    return begin(Stage::kInSquare, &outlines_);
   }
 
   Stage after_free() {
@@ -9781,8 +9590,6 @@ class Embedder {
   Stage after_embedding() {
     embedder_.reset();
     if (result_.status != Status::kDone) return Stage::kEnd;
-    result_.f = rows_between(result_.f, 0, pair_.a.mesh.n_vertices);
-    result_.g = rows_between(result_.g, 0, pair_.b.mesh.n_vertices);
     if (!is_held() && cones_.empty()) make_overlap();
     if (!options_.exact_landmarks) return Stage::kEnd;
     joiner_ =
@@ -9800,8 +9607,6 @@ class Embedder {
   }
 
   SurfacePair& pair_;
-  SurfacePair disks_;  // the same with openings closed, if there are any
-  bool has_openings_ = false;
   const Array<PlacedLandmark> landmarks_, guides_;
   Array<Cones> cones_;  // of closed surfaces, in the order in which they are tried
   int next_cones_ = 0;
@@ -9813,7 +9618,7 @@ class Embedder {
   OutlinePair outlines_;
   std::unique_ptr<PairEmbedder> embedder_;
   std::unique_ptr<LandmarkJoiner> joiner_;
-  Embedding result_, other_;  // the other one by connectivity
+  Embedding result_, other_;  // the other one on circles
   std::vector<IterationLog> levels_;
 };
 
@@ -12565,62 +12370,6 @@ inline Array<double> edge_distances(const Surface& s, const Array<int>& from) {
   return distance;
 }
 
-/// Where a surface may be opened, with what tells such places apart; lengths are in units of the
-/// root of its area. A surface with a boundary is open there, and has that place only, vertex -1.
-struct Sites {
-  Array<int> samples;                // spread evenly
-  Array<double> remoteness;          // per vertex, mean distance from the samples
-  Array<Array<double>> to_landmark;  // per landmark and vertex; at the end, from the boundary
-  Array<char> is_bound;              // per vertex, by a landmark that has to stay where it is
-
-  double distance(int landmark, int v) const {
-    const Array<double>& d = to_landmark[landmark];
-    return v < 0 ? d.back() : d[v];
-  }
-  double distance_to_landmarks(int v) const {
-    double least = kInfinity;
-    for (int i = 0; i < to_landmark.size(); ++i) least = (std::min)(least, distance(i, v));
-    return least;
-  }
-};
-
-/// `is_bound`: per landmark, whether it has to stay where it is.
-inline Sites find_sites(const Surface& s, const Array<Place>& landmarks,
-                        const Array<char>& is_bound) {
-  constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
-  const double unit = 1 / std::sqrt(s.total_area);
-  const int n = s.mesh.n_vertices;
-  const int n_samples = (std::min)(n, std::clamp(kVisits / n, int{kLeast}, int{kMost}));
-  Sites sites;
-  for (int i = 0; i < (std::min)(landmarks.size(), int{kMostLandmarks}); ++i) {
-    Array<double> d = edge_distances(s, Array<int>(1, landmarks[i].corners[0]));
-    d.push_back(kInfinity);
-    for (int h : s.mesh.boundary) d.back() = (std::min)(d.back(), d[s.mesh.tail[h]]);
-    for (double& length : d) length *= unit;
-    sites.to_landmark.push_back(std::move(d));
-  }
-  if (!s.mesh.boundary.empty()) {
-    sites.samples.push_back(-1);
-    return sites;
-  }
-  sites.remoteness.assign(n, 0);
-  sites.is_bound.assign(n, 0);
-  for (int i = 0; i < landmarks.size(); ++i)
-    if (is_bound[i] && vertex_at(landmarks[i]) >= 0) sites.is_bound[vertex_at(landmarks[i])] = 1;
-  Array<double> nearest(n, kInfinity);
-  int farthest = 0;
-  while (sites.samples.size() < n_samples) {
-    sites.samples.push_back(farthest);
-    const Array<double> d = edge_distances(s, Array<int>(1, farthest));
-    for (int v = 0; v < n; ++v) {
-      sites.remoteness[v] += unit * d[v] / n_samples;
-      nearest[v] = (std::min)(nearest[v], d[v]);
-      if (nearest[v] > nearest[farthest]) farthest = v;
-    }
-  }
-  return sites;
-}
-
 /// Vertices that are farther from everything than all around them, the ends of limbs, ears and
 /// tails, with the distances from each to all vertices. Lengths are in units of the root of the
 /// area.
@@ -12687,92 +12436,57 @@ inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<Ver
   return spread;
 }
 
-/// A place on A and one on B, of which closed ones are opened there; -1 for a surface that is open.
+/// Where A and B are opened: a vertex of the closed surface, -1 for the one with a boundary.
 struct OpeningPair {
   int a = -1, b = -1;
 };
 
 inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the area
 
-/// Finds where two surfaces are to be opened: where they unfold with little strain, as seen from
-/// there nothing is far, and where both are as far from their landmarks; or at a landmark, if that
-/// only guides the start.
-class OpeningFinder {
- public:
-  /// `is_bound`: per landmark, whether it has to stay where it is. No surface is opened there.
-  OpeningFinder(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
-                const Array<char>& is_bound) {
-    Array<Place> a, b;
-    for (const PlacedLandmark& l : landmarks) a.push_back(l.a), b.push_back(l.b);
-    a_ = find_sites(pair.a, a, is_bound);
-    b_ = find_sites(pair.b, b, is_bound);
-    for (int i = 0; i < landmarks.size(); ++i)
-      if (!is_bound[i] && vertex_at(a[i]) >= 0 && vertex_at(b[i]) >= 0)
-        at_landmarks_.push_back({vertex_at(a[i]), vertex_at(b[i])});
-  }
-
-  /// False, if all vertices of a surface are bound.
-  bool find(OpeningPair& best) const {
-    const Array<int> a = clear_of_landmarks(a_), b = clear_of_landmarks(b_);
-    if (a.empty() || b.empty()) return false;
-    double least = kInfinity;
-    const auto consider = [&](int v, int w) {
-      const double value = strain(v, w) + mismatch(v, w);
-      if (value < least) least = value, best = {v, w};
-    };
-    for (int v : a)
-      for (int w : b) consider(v, w);
-    const OpeningPair coarse = best;  // samples are spread too thin to match well
-    for (int w = 0; w < b_.remoteness.size(); ++w)
-      if (is_clear(b_, w)) consider(coarse.a, w);
-    for (int v = 0; v < a_.remoteness.size() && coarse.b < 0; ++v)
-      if (is_clear(a_, v)) consider(v, coarse.b);
-    const bool are_closed = coarse.a >= 0 && coarse.b >= 0;
-    for (int i = 0; i < at_landmarks_.size() && are_closed; ++i) {
-      constexpr double kLoss = 0.05;  // a landmark less guides the start
-      const double value = strain(at_landmarks_[i].a, at_landmarks_[i].b) + kLoss;
-      if (value < least) least = value, best = at_landmarks_[i];
+/// The vertex at which a closed surface is to be opened: nothing is far from there, so it unfolds
+/// with little strain, and it is as far from the landmarks as the boundary of the other surface is
+/// from theirs. `is_bound`: per landmark, whether it has to stay where it is; -1 if all vertices
+/// do.
+inline int find_opening(const Surface& s, const Array<Place>& landmarks,
+                        const Array<char>& is_bound, const Surface& other,
+                        const Array<Place>& on_other) {
+  constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
+  constexpr double kWeight = 10;  // of the distances to landmarks
+  const double unit = 1 / std::sqrt(s.total_area), unit_of_other = 1 / std::sqrt(other.total_area);
+  const int n = s.mesh.n_vertices;
+  const int n_samples = (std::min)(n, std::clamp(kVisits / n, int{kLeast}, int{kMost}));
+  Array<double> cost(n, 0), to_samples(n, kInfinity), to_landmarks(n, kInfinity);
+  for (int i = 0, farthest = 0; i < n_samples; ++i) {
+    const Array<double> d = edge_distances(s, Array<int>(1, farthest));
+    for (int v = 0; v < n; ++v) {
+      cost[v] += unit * d[v] / n_samples;
+      to_samples[v] = (std::min)(to_samples[v], d[v]);
+      if (to_samples[v] > to_samples[farthest]) farthest = v;
     }
-    return true;
   }
-
- private:
-  static bool is_clear(const Sites& sites, int v) {
-    return v < 0 || (!sites.is_bound[v] && sites.distance_to_landmarks(v) > 3 * kArm);
-  }
-
-  /// The samples that are clear of landmarks, or at least not bound; else any such vertices.
-  static Array<int> clear_of_landmarks(const Sites& sites) {
-    Array<int> clear, not_bound;
-    for (int v : sites.samples) {
-      if (is_clear(sites, v)) clear.push_back(v);
-      if (v < 0 || !sites.is_bound[v]) not_bound.push_back(v);
+  for (double& c : cost) c *= c;
+  const int n_landmarks = (std::min)(landmarks.size(), int{kMostLandmarks});
+  for (int i = 0; i < n_landmarks; ++i) {
+    const Array<double> d = edge_distances(s, Array<int>(1, landmarks[i].corners[0]));
+    const Array<double> e = edge_distances(other, Array<int>(1, on_other[i].corners[0]));
+    double to_boundary = kInfinity;
+    for (int h : other.mesh.boundary) to_boundary = (std::min)(to_boundary, e[other.mesh.tail[h]]);
+    for (int v = 0; v < n; ++v) {
+      const double difference = unit * d[v] - unit_of_other * to_boundary;
+      cost[v] += kWeight / n_landmarks * difference * difference;
+      to_landmarks[v] = (std::min)(to_landmarks[v], unit * d[v]);
     }
-    for (int v = 0; v < sites.is_bound.size() && not_bound.empty(); ++v)
-      if (!sites.is_bound[v]) not_bound.push_back(v);
-    return clear.empty() ? not_bound : clear;
   }
-
-  double strain(int v, int w) const {
-    const auto squared_remoteness = [](const Sites& sites, int at) {
-      return at < 0 ? 0 : sites.remoteness[at] * sites.remoteness[at];
-    };
-    return squared_remoteness(a_, v) + squared_remoteness(b_, w);
+  for (int i = 0; i < landmarks.size(); ++i)
+    if (is_bound[i] && vertex_at(landmarks[i]) >= 0) cost[vertex_at(landmarks[i])] = kInfinity;
+  for (const double least : {3 * kArm, -1.0}) {  // clear of landmarks, if that is possible
+    int best = -1;
+    for (int v = 0; v < n; ++v)
+      if (to_landmarks[v] > least && cost[v] < (best < 0 ? kInfinity : cost[best])) best = v;
+    if (best >= 0) return best;
   }
-
-  double mismatch(int v, int w) const {
-    constexpr double kWeight = 10;
-    double sum = 0;
-    for (int i = 0; i < a_.to_landmark.size(); ++i) {
-      const double difference = a_.distance(i, v) - b_.distance(i, w);
-      sum += difference * difference;
-    }
-    return kWeight * sum / (std::max)(1, a_.to_landmark.size());
-  }
-
-  Sites a_, b_;
-  Array<OpeningPair> at_landmarks_;
-};
+  return -1;
+}
 
 /// Four paths of edges from a vertex of a closed surface, or as many as it has edges; straight on
 /// at every vertex, until they are as long as an arm or meet.
@@ -14499,8 +14213,7 @@ class Run {
     guides_ = finder_->guides();
     mapped_ = finder_->take_level();
     result_.candidates = finder_->candidates();
-    const OpeningPair opening = finder_->opening();
-    if ((opening.a >= 0 || opening.b >= 0) && !is_bound(opening)) opening_ = opening;
+    if (!is_bound(finder_->opening())) opening_ = finder_->opening();
     finder_.reset();
   }
 
@@ -14511,15 +14224,21 @@ class Run {
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     if (!mapped_)  // small surfaces have one coarse level, too
       options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
-    embedder_ = std::make_unique<Embedder>(pair_, landmarks_apart(), opened(guides_),
-                                           std::move(mapped_), options_, executor_);
+    embedder_ = std::make_unique<Embedder>(pair_, opened_, opened(guides_), std::move(mapped_),
+                                           options_, executor_);
   }
 
   bool find_opening() {
     const bool is_found = opening_.a >= 0 || opening_.b >= 0;
     if (is_found || is_closed(whole_.a) == is_closed(whole_.b)) return true;
     executor_.tell(true, 0, {"looking where to open the closed surface"}, nullptr);
-    if (OpeningFinder(whole_, placed_, bound_landmarks()).find(opening_)) return true;
+    Array<Place> a, b;
+    for (const PlacedLandmark& l : placed_) a.push_back(l.a), b.push_back(l.b);
+    if (is_closed(whole_.a))
+      opening_.a = detail::find_opening(whole_.a, a, bound_landmarks(), whole_.b, b);
+    else
+      opening_.b = detail::find_opening(whole_.b, b, bound_landmarks(), whole_.a, a);
+    if (opening_.a >= 0 || opening_.b >= 0) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
           "at one: refine it, or leave one of them out"});
@@ -14547,14 +14266,6 @@ class Run {
                           (opening.b >= 0 && vertex_at(placed_[i].b) == opening.b)))
         return true;
     return false;
-  }
-
-  /// Returns the landmarks except for the one at the opening.
-  Array<PlacedLandmark> landmarks_apart() const {
-    Array<PlacedLandmark> apart;
-    for (const PlacedLandmark& l : opened_)
-      if (opening_.a < 0 || vertex_at(l.a) != opening_.a) apart.push_back(l);
-    return apart;
   }
 
   void open() {
@@ -14669,7 +14380,7 @@ class Run {
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     if (!options_.as_published) {
       Array<PlacedLandmark> apart;
-      if (!options_.exact_landmarks) apart = located(landmarks_apart(), pair_);
+      if (!options_.exact_landmarks) apart = located(opened_, pair_);
       const LandmarkPull pull(s_, apart, options_.curves);
       if (!pull.is_empty()) optimizer_->set_pull(pull);
     }
@@ -14880,8 +14591,7 @@ inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<H
       if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
   constexpr int kFewest = 100, kMost = 400, kRatio = 2;
   const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
-  h = std::make_unique<Hierarchy>(s, side, keep, n, Approach::kShape, Array<double>(), -1,
-                                  executor_);
+  h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
   if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
 }
 

@@ -255,7 +255,8 @@ Eigen::MatrixXd matrix_of(const DenseBlock& A) {
 
 bool same_factor(const LdltSymbolic& symbolic, const LdltFactor& a, const LdltFactor& b) {
   for (const Front& front : symbolic.fronts)
-    if (!same_bits(matrix_of(panel_of(front, *a.data)), matrix_of(panel_of(front, *b.data)))) return false;
+    if (!same_bits(matrix_of(panel_of(front, *a.data)), matrix_of(panel_of(front, *b.data))))
+      return false;
   return true;
 }
 

@@ -52,43 +52,6 @@ void check_usable(const Result& r) {
 
 }  // namespace
 
-TEST_CASE("surfaces with openings become disks, with the same ids") {
-  Rng rng(1);
-  for (int n : {5, 9, 14}) {
-    const Disk disk = plate(n, 0.4, rng);
-    const Surface s = build_surface(disk.mesh, true);
-    REQUIRE(s.mesh.loops() > 1);
-    for (int outer = 0; outer < s.mesh.loops(); ++outer) {
-      const Surface closed = closed_openings(s, outer);
-      ism::TriangleMesh mesh = {closed.vertices, triangles_from(closed.mesh.tail)};
-      CHECK(ism::validate(mesh).empty());
-      CHECK(closed.mesh.loops() == 1);
-      CHECK(closed.vertices.topRows(disk.mesh.vertices.rows()) == disk.mesh.vertices);
-      CHECK(mesh.triangles.topRows(disk.mesh.triangles.rows()) == disk.mesh.triangles);
-    }
-  }
-}
-
-TEST_CASE("openings of all kinds are closed without thin triangles") {
-  for (int n : {1, 2, 3, 7, 40}) {
-    CAPTURE(n);
-    for (double height : {1.0, 1e-3, 0.0}) {  // down to a slit
-      if (height == 0 && n < 3) continue;     // there is nothing beside such a slit
-      Disk disk = shapes::frame(n + 4, 2);
-      REQUIRE(half_edges(disk.mesh).loops() == 2);
-      for (int v = 0; v < disk.mesh.vertices.rows(); ++v) {
-        const double y = disk.plane(v, 1) - 0.5 * (n + 4);
-        disk.mesh.vertices(v, 1) = y < -0.5 * n ? y + 0.5 * n : y > 0.5 * n ? y - 0.5 * n : 0;
-        disk.mesh.vertices(v, 1) += height * std::clamp(y, -0.5 * n, 0.5 * n);
-        if (height == 0 && std::abs(y) < 0.5 * n) disk.mesh.vertices(v, 2) = 0.1 * y;
-      }
-      const Surface s = build_surface(disk.mesh, true);
-      const Surface closed = closed_openings(s, outer_loop(s, -1));
-      CHECK(ism::validate({closed.vertices, triangles_from(closed.mesh.tail)}).empty());
-    }
-  }
-}
-
 TEST_CASE("the outer loop is the longest or the one asked for") {
   const Disk disk = shapes::frame(9, 3);
   const Surface s = build_surface(disk.mesh, true);

@@ -356,7 +356,7 @@ TEST_CASE("a torus is refused in the ids given, and one that was cut stays cut")
   }
   const Prepared p = ism::prepare(closed);
   REQUIRE(p.problems.size() == 1);
-CHECK(p.problems[0].message.find("genus 1") != std::string::npos);
+  CHECK(p.problems[0].message.find("genus 1") != std::string::npos);
   CHECK(p.given_vertex[0] == 1);  // so that ids differ
   check_only(checked(open), Problem::Kind::kUnreferencedVertex,
              "dropped 1 vertex that no triangle uses", {0});

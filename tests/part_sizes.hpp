@@ -378,11 +378,9 @@ TEST_CASE("decimation of 100,000 boundary edges, and of hubs, is undone vertex b
   for (const ism::TriangleMesh& mesh :
        {ring(50000, 5.5).mesh, comb(100000).mesh, large::bent_fan(20000, 3, 0.2)}) {
     const Surface s = build_surface(mesh, false);
-    Array<double> angle(s.mesh.n_vertices, 0);
-    for (int i = 0; i < s.mesh.boundary.size(); ++i)
-      angle[s.mesh.tail[s.mesh.boundary[i]]] = 2 * kPi * i / s.mesh.boundary.size();
-    Hierarchy h(s, ism::Side::kA, Array<char>(s.mesh.n_vertices, 0), Hierarchy::kBase,
-                Approach::kConnectivity, angle, -1, executor);
+    const Outline circle = circle_for(s, 0);
+    Hierarchy h(s, ism::Side::kA, Array<char>(s.mesh.n_vertices, 0), Hierarchy::kBase, &circle, -1,
+                executor);
     CHECK(h.active() <= Hierarchy::kBase);
     REQUIRE(h.embed_base());
     h.set_goal(s.mesh.n_vertices);
