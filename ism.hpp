@@ -6133,9 +6133,12 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
-//             (part [23], candidates), and from there on Algorithm 1 maps every level. For exact
-//             landmarks it waits until these are joined. Boundaries that are held lie along a
-//             square at all resolutions, and the planes meet once all vertices are back.
+//             (part [23], candidates), and from there on Algorithm 1 maps every level. Exact
+//             landmarks are joined before it runs. Boundaries that are held lie along a square at
+//             all resolutions, and the planes meet once all vertices are back. A free boundary that
+//             leaves no room for a vertex, or its surface strained, goes back to a circle: there
+//             all triangles are alike, which leaves room everywhere, until every vertex is back;
+//             then they turn step by step to their own shapes.
 // Parts:      outlines · decimation · planar Newton · one surface across all resolutions · both
 //             boundaries on one square · both surfaces · exact landmarks · which of them a call
 //             needs
