@@ -590,8 +590,9 @@ struct StartCandidate {
   /// Mean, divided by coverage, and up to twice that if it misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
   int iterations = 0;  // it got
-  /// Mean distance on B between images by its map and by that of the best one, in roots of the
-  /// area. A start with hardly more distortion and a large difference may be the one that is meant.
+  /// Between images by its map and by that of the best one: root of the mean squared distance on B,
+  /// in roots of the area. A start with hardly more distortion and a large difference may be the
+  /// one that is meant.
   double difference = 0;
 };
 
@@ -13854,11 +13855,12 @@ class LandmarkPuller {
 // Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
 //             alone, and with them pairs of points from alignments in space, as many as are tried
 //             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
-//             iterations from each; the better half goes on. The map with the least distortion for
-//             its coverage wins. Where it leaves the tip of a limb near to another one, new starts
-//             bring both together, and win if that is better. The levels go on from the map itself;
-//             where a closed surface is cut open, before it is decimated, from points spread over
-//             it. A start of two closed surfaces has its own cones.
+//             iterations from each. Where the first two lead to one map, the others are not tried;
+//             else the better ones of those that lead to different maps go on. The map with the
+//             least distortion for its coverage wins. Where it leaves the tip of a limb near to
+//             another one, new starts bring both together, and win if that is better. The levels go
+//             on from the map itself; where a closed surface is cut open, before it is decimated,
+//             from points spread over it. A start of two closed surfaces has its own cones.
 // Invariants: results do not depend on pauses.
 // Fails:      by finding nothing, where no start can be mapped.
 
@@ -13909,6 +13911,7 @@ class StartFinder {
   void improve(Candidate& candidate, int iterations) const;
   double missed_landmarks(const Candidate& candidate) const;
   void drop_worst();
+  bool is_different(const Candidate& candidate, int n) const;
   double difference(const Candidate& one, const Candidate& other) const;
   bool add_tips();
   Array<TipPair> match_tips(const SurfaceMap& map) const;
@@ -14577,6 +14580,8 @@ inline bool StartFinder::step() {
   if (next_ > 0) return true;
   for (int i = 0; i < running_; ++i)
     if (candidates_[i].has_more) return true;
+  const bool are_first = round_ == 0 && running_ == 2 && candidates_.size() > 2;
+  if (are_first && is_different(candidates_[1], 1)) return running_ = candidates_.size(), true;
   if (round_ == kLast) return take_best(), false;
   drop_worst();
   const bool is_good = candidates_[0].value < kGood;
@@ -14620,7 +14625,7 @@ inline void StartFinder::find_candidates() {
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
   for (int n : {12, 16, 32, 48})
     if (!alignments.empty()) add_candidate(alignments, 0, n);
-  running_ = candidates_.size();
+  running_ = (std::min)(candidates_.size(), 2);
 }
 
 /// The landmarks given, at vertices that are left; of many, those that agree.
@@ -14699,40 +14704,54 @@ inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
   return sum / leading_.size();
 }
 
-/// Keeps the best, and until tips were tried the landmarks alone: they tell other maps.
+/// Keeps the best of those that lead to different maps, and until tips were tried the landmarks
+/// alone: they tell other maps.
 inline void StartFinder::drop_worst() {
   const auto first = candidates_.begin(), last = first + running_;
   std::stable_sort(first, last,
                    [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
-  running_ = (std::min)(running_, round_ == 0 ? 4 : 2);
+  int n = 0;
+  for (int i = 0; i < running_; ++i)
+    if (is_different(candidates_[i], n)) std::swap(candidates_[n++], candidates_[i]);
+  running_ = (std::min)(n, round_ == 0 ? 4 : 2);
   if (round_ >= kWithTips) return;
   const auto other =
-      std::find_if(first + running_, last, [](const Candidate& c) { return c.alignment < 0; });
-  if (other != last) std::iter_swap(first + running_ - 1, other);
+      std::find_if(first + running_, first + n, [](const Candidate& c) { return c.alignment < 0; });
+  if (other != first + n) std::iter_swap(first + running_ - 1, other);
+}
+
+/// Whether the map of a candidate is none of those of the first n.
+inline bool StartFinder::is_different(const Candidate& candidate, int n) const {
+  constexpr double kSame = 0.05;  // root of the mean squared distance of images
+  for (int i = 0; i < n; ++i)
+    if (difference(candidates_[i], candidate) < kSame) return false;
+  return true;
 }
 
 inline std::vector<StartCandidate> StartFinder::candidates() const {
   std::vector<StartCandidate> result;
   for (const Candidate& c : candidates_) {
     const int iterations = static_cast<int>(c.run->result().log.size());
+    if (c.has_more) continue;  // not tried
     result.push_back({c.name, c.value, iterations, difference(candidates_[0], c)});
   }
   return result;
 }
 
-/// The mean distance between images of vertices of A that both maps cover.
+/// The root of the mean squared distance between images of vertices of A that both maps cover, in
+/// roots of the area; infinite where there are none.
 inline double StartFinder::difference(const Candidate& one, const Candidate& other) const {
-  if (!(one.value < kInfinity && other.value < kInfinity)) return 0;
+  if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
   const SurfaceMap f(one.run->result()), g(other.run->result());
   double sum = 0;
   int both = 0;
   for (int v = 0; v < a_->vertex.size(); ++v) {
     const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
     if (!p.exists() || !q.exists()) continue;
-    sum += (f.position_on_b(p) - g.position_on_b(q)).norm();
+    sum += (f.position_on_b(p) - g.position_on_b(q)).squaredNorm();
     ++both;
   }
-  return both > 0 ? sum / both / std::sqrt(b_->surface.total_area) : 0;
+  return both > 0 ? std::sqrt(sum / both / b_->surface.total_area) : kInfinity;
 }
 
 /// Starts that lead tips of A to those tips of B to which the maps so far bring them closest; false
