@@ -515,10 +515,11 @@ struct Options {
   Points2 initial_f, initial_g;
   bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
-  /// ≥ 0: Algorithm 1 first runs on decimated surfaces, each with a quarter of the vertices of the
-  /// next, from about this many per surface up. 0 is the paper's method. Exact landmarks, held
-  /// boundaries, given positions and change() skip these levels.
-  int coarsest = 700;
+  /// ≥ 0: Algorithm 1 first runs on decimated surfaces, from about this many vertices per surface
+  /// up, each with about a quarter of the next one's. 0 is the paper's method. Exact landmarks,
+  /// held boundaries, given positions and change() skip these levels, but not the trial of
+  /// candidates.
+  int coarsest = 400;
   /// > 0: first halves edges longer than this many edges of the finer surface, at triangles that
   /// are larger than its triangles, the longest first: f and g are linear on triangles, and no map
   /// of few or long ones is good. It ends where both have as many triangles, or 4 / refine² times
@@ -8689,11 +8690,12 @@ class PairEmbedder {
         outlines_(outlines),
         is_held_(outlines != nullptr && !outlines->a.is_round),
         cones_(cones),
-        depth_(outlines != nullptr || !has_levels(options) ? 0
-               : mapped == nullptr                         ? depth_of(pair, options.coarsest)
-                                   : depth_above(pair, options.coarsest, *mapped)),
-        level_(depth_),
-        first_level_(depth_) {
+        coarsest_(mapped == nullptr ? options.coarsest
+                                    : (std::max)(mapped->a->active(), mapped->b->active())),
+        depth_(mapped != nullptr                            ? (std::max)(1, depth_of(pair))
+               : outlines == nullptr && has_levels(options) ? depth_of(pair)
+                                                            : 0),
+        level_(depth_) {
     level_options_.initial_f.resize(0, 2);
     level_options_.initial_g.resize(0, 2);
     level_options_.max_iterations = 500;
@@ -8711,7 +8713,7 @@ class PairEmbedder {
   /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
   static bool has_levels(const RunOptions& options) {
     return options.boundary == Boundary::kFree && !options.exact_landmarks &&
-           options.max_iterations > 0;
+           options.max_iterations > 0 && options.coarsest > 0;
   }
 
   /// The last iteration on each level that was mapped, the coarsest first.
@@ -8766,7 +8768,6 @@ class PairEmbedder {
 
   void plan_from(MappedLevel& mapped) {
     levels_.push_back(mapped.log);
-    first_level_ = depth_ - 1;
     a_ = std::move(mapped.a), b_ = std::move(mapped.b);
     level_a_ = a_->current(), level_b_ = b_->current();
     a_->set(level_a_, mapped.f);
@@ -8799,29 +8800,20 @@ class PairEmbedder {
   // What returns between mapped levels goes where the map around it takes it: all move together
   // until the map is smooth, held by springs between what lies on each other.
 
-  static constexpr int kRatio = 4;  // of the vertices of a level and of the next coarser one
-
-  /// How many times the number of vertices can be divided.
-  static int depth_of(const SurfacePair& pair, int coarsest) {
-    if (coarsest == 0) return 0;
+  /// How many coarse levels there are: the next finer one has 2 to 8 times as many vertices.
+  int depth_of(const SurfacePair& pair) const {
     const double most = (std::max)(pair.a.mesh.n_vertices, pair.b.mesh.n_vertices);
     int depth = 0;
-    for (double ratio = most / coarsest; ratio >= std::sqrt(kRatio); ratio /= kRatio) ++depth;
+    for (double ratio = most / coarsest_; ratio >= 2; ratio /= 4) ++depth;
     return depth;
   }
 
-  /// The same from a level that is mapped already, without those that have hardly more vertices.
-  static int depth_above(const SurfacePair& pair, int coarsest, const MappedLevel& mapped) {
-    const int least = (std::max)(mapped.a->active(), mapped.b->active()) * 3 / 2;
-    return 1 + depth_of(pair, (std::max)(coarsest, least));
-  }
-
-  /// How many vertices a level should have; level 0 is the finest.
+  /// How many vertices a level should have; level 0 is the finest, depth_ the coarsest.
   int vertices_of(const Surface& s, int level) const {
-    int n = s.mesh.n_vertices;
-    if (level == 0) return n;
-    for (int i = 0; i < level; ++i) n /= kRatio;
-    return (std::max)(n, options_.coarsest);
+    const int n = s.mesh.n_vertices;
+    if (level == 0 || n <= coarsest_) return n;
+    const double ratio = n / static_cast<double>(coarsest_);
+    return static_cast<int>(coarsest_ * root_power(ratio, 1 - level / static_cast<double>(depth_)));
   }
 
   /// Maps the level, then brings back what the next finer one has.
@@ -8840,9 +8832,9 @@ class PairEmbedder {
   /// What the coarsest level gets wrong stays wrong; what the others leave undone, the next one
   /// does faster.
   void begin_level() {
-    const bool is_first = level_ == first_level_;
-    level_options_.tolerance = (std::max)(options_.tolerance, is_first ? 1e-3 : 4e-3);
-    level_options_.tuning.window = is_first ? 20 : 10;
+    const bool is_coarsest = level_ == depth_;
+    level_options_.tolerance = (std::max)(options_.tolerance, is_coarsest ? 1e-3 : 4e-3);
+    level_options_.tuning.window = is_coarsest ? 20 : 10;
     level_a_ = a_->current(), level_b_ = b_->current();
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
@@ -8859,10 +8851,10 @@ class PairEmbedder {
     const LandmarkPull pull(joint_, there, curves);
     if (!pull.is_empty()) optimizer_->set_pull(pull);
     optimizer_->start(x, log_);
-    if (is_first)
-      rules_ = optimizer_->rules();
-    else
+    if (rules_.least_area_a > 0)
       optimizer_->keep_covered(rules_);
+    else
+      rules_ = optimizer_->rules();
     if (!levels_.empty()) optimizer_->lower_omega(kNextOmega);
     if (log_.status == Status::kUnfinished) levels_.push_back(log_.log_begin);
   }
@@ -9233,14 +9225,14 @@ class PairEmbedder {
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of embed_both()
   int drags_ = 0;                       // on this level
+  const int coarsest_;                  // vertices of the coarsest level
   const int depth_;                     // how many coarse levels there are
   int level_;                           // the one the hierarchies are at, depth_ is the coarsest
-  int first_level_;                     // that is mapped here
   JointSurface joint_;                  // the level being mapped
   const Array<Follower> no_followers_ = {};
   std::unique_ptr<Optimizer> optimizer_;  // maps it
   Result log_;
-  StepRules rules_;             // of the coarsest level
+  StepRules rules_{};           // of the coarsest level
   Array<int> tied_a_, tied_b_;  // its vertices
   std::vector<IterationLog> levels_;
 };
@@ -9487,7 +9479,7 @@ class Embedder {
     constexpr double kStrained = 100, kMostStrained = 1e4;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
-        if (!PairEmbedder::has_levels(options_) || options_.coarsest == 0) mapped_.reset();
+        if (!PairEmbedder::has_levels(options_)) mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
         if (are_closed(pair_) && !find_cones()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
@@ -13923,6 +13915,7 @@ class StartFinder {
   const Array<PlacedLandmark>& landmarks_;
   Options options_;  // of all candidates
   const double landmark_weight_;
+  const int coarsest_;
   const Executor& executor_;
   std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
   std::unique_ptr<Level> a_, b_;
@@ -14228,8 +14221,8 @@ class Run {
     if (!find_opening()) return;
     open();
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
-    if (!mapped_)  // small surfaces have one coarse level, too
-      options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
+    // Small surfaces have one coarse level, too.
+    options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
     embedder_ = std::make_unique<Embedder>(pair_, opened_, opened(guides_), std::move(mapped_),
                                            options_, executor_);
   }
@@ -14547,12 +14540,14 @@ inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLand
       landmarks_(landmarks),
       options_(options),
       landmark_weight_(options.exact_landmarks ? 100 : 1),
+      coarsest_(options.coarsest > 0 ? options.coarsest : Options().coarsest),
       executor_(executor) {
   options_.keep_scale = true;
   options_.progress = nullptr;
   options_.stop = nullptr;
-  options_.parallel_for = nullptr;
-  options_.threads = 1;  // candidates run side by side
+  options_.parallel_for = [&executor](int n, const std::function<void(int)>& task) {
+    executor.run(n, [&](int i) { task(i); });  // on one thread where candidates run side by side
+  };
   options_.max_iterations = 200;
   options_.tolerance = 1e-3;
   options_.max_seconds = kInfinity;
@@ -14597,8 +14592,8 @@ inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<H
   for (const PlacedLandmark& l : landmarks_)
     for (int v : (side == Side::kA ? l.a : l.b).corners)
       if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
-  constexpr int kFewest = 100, kMost = 400, kRatio = 2;
-  const int n = std::clamp(s.mesh.n_vertices / kRatio, int{kFewest}, int{kMost});
+  constexpr int kFewest = 100, kRatio = 2;
+  const int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
   h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
   if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
 }
