@@ -588,7 +588,8 @@ struct Embedding : Outcome {
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
   std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
-  /// Mean, divided by coverage, and up to twice that if it misses the landmarks.
+  /// Mean, divided by coverage (relative to the most there can be: areas may differ), and up to
+  /// twice that if it misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
   int iterations = 0;  // it got
   /// Between images by its map and by that of the best one: root of the mean squared distance on B,
@@ -8777,7 +8778,7 @@ class PairEmbedder {
       result_->warnings.insert(result_->warnings.end(), warnings.begin(), warnings.end());
       return false;
     });
-    add([this] { return map_levels(); });
+    add([this] { return grow_by_levels(); });
     add([this] { return finish(); });
   }
 
@@ -8792,7 +8793,7 @@ class PairEmbedder {
       if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
     }
     add_bring_together();
-    add([this] { return depth_ == 0 ? embed_both() : map_levels(); });
+    add([this] { return grow_by_levels(); });
   }
 
   // ---- Algorithm 1 on coarse levels ----
@@ -8816,16 +8817,19 @@ class PairEmbedder {
     return static_cast<int>(coarsest_ * root_power(ratio, 1 - level / static_cast<double>(depth_)));
   }
 
-  /// Maps the level, then brings back what the next finer one has.
-  bool map_levels() {
+  /// Maps the level, if levels are mapped, then brings back what the next finer one has.
+  bool grow_by_levels() {
     if (optimizer_) return optimize_level();
     if (!a_->has_grown() || !b_->has_grown()) return grow_both();
     if (!is_relaxed_) {
+      tell({"embedding both: ", a_->active(), " + ", b_->active(), " vertices"});
       is_relaxed_ = !(levels_.empty() ? relax_both(kStiffest) : smooth_both());
       return true;
     }
-    if (level_ == 0) return false;
-    begin_level();
+    if (a_->is_full() && b_->is_full()) return false;
+    if (depth_ > 0) return begin_level(), true;
+    a_->set_goal(2 * a_->active());
+    b_->set_goal(2 * b_->active());
     return true;
   }
 
@@ -9087,20 +9091,6 @@ class PairEmbedder {
     return false;
   }
 
-  /// Embeds both up to the full meshes.
-  bool embed_both() {
-    tell({"embedding both: ", a_->active(), " + ", b_->active(), " vertices"});
-    if (!a_->has_grown() || !b_->has_grown()) return grow_both();
-    if (is_relaxed_ && a_->is_full() && b_->is_full()) return false;
-    if (is_relaxed_) {
-      a_->set_goal(2 * a_->active());
-      b_->set_goal(2 * b_->active());
-      return true;
-    }
-    is_relaxed_ = !relax_both(kStiffest);
-    return true;
-  }
-
   /// The landmarks on two levels, the rows of B behind those of A; decimation may take some if
   /// there are many.
   Array<PlacedLandmark> landmarks_on(const Level& level_a, const Level& level_b) const {
@@ -9223,7 +9213,7 @@ class PairEmbedder {
   std::unique_ptr<Hierarchy> a_, b_;
   Level level_a_, level_b_;             // what is being relaxed; of one surface alone, the first
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
-  bool is_relaxed_ = true;              // the level of embed_both()
+  bool is_relaxed_ = true;              // the level of grow_by_levels()
   int drags_ = 0;                       // on this level
   const int coarsest_;                  // vertices of the coarsest level
   const int depth_;                     // how many coarse levels there are
@@ -12440,15 +12430,17 @@ struct OpeningPair {
 inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the area
 
 /// The vertex at which a closed surface is to be opened: nothing is far from there, so it unfolds
-/// with little strain, and it is as far from the landmarks as the boundary of the other surface is
-/// from theirs. `is_bound`: per landmark, whether it has to stay where it is; -1 if all vertices
-/// do.
+/// with little strain, and it is in the middle of what the other surface leaves free, where this
+/// one is larger: as far from the landmarks as the other one's boundary is from theirs, and the
+/// radius of a disk of that area. `is_bound`: per landmark, whether it has to stay where it is; -1
+/// if all vertices do.
 inline int find_opening(const Surface& s, const Array<Place>& landmarks,
                         const Array<char>& is_bound, const Surface& other,
                         const Array<Place>& on_other) {
   constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
   constexpr double kWeight = 10;  // of the distances to landmarks
-  const double unit = 1 / std::sqrt(s.total_area), unit_of_other = 1 / std::sqrt(other.total_area);
+  const double unit = 1 / std::sqrt(s.total_area);
+  const double radius = std::sqrt((std::max)(0.0, s.total_area - other.total_area) / kPi);
   const int n = s.mesh.n_vertices;
   const int n_samples = (std::min)(n, std::clamp(kVisits / n, int{kLeast}, int{kMost}));
   Array<double> cost(n, 0), to_samples(n, kInfinity), to_landmarks(n, kInfinity);
@@ -12468,7 +12460,7 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks,
     double to_boundary = kInfinity;
     for (int h : other.mesh.boundary) to_boundary = (std::min)(to_boundary, e[other.mesh.tail[h]]);
     for (int v = 0; v < n; ++v) {
-      const double difference = unit * d[v] - unit_of_other * to_boundary;
+      const double difference = unit * (d[v] - to_boundary - radius);
       cost[v] += kWeight / n_landmarks * difference * difference;
       to_landmarks[v] = (std::min)(to_landmarks[v], unit * d[v]);
     }
@@ -14673,8 +14665,9 @@ inline void StartFinder::improve(Candidate& candidate, int iterations) const {
   constexpr double kMissed = 1;  // how much all landmarks weigh
   const IterationLog& last = candidate.run->result().final_state();
   if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
-  const double covered = 0.5 * (last.coverage_a + last.coverage_b);
-  candidate.value = last.mean_distortion / covered;
+  const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
+  const double most = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
+  candidate.value = last.mean_distortion * most / (last.coverage_a + last.coverage_b);
   candidate.value *= 1 + kMissed * missed_landmarks(candidate);
 }
 
