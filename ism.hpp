@@ -13916,6 +13916,7 @@ class StartFinder {
   Tips tips_a_, tips_b_;
   SamplePair samples_;
   static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
+  static constexpr int kFirst = 2;                   // of two that lead to one map, it is taken
   static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
   Array<Candidate> candidates_;
   int running_ = 0;  // the first ones
@@ -14562,13 +14563,16 @@ inline bool StartFinder::step() {
   if (candidates_.empty()) return find_candidates(), true;
   executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
   const int first = next_, n = (std::min)(int{kAtOnce}, running_ - first);
-  executor_.run(n, [&](int i) { improve(candidates_[first + i], kIterations[round_]); });
+  const bool are_first = round_ == 0 && running_ == kFirst && candidates_.size() > kFirst;
+  const int most = kIterations[are_first ? 1 : round_];
+  executor_.run(n, [&](int i) { improve(candidates_[first + i], most); });
   next_ = first + n < running_ ? first + n : 0;
   if (next_ > 0) return true;
   for (int i = 0; i < running_; ++i)
     if (candidates_[i].has_more) return true;
-  const bool are_first = round_ == 0 && running_ == 2 && candidates_.size() > 2;
-  if (are_first && is_different(candidates_[1], 1)) return running_ = candidates_.size(), true;
+  const double least = (std::min)(candidates_[0].value, candidates_[running_ - 1].value);
+  if (are_first && is_different(candidates_[1], 1) && !(least < kGood))
+    return running_ = candidates_.size(), true;
   if (round_ == kLast) return take_best(), false;
   drop_worst();
   const bool is_good = candidates_[0].value < kGood;
@@ -14612,7 +14616,7 @@ inline void StartFinder::find_candidates() {
   for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
   for (int n : {12, 16, 32, 48})
     if (!alignments.empty()) add_candidate(alignments, 0, n);
-  running_ = (std::min)(candidates_.size(), 2);
+  running_ = (std::min)(candidates_.size(), int{kFirst});
 }
 
 /// The landmarks given, at vertices that are left; of many, those that agree.
