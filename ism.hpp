@@ -11841,41 +11841,24 @@ inline bool nearest_rotation(AffineMap& m) {
   return true;
 }
 
-/// The 60 rotations of the icosahedron, the identity first: unit quaternions (±1, 0, 0, 0),
-/// (±1, ±1, ±1, ±1) / 2, and even permutations of (±φ, ±1, ±1/φ, 0) / 2, one of each ±q.
+/// The 60 rotations of the icosahedron, the identity first: all products of the cyclic exchange of
+/// axes and a fifth of a turn.
 inline Array<AffineMap> icosahedral_rotations() {
-  constexpr double kPhi = 1.6180339887498949, kPart[3] = {0.5 * kPhi, 0.5, 0.5 / kPhi};
-  Array<std::array<double, 4>> quaternions;
-  for (int k = 0; k < 4; ++k)
-    quaternions.push_back(
-        {{k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0, k == 3 ? 1.0 : 0.0}});
-  for (int signs = 0; signs < 8; ++signs) {
-    const auto sign = [&](int k) { return signs >> k & 1 ? -1.0 : 1.0; };
-    quaternions.push_back({{0.5, 0.5 * sign(0), 0.5 * sign(1), 0.5 * sign(2)}});
-    // An even permutation is known by where 0 goes and where φ goes.
-    for (std::size_t zero = 0; zero < 4; ++zero)
-      for (std::size_t turn = 0; turn < 3 && signs < 4; ++turn) {
-        std::array<double, 4> q = {};
-        std::size_t other[3], n = 0;
-        for (std::size_t k = 0; k < 4; ++k)
-          if (k != zero) other[n++] = k;
-        const bool is_odd = zero % 2 == 0;
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t to = is_odd ? (turn + 3 - k) % 3 : (turn + k) % 3;
-          q[other[to]] = kPart[k] * (k == 0 ? 1 : sign(static_cast<int>(k) - 1));
-        }
-        quaternions.push_back(q);
-      }
-  }
-  Array<AffineMap> rotations;
-  for (const auto& q : quaternions) {
-    const double w = q[0];
-    const Vec3 v = {q[1], q[2], q[3]};
-    AffineMap R;
-    for (int c = 0; c < 3; ++c)
-      R.column[c] = (w * w - dot(v, v)) * unit3(c) + 2 * v[c] * v + 2 * w * cross(v, unit3(c));
-    rotations.push_back(R);
-  }
+  constexpr double kHalf = 0.5, kLong = 0.80901699437494742, kShort = kLong - kHalf;  // φ/2, 1/(2φ)
+  const AffineMap cycle = {{unit3(1), unit3(2), unit3(0)}, {}};
+  const AffineMap fifth = {
+      {{kHalf, kLong, kShort}, {-kLong, kShort, kHalf}, {kShort, -kHalf, kLong}}, {}};
+  const auto are_same = [](const AffineMap& p, const AffineMap& q) {
+    return norm(p.column[0] - q.column[0]) + norm(p.column[1] - q.column[1]) < kHalf;
+  };
+  Array<AffineMap> rotations(1, AffineMap());
+  for (int i = 0; i < rotations.size(); ++i)
+    for (const AffineMap& generator : {cycle, fifth}) {
+      const AffineMap next = product(generator, rotations[i]);
+      bool is_new = true;
+      for (const AffineMap& other : rotations) is_new = is_new && !are_same(next, other);
+      if (is_new) rotations.push_back(next);
+    }
   return rotations;
 }
 
