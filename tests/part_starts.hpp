@@ -160,7 +160,7 @@ TEST_CASE("without landmarks, a surface is mapped onto itself turned, on another
   CHECK(r.final_state().mean_distortion < 2.1);
   CHECK(mean_error(r, S) < 0.1);  // 0.37 with limbs that are exchanged
 
-  REQUIRE(r.candidates.size() > 3);
+  REQUIRE(r.candidates.size() >= 2);
   for (std::size_t i = 0; i < r.candidates.size(); ++i) {
     const ism::StartCandidate& c = r.candidates[i];
     CHECK(c.iterations >= 0);
