@@ -192,10 +192,9 @@ struct TriangleMesh {
   Triangles triangles;  // #F×3, ids in [0, #V)
 };
 
-/// A mesh in the caller's memory: positions x, y, z and triangles of 0-based vertex ids, each an
-/// Eigen matrix with three columns or {pointer, number of rows, bytes between rows}. All functions
-/// take views; a TriangleMesh and pairs of matrices convert implicitly. A function that needs a
-/// mesh for longer copies it once, and its result shares the copy.
+/// A mesh in the caller's memory: positions and triangles of 0-based vertex ids, each an Eigen
+/// matrix with three columns or {pointer, number of rows, bytes between rows}. A TriangleMesh and
+/// pairs of matrices convert implicitly. A result that needs the mesh shares one copy of it.
 ///
 ///   struct Vertex { float position[3], normal[3], uv[2]; };  // and std::uint16_t indices
 ///   ism::MeshView a({vertices[0].position, n, sizeof(Vertex)}, {indices.data(), triangles});
@@ -218,8 +217,7 @@ enum class Side { kA, kB };
 /// with seams belong to corners.
 enum class Element { kVertex, kFace, kCorner };
 
-/// The mesh that ids refer to: the caller's, or the embedded one: prepared, cut open if closed,
-/// with added vertices (Embedding::a, Embedding::b).
+/// The mesh that ids refer to: the caller's, or the embedded one (Embedding::a, Embedding::b).
 enum class Ids { kGiven, kEmbedded };
 
 /// A vertex or a triangle of one of the two given meshes.
@@ -255,8 +253,7 @@ enum class Status {
                       // finite at the start; or the arithmetic is not IEEE 754
 };
 
-/// True if the result has what was requested, for compute_map() a valid injective map: all statuses
-/// before kNoMapYet.
+/// True if the result has what was requested, e.g. an injective map: statuses before kNoMapYet.
 inline bool is_usable(Status s) { return s <= Status::kUnfinished; }
 
 /// Returns the name of a status in words ("converged", "iteration limit", ...).
@@ -299,15 +296,12 @@ struct Problem {
   std::vector<int> ids;  // vertices or faces
 };
 
-/// Lists the defects of a mesh; empty means valid. Checks: indices, finite coordinates, degenerate
-/// and repeated triangles, edge and vertex manifoldness, orientation, unreferenced vertices, one
-/// component, no handles; and at most 2^24 vertices and triangles, so that ids of all derived
-/// elements fit in an int. Checks that depend on a failed one are skipped. Reports at most 20
-/// problems of each kind. Cost O(#F log #F). Thread-safe.
+/// Lists the defects of a mesh, at most 20 of each kind; empty means valid. Checks that depend on a
+/// failed one are skipped. Meshes have at most 2^24 vertices and triangles, so that ids of all
+/// derived elements fit in an int. Cost O(#F log #F). Thread-safe.
 std::vector<Problem> validate(const MeshView& mesh);
 
-/// A point of a surface: a triangle and barycentric coordinates that sum to 1; or no point, e.g.
-/// the image of an uncovered point.
+/// A point of a surface: a triangle and barycentric coordinates with sum 1; or none, if uncovered.
 struct SurfacePoint {
   int face = -1;
   Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
@@ -329,7 +323,6 @@ struct Prepared {
   std::vector<Problem> repairs;                         // what was repaired
   std::vector<Problem> problems;  // what remains, in given ids; empty: `mesh` is valid
   /// Per vertex and per corner of `mesh`, its given id, the first one if several were joined.
-  /// Corner k of triangle f is 3 f + k.
   std::vector<int> given_vertex, given_corner;
   /// Per triangle of `mesh`, the given triangle that contains it.
   std::vector<int> given_triangle;
@@ -338,32 +331,31 @@ struct Prepared {
   std::vector<int> new_vertex, new_triangle;
 };
 
-/// Repairs a mesh into a clean surface. Drops degenerate triangles (the ends of a short edge are
-/// merged; if a corner lies on the longest edge, the triangle behind it is split), repeated
-/// triangles and unreferenced vertices. Welds coincident boundary edges that have separate vertices
-/// (triangle soup, seams of texture coordinates). Cuts where more than two triangles share an edge
-/// or fans share a vertex. Flips triangles to one orientation, with positive volume if the surface
-/// is closed, else that of most of its area. Keeps the component with most landmarks, of several
-/// the largest. A valid mesh keeps all its ids; a boundary loop that touches only itself, e.g.
-/// closed lips, stays open. Surfaces with handles or without orientation stay invalid. Cost
-/// O(#F log #F). Thread-safe. `weld`: false keeps vertices separate, except at short edges.
+/// Repairs a mesh into a clean surface. Drops repeated triangles, unreferenced vertices and
+/// degenerate triangles, without gaps: short edges shrink to a point, triangles behind long ones
+/// are split. Welds coincident boundary edges (triangle soup, seams of texture coordinates), unless
+/// `weld` is false. Cuts where more than two triangles share an edge or fans share a vertex. Flips
+/// triangles to one orientation, with positive volume if closed, else that of most of the area.
+/// Keeps the component with most landmarks, of several the largest. A valid mesh keeps all its ids;
+/// a boundary loop that touches only itself, e.g. closed lips, stays open. Surfaces with handles or
+/// without orientation stay invalid. Cost O(#F log #F). Thread-safe.
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {},
                  bool weld = true);
 
-/// A wanted correspondence: a on A should map near b on B. {17, 4} are two vertices,
-/// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}} are a vertex of A and a point in triangle 8 of B. An
-/// end on an element that prepare() dropped moves to the nearest point of the surface, within 1% of
-/// its size; if there is none, the landmark is skipped with a warning, or, if exact, refused.
+/// A wanted correspondence: a on A should map near b on B, e.g. {17, 4} or
+/// {17, ism::SurfacePoint{8, {0.2, 0.3, 0.5}}}. An end on an element that prepare() dropped moves
+/// to the nearest point of the surface, within 1% of its size; if there is none, the landmark is
+/// skipped with a warning, or, if exact, refused.
 struct Landmark {
   LandmarkPoint a, b;
-  /// How strongly it pulls, to the end: if the image of a lies d roots of the area from b, it adds
-  /// weight · d² / (1 + 44 d²) to E per area, so that a wrong landmark hardly pulls. If weights
-  /// sum up to more than 50, they share 50. 0: it only guides the start.
+  /// If the image of a lies d roots of the area from b, weight · d² / (1 + 44 d²) is added to E per
+  /// area, to the end; a wrong landmark hardly pulls. Weights share at most 50. 0: it only guides
+  /// the start.
   double weight = 8;
 };
 
-/// A line of vertices of A that is to be mapped onto a line of vertices of B, as for lips, eyelids
-/// or a midline. Images may slide along the line. A closed line ends with its first vertex.
+/// Lines of vertices that are to be mapped onto each other, as of lips, eyelids or a midline.
+/// Images may slide along the line. A closed line ends with its first vertex.
 struct Curve {
   std::vector<int> a, b;  // in order; straight between them
   double weight = 100;    // that of Landmark, shared by the vertices of A
@@ -372,15 +364,13 @@ struct Curve {
 /// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
 /// hold their boundaries (kInvalidOptions).
 enum class Boundary {
-  /// Boundaries move freely. A and B correspond where they overlap in the plane.
-  kFree,
+  kFree,  // boundaries move freely; A and B correspond where they overlap in the plane
   /// Both boundaries lie along the sides of one square and stay there, so A and B cover each other.
-  /// Four pairs of vertices become its corners. Landmarks on the boundaries (points on their edges
-  /// become vertices) and arc length between them define the correspondence; without such
-  /// landmarks, arc length from where the boundaries are closest in a free embedding.
+  /// Landmarks on the boundaries (points on their edges become vertices) and arc length between
+  /// them define the correspondence; without such landmarks, arc length from where the boundaries
+  /// are closest in a free embedding.
   kFixed,
-  /// As kFixed at the start, but all vertices except for the corners may slide along their side.
-  kSlide
+  kSlide  // as kFixed, but all vertices except for the four corners may slide along their side
 };
 
 /// One iteration of the optimiser. Energies are those after the step; areas and energies are in
@@ -418,14 +408,14 @@ struct Progress {
 using ParallelFor = std::function<void(int n, const std::function<void(int)>& task)>;
 
 /// A distortion D(S, d) with S = σ_max² + σ_min² and d = σ_max σ_min, of the singular values of
-/// J_Φ: its value, its first and its second derivatives.
+/// J_Φ: its value and derivatives.
 struct StretchDensity {
   double value, S, d, SS, Sd, dd;
 };
 
-/// The integrand of E_Φ (§3.2): D integrated over A' times `on_a`, plus D integrated over B' times
-/// `on_b`, where A' and B' are the covered parts. D is evaluated for S ≥ 2 d > 0 only, must be at
-/// least 0 and thread-safe. It need not prevent flips; E_f and E_g do.
+/// E_Φ (§3.2): D integrated over the covered part A' times `on_a`, plus D over B' times `on_b`. D
+/// is evaluated for S ≥ 2 d > 0 only, must be at least 0 and thread-safe, and need not prevent
+/// flips.
 ///
 ///   ism::DistortionMeasure area = {[](double, double d) {  // (d - 1)², over A'
 ///     return ism::StretchDensity{(d - 1) * (d - 1), 0, 2 * (d - 1), 0, 0, 2};
@@ -466,9 +456,8 @@ struct Options {
   DistortionMeasure measure = symmetric_dirichlet();
   std::vector<Curve> curves;  // pull to the end, on the given meshes and on coarse levels
   /// Reward for covered area beyond the cost of an isometry: E gains -κ (area A' + area B'), where
-  /// κ = max(0, coverage_weight + measure.isometry()). With 0 an isometry neither gains nor loses
-  /// by shrinking; a small weight lets it grow; a large one trades low distortion for coverage.
-  /// κ = 0 is the paper's objective, whose global minimum is the empty overlap.
+  /// κ = max(0, coverage_weight + measure.isometry()). A large weight trades low distortion for
+  /// coverage. κ = 0 is the paper's objective, whose global minimum is the empty overlap.
   double coverage_weight = 0.2;
   int max_iterations = 1000;  // ≥ 0, on the given meshes; 0 skips coarse levels, too
   /// Stops when the mean decrease of E over 20 iterations (10 after coarse levels) is below this
@@ -476,9 +465,8 @@ struct Options {
   /// without decrease, a quasi-Newton step as a fifth of an iteration.
   double tolerance = 3e-4;  // ≥ 0
   /// false: scales both meshes to area 1; if a boundary is free and five or more landmarks agree
-  /// on another ratio of sizes, scales them so that landmarks are equally far apart on both: a part
-  /// then fits its place on the whole. true: the meshes share one unit and are not scaled; areas of
-  /// 1e-50 to 1e50 work.
+  /// on another ratio of sizes, so that landmarks are equally far apart on both. true: the meshes
+  /// share one unit and are not scaled; areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
   int threads = 0;  // ≥ 0, capped at 4 per processor; 0: one per processor that is available;
                     // results do not depend on it
@@ -498,16 +486,16 @@ struct Options {
   /// are closed.
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
-  /// in the plane throughout.
-  /// Landmarks on the boundaries must then have the same order on A and B; on held boundaries, both
-  /// ends of a landmark lie there or none. Points become added vertices.
+  /// in the plane throughout, and points become added vertices. Landmarks on the boundaries must
+  /// then have the same order on A and B; on held boundaries, both ends of a landmark lie there or
+  /// none.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds boundaries of any shape; kSlide lets vertices slide that
   /// lie, with both neighbours, on a line parallel to an axis.
   Boundary boundary = Boundary::kFree;
   /// A vertex on the boundary loop of A, of B, that becomes the outline of f(A), of g(B); -1: the
-  /// longest loop. The other loops are openings: they are free, kept disjoint exactly, and nothing
-  /// is mapped into them. Given positions have outlines of their own.
+  /// longest loop. The others are openings: free, disjoint, and nothing is mapped into them. Given
+  /// positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
   /// Known planar positions, #V_A×2 and #V_B×2, in any unit. They replace the initial embedding,
   /// and the result is in the same unit. Landmarks that are apart there are first pulled together,
@@ -516,17 +504,14 @@ struct Options {
   bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
   /// ≥ 0: Algorithm 1 first runs on decimated surfaces, from about this many vertices per surface
-  /// up, each with about a quarter of the next one's. 0 is the paper's method. Exact landmarks,
-  /// held boundaries, given positions and change() skip these levels, but not the trial of
-  /// candidates.
+  /// up; each has about a quarter of the next one's. 0 is the paper's method. Exact landmarks, held
+  /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
   int coarsest = 400;
   /// > 0: first halves edges longer than this many edges of the finer surface, at triangles that
-  /// are larger than its triangles, the longest first: f and g are linear on triangles, and no map
-  /// of few or long ones is good. It ends where both have as many triangles, or 4 / refine² times
-  /// as many as the finer one, at most four times. The shape and the ids of given vertices stay,
+  /// are larger than its triangles, the longest first, up to the number of its triangles, or to
+  /// 4 / refine² times as many, at most four times. The shape and the ids of given vertices stay,
   /// see Embedding::added_a. 8 suits a coarse mesh and a fine one; 1 makes both finer, which helps
-  /// where both have about a thousand triangles. 0: off. Given positions and as_published refine
-  /// nothing.
+  /// where both have about a thousand triangles. 0: off, as for given positions and as_published.
   double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
@@ -534,12 +519,11 @@ struct Options {
   /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
   /// suit a start that is good already.
   double omega_start = 1e4;
-  /// true: maps surfaces of at most 400 vertices from several starts, and goes on from the map with
-  /// the least distortion for its coverage, see Result::candidates. The starts are the landmarks
-  /// alone, and with them alignments of the surfaces in space, which find the right map of shapes
-  /// in about one pose without landmarks; then ends of limbs are brought together. Costs a few
-  /// seconds. false: the landmarks alone, e.g. where poses differ and landmarks are many.
-  /// as_published and given positions have no candidates.
+  /// true: maps surfaces of at most 400 vertices from several starts, the landmarks alone and with
+  /// alignments of the surfaces in space, brings ends of limbs together, and goes on from the map
+  /// with the least distortion for its coverage, see Result::candidates. Costs a few seconds.
+  /// false: the landmarks alone, e.g. where poses differ and landmarks are many; also for
+  /// as_published and given positions.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
@@ -553,8 +537,8 @@ struct Options {
 };
 
 /// A vertex added to a mesh: on an edge (the third corner is -1) or in a triangle, as the mean of
-/// its corners with positive weights that sum to 1. A copy of a vertex has that one corner: a
-/// closed surface is cut there, and the copy is on the other side of the cut.
+/// its corners with positive weights that sum to 1. A copy of a vertex, across a cut of a closed
+/// surface, has that one corner.
 struct AddedVertex {
   Eigen::Vector3i corners = {-1, -1, -1};
   Eigen::Vector3d weights = {0, 0, 0};
@@ -567,9 +551,7 @@ struct Embedding : Outcome {
   /// The prepared meshes.
   std::shared_ptr<const Prepared> prepared_a = std::make_shared<Prepared>(),
                                   prepared_b = prepared_a;
-  /// The embedded meshes: the prepared ones, followed by vertices that Options::refine and
-  /// constraints need. Surfaces are unchanged; closed ones are cut, with copies of vertices on the
-  /// other side of the cut.
+  /// The embedded meshes: the prepared ones, closed ones cut, followed by the added vertices.
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;
   /// The added vertices in order: halved edges, copies, then exact landmarks given as points, in
   /// their order, if given at the start. Earlier ones may be corners of later ones.
@@ -592,9 +574,8 @@ struct StartCandidate {
   /// twice that if it misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
   int iterations = 0;  // it got
-  /// Between images by its map and by that of the best one: root of the mean squared distance on B,
-  /// in roots of the area. A start with hardly more distortion and a large difference may be the
-  /// one that is meant.
+  /// Root of the mean squared distance on B, in roots of the area, between images by its map and by
+  /// the best one. If it is large, and the distortion hardly more, this start may be the right one.
   double difference = 0;
 };
 
@@ -623,14 +604,13 @@ struct Result : Outcome {
   const IterationLog& final_state() const { return log.empty() ? log_begin : log.back(); }
 };
 
-/// Embeds both meshes injectively in one plane, with up to 50 landmarks close to each other (§6);
-/// more only guide. Maps of decimated surfaces decide how the planes lie on each other
-/// (Options::candidates). If an outline blocks itself or a surface is folded sharply, the boundary
-/// unfolds from a circle, which may strain the result. Two closed surfaces are cut along paths
-/// through four vertices; see compute_map().
-/// kNumericalFailure names the vertex for which rounding leaves no room.
-/// Ignores Options::initial_f and initial_g. Statuses: kDone, kInvalidMesh, kInvalidLandmarks,
-/// kInvalidOptions, kInvalidPins, kNoMapYet, kNumericalFailure. Thread-safe.
+/// The start of compute_map(): embeds both meshes injectively in one plane, with up to 50 landmarks
+/// close to each other (§6); more only guide. Maps of decimated surfaces decide how the planes lie
+/// on each other (Options::candidates). If an outline blocks itself or a surface is folded sharply,
+/// the boundary unfolds from a circle, which may strain the result. kNumericalFailure names the
+/// vertex for which rounding leaves no room. Ignores Options::initial_f and initial_g. Other
+/// statuses: kDone, kNoMapYet, and that a mesh, landmarks, options or pins are invalid.
+/// Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -643,11 +623,11 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// 6, as if all were stretched 2.4 times, or above 1.5 times that of the start.
 ///
 /// Two closed surfaces are mapped by way of a pillow: the plane, divided by the half-turns about
-/// four points, the cones. Four vertices of each lie there, on each other. The result embeds both
-/// surfaces cut along a path through these; the half-turns, and the translations that they make,
-/// take both sides of a cut to each other, and f(A) to where g(B) lies. So there is no boundary,
-/// and the map is a homeomorphism from the first iterate on. Of surfaces with less than 64
-/// vertices, edges are halved. A surface that is closed alone is cut open at one place.
+/// four points, the cones, where four vertices of each lie. The result embeds both surfaces cut
+/// along a path through these; the half-turns, and the translations that they make, take both sides
+/// of a cut to each other, and f(A) to where g(B) lies. So the map is a homeomorphism from the
+/// first iterate on. Of surfaces with less than 64 vertices, edges are halved. A surface that is
+/// closed alone is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -678,17 +658,16 @@ class Solver {
   /// Runs steps for some seconds, at least one step.
   bool advance(double seconds);
 
-  /// Returns what compute_map() would if it ended here: a status and, once there is a map, the last
-  /// injective iterate. On a coarse level, until the run is stopped, this is the iterate of the
-  /// first call on that level. Valid until the next call of another function.
+  /// Returns what compute_map() would if it ended here. On a coarse level, until the run is
+  /// stopped, this is the iterate of the first call on that level. Valid until the next call of
+  /// another function.
   const Result& result() const;
   double fraction() const;  // of the whole run, an estimate; only change() lowers it
 
-  /// Continues from the current map and its ω_L with other landmarks and options (pins, weights,
-  /// limits, ...); `boundary`, `keep_scale` and given positions keep their values. Springs added to
-  /// E pull new landmarks together first; exact ones are then joined as in the embedding, with
-  /// added vertices if needed. Pins hold their current images. If an argument is refused, nothing
-  /// changes, and the outcome gives the reason.
+  /// Continues from the current map and its ω_L with other landmarks and options; `boundary`,
+  /// `keep_scale` and given positions keep their values. New landmarks are pulled together first;
+  /// exact ones are then joined, with added vertices if needed. Pins hold their current images. If
+  /// an argument is refused, nothing changes, and the outcome gives the reason.
   Outcome change(const std::vector<Landmark>& landmarks, const Options& options);
 
  private:
@@ -738,16 +717,13 @@ namespace detail {
 struct MapData;
 }
 
-/// Φ = g⁻¹ ∘ f as a function, in both directions. Cheap to copy; copies share their data.
+/// Φ = g⁻¹ ∘ f as a function, in both directions, in the caller's ids. Elements that prepare()
+/// dropped are not covered; welded copies have one image. Copies share their data. All queries are
+/// const and thread-safe. A point query costs O(polygons in its triangle).
 ///
 ///   ism::SurfaceMap map(result);
 ///   ism::SurfacePoint image = map.forward_vertex(7);
 ///   if (image.exists()) use(map.position_on_b(image));
-///
-/// Vertices and triangles have the caller's ids, also if meshes were prepared, cut open or got
-/// added vertices. Elements that prepare() dropped are not covered; welded copies have one image.
-///
-/// All queries are const and thread-safe. A point query costs O(polygons in its triangle).
 class SurfaceMap {
  public:
   SurfaceMap();  // maps nothing; its status is kNoMapYet
@@ -779,12 +755,10 @@ class SurfaceMap {
   std::vector<SurfacePoint> backward_vertices() const;  // one per vertex of B
   /// Returns the image on B of a path along edges of A, given by its vertices: in order, a polyline
   /// for each covered stretch, with a point on every crossed edge of B. The path is interrupted
-  /// between vertices without a common edge. For a triangulated polygon mesh (§6.3), pass the edges
-  /// of its polygons.
+  /// between vertices without a common edge.
   std::vector<Polyline> forward_path(const std::vector<int>& vertices) const;
   std::vector<Polyline> backward_path(const std::vector<int>& vertices) const;  // from B to A
-  /// Returns the position in space, in the unit of the mesh; NaN if there is no such face, e.g. for
-  /// the image of an uncovered point.
+  /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
   MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
@@ -799,17 +773,15 @@ class SurfaceMap {
 };
 
 /// Independently verifies the guarantees of compute_map() for a given map, in integer arithmetic: f
-/// and g are injective, so Φ is continuous and injective on its domain; and the meta mesh has every
-/// polygon adjacent to another one exactly once. Checks to 1e-9 of the size: corners of the meta
-/// mesh agree in the planes and on the surfaces, and a closed map covers both surfaces. Returns
-/// kDone; the status of the map, if different; or kNumericalFailure, a bug of the library, with the
-/// offending vertex or triangles. Cost O(n log n), microseconds per triangle and polygon.
-/// Thread-safe.
+/// and g are injective, so Φ is continuous and injective; polygons of the meta mesh are adjacent
+/// exactly once. Checks to 1e-9 of the size: corners of the meta mesh agree in the planes and on
+/// the surfaces, and a closed map covers both surfaces. Returns kDone; the status of the map, if
+/// different; or kNumericalFailure, a bug of the library, with the offending vertex or triangles.
+/// Cost O(n log n), microseconds per triangle and polygon. Thread-safe.
 Outcome verify(const SurfaceMap& map);
 
-/// Remeshes compatibly: returns the mesh of one side with positions on the other surface. It has
-/// all given vertices; those without an image are in no triangle and lie on the first image. Linear
-/// cost, thread-safe.
+/// Returns the mesh of one side with positions on the other surface. Vertices without an image are
+/// in no triangle and lie on the first image. Linear cost, thread-safe.
 TriangleMesh remesh(const SurfaceMap& map, Side side);
 
 /// A linear map of attributes between elements, as a sparse matrix by rows: value i is the sum of
@@ -828,10 +800,9 @@ struct Transfer {
   /// has not n_sources rows.
   Values apply(const Values& values) const;
 
-  /// Does the same for arrays of n_sources and rows() elements: the `columns` numbers of an element
-  /// are contiguous, and the next element begins `stride` bytes further. Integers are rounded and
-  /// clamped to T. Uncovered elements keep their values. False, with nothing read or written, if
-  /// numbers of elements differ.
+  /// Does the same for arrays: the `columns` numbers of an element are contiguous, the next element
+  /// begins `stride` bytes further. Integers are rounded and clamped to T. Uncovered elements keep
+  /// their values. False, with nothing read or written, if numbers of elements differ.
   template <class T>
   bool apply(const T* values, std::ptrdiff_t n_values, std::ptrdiff_t stride, int columns,
              T* result, std::ptrdiff_t n_results, std::ptrdiff_t result_stride) const {
@@ -860,9 +831,9 @@ Transfer to_meta(const MetaMesh& meta, Side side, Element element);
 /// get the same row. Inverts to_meta() of the same side. Cost O(n log n), as of all below.
 Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 
-/// Returns the transfer from elements of the mesh on side `from` to those of the other mesh, the
-/// composition of both above. It samples: a coarser mesh loses detail, and corners of a face across
-/// a seam of texture coordinates lie on both sides of it; use to_meta() for these.
+/// Returns the transfer from elements of the mesh on side `from` to those of the other mesh, both
+/// of the above. A coarser mesh loses detail, and corners of a face may lie on both sides of a seam
+/// of texture coordinates; to_meta() avoids both.
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
 /// Interpolates vertices linearly from A at t = 0 (meta.on_a) to B at t = 1 (meta.on_b).
@@ -960,9 +931,7 @@ namespace detail {
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kPi = 3.14159265358979323846;
 
-// Powers and angles use products and square roots only, which round alike on all systems, unlike
-// std::pow and std::sin.
-
+/// Unlike std::pow, it uses products only, which round alike on all systems.
 inline double power(double x, int n) {
   double result = 1;
   for (int i = 0; i < n; ++i) result *= x;
@@ -991,21 +960,6 @@ inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 
 /// Rotates d by -90 degrees: the outward normal of a counter-clockwise edge of direction d.
 inline Vec2 perp(Vec2 d) { return {d.y, -d.x}; }
-
-/// Returns the angle of a vector, in [-π, π]; 0 for the null vector. Halves it six times, then sums
-/// the series of the arc tangent.
-inline double angle_of(Vec2 p) {
-  const double length = norm(p);
-  if (!(length > 0)) return 0;
-  if (p.x < 0) return (p.y < 0 ? -kPi : kPi) - angle_of({-p.x, p.y});
-  p = 1 / length * p;
-  for (int i = 0; i < 6; ++i) {
-    p.x += 1;
-    p = 1 / norm(p) * p;
-  }
-  const double t = p.y / p.x, t2 = t * t;
-  return 64 * t * (1 - t2 * (1.0 / 3 - t2 * (1.0 / 5 - t2 * (1.0 / 7 - t2 / 9))));
-}
 
 struct Vec3 {
   double x = 0, y = 0, z = 0;
@@ -1083,97 +1037,48 @@ inline void set_row(Points3& x, int i, const Vec3& p) {
   row[0] = p.x, row[1] = p.y, row[2] = p.z;
 }
 
-/// Returns the bounding box of some points: its lower left and its upper right corner.
-inline std::array<Vec2, 2> bounding_box(const Points2& x) {
-  Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
-  for (int i = 0; i < x.rows(); ++i) {
-    lo = lower(lo, row2(x, i));
-    hi = upper(hi, row2(x, i));
-  }
-  return {lo, hi};
-}
-
 /// A vector indexed by int, the type of every id in this file (and in Eigen and mesh files).
 template <class T>
-class Array {
+class Array : public std::vector<T> {
+  using Base = std::vector<T>;
+  static std::size_t count(int n) { return static_cast<std::size_t>(n); }
+
  public:
   Array() = default;
-  explicit Array(int n, const T& value = T()) : Array() { assign(n, value); }
-  Array(const Array& other) : Array() { append(other.begin(), other.size_); }
-  Array(Array&& other) noexcept { swap(other); }
-  Array& operator=(Array other) { return swap(other), *this; }
-  ~Array() {
-    clear();
-    ::operator delete(items_);
-  }
+  explicit Array(int n, const T& value = T()) : Base(count(n), value) {}
+  Array(const Base& items) : Base(items) {}
 
-  int size() const { return size_; }
-  bool empty() const { return size_ == 0; }
-  T& operator[](int i) { return items_[i]; }
-  const T& operator[](int i) const { return items_[i]; }
-  T& back() { return items_[size_ - 1]; }
-  const T& back() const { return items_[size_ - 1]; }
-  T* data() { return items_; }
-  const T* data() const { return items_; }
-  T* begin() { return items_; }
-  T* end() { return items_ + size_; }
-  const T* begin() const { return items_; }
-  const T* end() const { return items_ + size_; }
+  int size() const { return static_cast<int>(Base::size()); }
+  T& operator[](int i) { return begin()[i]; }
+  const T& operator[](int i) const { return begin()[i]; }
+  T* begin() { return Base::data(); }
+  T* end() { return Base::data() + Base::size(); }
+  const T* begin() const { return Base::data(); }
+  const T* end() const { return Base::data() + Base::size(); }
 
   void push_back(T value) {
-    if (size_ == room_) grow(size_ < 4 ? 8 : size_ + 1);
-    ::new (static_cast<void*>(items_ + size_)) T(std::move(value));
-    ++size_;
+    if (Base::capacity() == 0) reserve(8);
+    Base::push_back(std::move(value));
   }
-  void pop_back() { items_[--size_].~T(); }
-  void clear() {
-    while (size_ > 0) pop_back();
-  }
-  void assign(int n, const T& value) {
-    clear();
-    resize(n, value);
-  }
-  void resize(int n, const T& value = T()) {
-    while (size_ > n) pop_back();
-    grow(n);
-    for (; size_ < n; ++size_) ::new (static_cast<void*>(items_ + size_)) T(value);
-  }
-  void reserve(int n) {
-    if (n <= room_) return;
-    T* items = static_cast<T*>(::operator new(static_cast<std::size_t>(n) * sizeof(T)));
-    for (int i = 0; i < size_; ++i) {
-      ::new (static_cast<void*>(items + i)) T(std::move(items_[i]));
-      items_[i].~T();
-    }
-    ::operator delete(items_);
-    items_ = items;
-    room_ = n;
-  }
-  void append(const T* items, int n) {
-    grow(size_ + n);
-    for (int i = 0; i < n; ++i, ++size_) ::new (static_cast<void*>(items_ + size_)) T(items[i]);
-  }
-  void swap(Array& other) noexcept {
-    std::swap(items_, other.items_);
-    std::swap(size_, other.size_);
-    std::swap(room_, other.room_);
-  }
-
- private:
-  /// Makes room for n items, and at least doubles it, so that n small steps cost O(n).
-  void grow(int n) {
-    constexpr int kMost = (std::numeric_limits<int>::max)();
-    if (n > room_) reserve((std::max)(n, room_ + (std::min)(room_, kMost - room_)));
-  }
-
-  T* items_ = nullptr;
-  int size_ = 0, room_ = 0;
+  void assign(int n, const T& value) { Base::assign(count(n), value); }
+  void resize(int n, const T& value = T()) { Base::resize(count(n), value); }
+  void reserve(int n) { Base::reserve(count(n)); }
+  void append(const T* items, int n) { Base::insert(Base::end(), items, items + n); }
 };
 
 /// Returns 0 to n - 1.
 inline Array<int> numbers_below(int n) {
   Array<int> numbers(n);
   for (int i = 0; i < n; ++i) numbers[i] = i;
+  return numbers;
+}
+
+/// Returns the numbers from 0 to n - 1 for which is(i) is true.
+template <class Is>
+Array<int> numbers_where(int n, const Is& is) {
+  Array<int> numbers;
+  for (int i = 0; i < n; ++i)
+    if (is(i)) numbers.push_back(i);
   return numbers;
 }
 
@@ -1236,22 +1141,6 @@ class Timer {
   Clock::time_point start_ = Clock::now();
 };
 
-/// A reference to a function object, which must outlive it; std::function would copy the object.
-template <class... Arguments>
-class Callback {
- public:
-  template <class Function>
-  Callback(const Function& function)
-      : function_(&function), call_([](const void* f, Arguments... arguments) {
-          (*static_cast<const Function*>(f))(arguments...);
-        }) {}
-  void operator()(Arguments... arguments) const { call_(function_, arguments...); }
-
- private:
-  const void* function_;
-  void (*call_)(const void*, Arguments...);
-};
-
 /// A lock for a few instructions without allocations. Not std::mutex: a job system may have threads
 /// where <mutex> is missing.
 class SpinLock {
@@ -1277,7 +1166,7 @@ class Crew;
 /// and may return early; the caller discards their results.
 class Executor {
  public:
-  using Task = Callback<int>;
+  using Task = std::function<void(int)>;
 
   explicit Executor(const Options& options);
   ~Executor();
@@ -1286,7 +1175,7 @@ class Executor {
   void run(int n, const Task& task) const;
 
   /// Runs task(begin, end) over [0, n) in blocks of a fixed size.
-  void run_blocks(int n, int block, const Callback<int, int>& task) const {
+  void run_blocks(int n, int block, const std::function<void(int, int)>& task) const {
     run((n + block - 1) / block, [&](int k) { task(k * block, (std::min)(n, (k + 1) * block)); });
   }
 
@@ -1422,24 +1311,18 @@ inline double orient2d_exact(Vec2 a, Vec2 b, Vec2 c) {
 
 inline constexpr double kErrorBound = 3.3306690738754716e-16;  // (3 + 16 ε) ε, Shewchuk's stage A
 
-/// Returns an exact sign: positive if a, b, c turn left, negative for right, 0 if collinear.
-inline double orient2d(Vec2 a, Vec2 b, Vec2 c) {
+/// Returns twice the area of a triangle; the sign is exact: positive if a, b, c turn left, 0 if
+/// they are collinear. `certain`: least ratio of area and products that needs no exact arithmetic.
+inline double orient2d(Vec2 a, Vec2 b, Vec2 c, double certain = kErrorBound) {
   const double left = (a.x - c.x) * (b.y - c.y);
   const double right = (a.y - c.y) * (b.x - c.x);
   const double det = left - right;
-  if (std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right))) return det;
+  if (std::abs(det) > certain * (std::abs(left) + std::abs(right))) return det;
   return orient2d_exact(a, b, c);
 }
 
-/// Returns twice the area of the triangle, to twelve digits; the sign is exact.
-inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) {
-  constexpr double kCancelled = 1e-3;  // of the products: cancellation leaves 13 of 16 digits
-  const double left = (a.x - c.x) * (b.y - c.y);
-  const double right = (a.y - c.y) * (b.x - c.x);
-  const double det = left - right;
-  if (std::abs(det) > kCancelled * (std::abs(left) + std::abs(right))) return det;
-  return orient2d_exact(a, b, c);
-}
+/// Does the same to twelve digits: cancellation leaves 13 of 16.
+inline double accurate_area(Vec2 a, Vec2 b, Vec2 c) { return orient2d(a, b, c, 1e-3); }
 
 /// A point and its rank in the perturbation; smaller ids are displaced more. A point that a
 /// half-turn has moved is displaced the other way, a fixed one is not: sign -1, 0.
@@ -1529,7 +1412,6 @@ inline constexpr double kPillowSide = 0x1.6ap-1;
 /// half-turns about four cones into copies of a pillow (part [14]). Empty for other surfaces.
 struct Pillow {
   Array<Motion> place;        // per half-edge: its tail v lies at place x_v
-  Array<Motion> across;       // per half-edge: takes the places in the twin's triangle into its own
   Array<int> cones;           // vertices, fixed; the angles around them sum to π
   double side = kPillowSide;  // of the square, kPillowSide times a power of two
   bool is_empty() const { return place.empty(); }
@@ -1544,7 +1426,7 @@ struct HalfEdgeMesh {
   Array<int> out;        // #V, an outgoing half-edge
   Array<int> boundary;   // boundary half-edges, loop by loop, their faces on the left
   Array<int> loop;       // starts of loops in `boundary`, and its end
-  Array<int> component;  // starts of connected components in `loop`, and its last entry
+  Array<int> component;  // per component (A and B in A ⊔ B), its first loop; then the end
   Pillow pillow;
 
   int loops() const { return loop.size() - 1; }
@@ -1581,16 +1463,11 @@ inline double sign_of(const HalfEdgeMesh& m, int h) {
 
 /// Returns the motion that takes the places in the twin's triangle into those of h.
 inline Motion motion_across(const HalfEdgeMesh& m, int h) {
+  if (m.pillow.is_empty()) return {};
   const Array<Motion>& place = m.pillow.place;
   const int t = m.twin[h];
   return m.pillow.is_cone(m.tail[h]) ? place[next(h)] * inverse(place[t])
                                      : place[h] * inverse(place[next(t)]);
-}
-
-/// Finds Pillow::across.
-inline void find_crossings(HalfEdgeMesh& m) {
-  m.pillow.across.resize(m.pillow.place.size());
-  for (int h = 0; h < m.pillow.place.size(); ++h) m.pillow.across[h] = motion_across(m, h);
 }
 
 /// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
@@ -1626,22 +1503,25 @@ inline constexpr int kHub = 128;
 /// An edge as a sortable record (smaller vertex, larger vertex, half-edge).
 struct EdgeUse {
   int lo, hi, half_edge;
+  EdgeUse(int u, int v, int h) : lo((std::min)(u, v)), hi((std::max)(u, v)), half_edge(h) {}
   bool operator<(const EdgeUse& o) const {
     return lo != o.lo ? lo < o.lo : hi != o.hi ? hi < o.hi : half_edge < o.half_edge;
   }
   bool same_edge(const EdgeUse& o) const { return lo == o.lo && hi == o.hi; }
 };
 
-inline Array<EdgeUse> sorted_edges(const Triangles& F) {
+/// Returns the edges of triangles; vertex(h) is the start of half-edge h.
+template <class Vertex>
+Array<EdgeUse> sorted_edges(int n_half_edges, const Vertex& vertex) {
   Array<EdgeUse> uses;
-  uses.reserve(static_cast<int>(F.rows()) * 3);
-  for (int f = 0; f < F.rows(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const int u = F(f, k), v = F(f, (k + 1) % 3);
-      uses.push_back({(std::min)(u, v), (std::max)(u, v), 3 * f + k});
-    }
+  uses.reserve(n_half_edges);
+  for (int h = 0; h < n_half_edges; ++h) uses.push_back({vertex(h), vertex(next(h)), h});
   std::sort(uses.begin(), uses.end());
   return uses;
+}
+
+inline Array<EdgeUse> sorted_edges(const Triangles& F) {
+  return sorted_edges(static_cast<int>(F.size()), [&](int h) { return F.data()[h]; });
 }
 
 /// Calls visit(begin, end) for every run of equal edges in a sorted list.
@@ -1672,41 +1552,28 @@ class DisjointSets {
   Array<int> parent_;
 };
 
-/// Returns the connected component of each face, counted from 0.
-inline Array<int> components_of(const HalfEdgeMesh& m) {
+inline int count_components(const HalfEdgeMesh& m) {
   DisjointSets faces(m.n_faces);
+  int n = m.n_faces;
   for (int h = 0; h < m.tail.size(); ++h)
-    if (m.twin[h] >= 0) faces.unite(h / 3, m.twin[h] / 3);
-  Array<int> component(m.n_faces);
-  for (int f = 0, n = 0; f < m.n_faces; ++f)
-    component[f] = faces.find(f) == f ? n++ : component[faces.find(f)];
-  return component;
+    if (m.twin[h] >= 0) n -= faces.unite(h / 3, m.twin[h] / 3);
+  return n;
 }
 
-/// Lists the boundary loops, component by component.
+/// Lists the boundary loops of a mesh of one component.
 inline void trace_boundary(HalfEdgeMesh& m) {
-  const Array<int> component = components_of(m);
   Array<char> seen(m.tail.size(), 0);
-  Array<int> starts;
-  for (int start = 0; start < m.tail.size(); ++start)
-    if (m.twin[start] < 0) starts.push_back(start);
-  std::sort(starts.begin(), starts.end(), [&](int h, int t) {
-    const int c = component[h / 3], d = component[t / 3];
-    return c != d ? c < d : h < t;
-  });
   m.boundary.clear();
   m.loop.assign(1, 0);
-  m.component.assign(1, 0);
-  int current = 0;
-  for (int start : starts) {
-    if (seen[start]) continue;
-    for (; current < component[start / 3]; ++current) m.component.push_back(m.loops());
+  for (int start = 0; start < m.tail.size(); ++start) {
+    if (m.twin[start] >= 0 || seen[start]) continue;
     for (int h = start; m.twin[h] < 0 && !seen[h]; h = m.out[m.tip(h)]) {
       seen[h] = 1;
       m.boundary.push_back(h);
     }
     m.loop.push_back(m.boundary.size());
   }
+  m.component.assign(1, 0);
   m.component.push_back(m.loops());
 }
 
@@ -1739,27 +1606,19 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   return build_half_edges(n_vertices, F, sorted_edges(F));
 }
 
-/// Shortest paths along edges from some vertices to all others.
-struct ShortestPaths {
-  Array<int> length;  // per vertex, in edges; -1: unreachable
-  Array<int> before;  // per vertex, its predecessor, or -1
-
-  ShortestPaths(const HalfEdgeMesh& m, Array<int> queue)
-      : length(m.n_vertices, -1), before(m.n_vertices, -1) {
-    for (int v : queue) length[v] = 0;
-    for (int i = 0; i < queue.size(); ++i) {
-      const int u = queue[i];
-      m.for_each_outgoing(u, [&](int h) {
-        for (int v : {m.tip(h), m.tail[prev(h)]}) {
-          if (length[v] >= 0) continue;
-          length[v] = length[u] + 1;
-          before[v] = u;
-          queue.push_back(v);
-        }
-      });
-    }
+/// Returns how many edges each vertex is away from the nearest one in `queue`; -1: unreachable.
+inline Array<int> distances_in_edges(const HalfEdgeMesh& m, Array<int> queue) {
+  Array<int> distance(m.n_vertices, -1);
+  for (int v : queue) distance[v] = 0;
+  for (int i = 0; i < queue.size(); ++i) {
+    const int u = queue[i];
+    m.for_each_outgoing(u, [&](int h) {
+      for (int v : {m.tip(h), m.tail[prev(h)]})
+        if (distance[v] < 0) distance[v] = distance[u] + 1, queue.push_back(v);
+    });
   }
-};
+  return distance;
+}
 
 /// A half-edge mesh with the intrinsic geometry of the energies.
 struct Surface {
@@ -1923,12 +1782,9 @@ inline JointSurface join(const SurfacePair& pair) {
   for (int h : b.mesh.out) m.out.push_back(first + h);
   for (int h : b.mesh.boundary) m.boundary.push_back(first + h);
   for (int i = 1; i <= b.mesh.loops(); ++i) m.loop.push_back(s.boundary_a + b.mesh.loop[i]);
-  const int loops_a = a.mesh.loops();
-  for (int i = 1; i < b.mesh.component.size(); ++i)
-    m.component.push_back(loops_a + b.mesh.component[i]);
+  m.component.push_back(m.loops());
   const Pillow& pillow_b = b.mesh.pillow;
   m.pillow.place.append(pillow_b.place.data(), pillow_b.place.size());
-  m.pillow.across.append(pillow_b.across.data(), pillow_b.across.size());
   for (int v : pillow_b.cones) m.pillow.cones.push_back(s.n_a + v);
   s.vertices = stacked(a.vertices, b.vertices);
   s.area.append(b.area.data(), b.area.size());
@@ -2362,8 +2218,7 @@ class OverlayBuilder {
       const OverlayPolygon p = overlay_.polygons[i];
       for (int k = 0; k < p.count; ++k) {
         const int e = p.piece(k), h = 3 * p.tb + e - 3, twin = e < 3 ? -1 : m_.twin[h];
-        if (twin >= 0)
-          add(ta, twin / 3, m_.pillow.is_empty() ? Motion() : p.motion * m_.pillow.across[h], a);
+        if (twin >= 0) add(ta, twin / 3, p.motion * motion_across(m_, h), a);
       }
     }
     for (int e = 0; e < 3; ++e) {
@@ -2372,8 +2227,7 @@ class OverlayBuilder {
       for (int i = begin; i < overlay_.polygons.size(); ++i) {
         const OverlayPolygon& p = overlay_.polygons[i];
         if (!p.has(e)) continue;
-        overlay_.seeds.push_back({twin / 3, p.tb});
-        if (!m_.pillow.is_empty()) overlay_.seeds.back().motion = m_.pillow.across[twin] * p.motion;
+        overlay_.seeds.push_back({twin / 3, p.tb, motion_across(m_, twin) * p.motion});
       }
     }
   }
@@ -3719,7 +3573,7 @@ class RowWriter {
 
 /// Builds a matrix: fill(r, row) adds the summands of row r, the same ones at every call.
 inline BlockMatrix build_rows(int rows, const Executor& executor,
-                              const Callback<int, RowWriter&>& fill) {
+                              const std::function<void(int, RowWriter&)>& fill) {
   constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
   const int block = (std::max)(kLeast, (rows + kMostTasks - 1) / kMostTasks);
   Array<RowWriter> part((rows + block - 1) / block);
@@ -3841,7 +3695,7 @@ inline Array<Vec2> sum_gradients(const HalfEdgeMesh& m, const Array<FaceTerm>& t
 /// Sums the terms of triangles by vertex; add_others(h, row) adds couplings of h's tail.
 inline QuadraticModel sum_terms(const HalfEdgeMesh& m, const Array<FaceTerm>& terms,
                                 const Executor& executor,
-                                const Callback<int, RowWriter&>& add_others) {
+                                const std::function<void(int, RowWriter&)>& add_others) {
   QuadraticModel model;
   model.gradient = sum_gradients(m, terms);
   model.H = build_rows(m.n_vertices, executor, [&](int u, RowWriter& row) {
@@ -3899,7 +3753,7 @@ class ModelBuilder {
 
  private:
   /// Runs task(begin, end) over blocks of about equal work: a coarse face contains many polygons.
-  void run_by_work(int begin, int end, const Callback<int, int>& task) const {
+  void run_by_work(int begin, int end, const std::function<void(int, int)>& task) const {
     constexpr int kBlock = 256;  // elements per task
     const auto elements_before = [&](int f) { return by_face_.start[f] + f; };
     Array<int> first(1, begin);
@@ -4347,7 +4201,7 @@ struct Anchors {
 inline Anchors choose_anchors(const JointSurface& s, const Array<Follower>& followers) {
   Array<int> boundary;
   for (int h : s.mesh.boundary) boundary.push_back(s.mesh.tail[h]);
-  Array<int> distance = ShortestPaths(s.mesh, boundary).length;
+  Array<int> distance = distances_in_edges(s.mesh, boundary);
   for (const Follower& follower : followers) distance[follower.row] = -1;
   Anchors anchors = {s.n_a, s.n_a};
   for (int v = s.n_a; v < s.mesh.n_vertices; ++v)
@@ -4680,8 +4534,9 @@ inline void describe(const JointSurface& s, const Array<Follower>& followers, co
 
 /// Returns half the diagonal of the bounding box of both embeddings.
 inline double domain_radius(const Points2& x) {
-  const std::array<Vec2, 2> box = bounding_box(x);
-  return 0.5 * norm(box[1] - box[0]);
+  Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
+  for (int i = 0; i < x.rows(); ++i) lo = lower(lo, row2(x, i)), hi = upper(hi, row2(x, i));
+  return 0.5 * norm(hi - lo);
 }
 
 inline double longest_move(const Array<Vec2>& d) {
@@ -6201,11 +6056,6 @@ inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
   return found;
 }
 
-inline int count_components(const HalfEdgeMesh& m) {
-  const Array<int> component = components_of(m);
-  return component.empty() ? 0 : 1 + *std::max_element(component.begin(), component.end());
-}
-
 /// A follower and one of its masters that is a follower, too.
 struct Chain {
   int row = -1, master = -1;
@@ -6247,7 +6097,7 @@ inline int split_face(HalfEdgeMesh& m, int h, int middle, const Motion& motion =
 /// Cuts the edge of h in two; the new vertex is the last one.
 inline void split_edge(HalfEdgeMesh& m, int h) {
   const int t = m.twin[h], middle = m.n_vertices++;
-  const Motion on_other_side = t < 0 || m.pillow.is_empty() ? Motion() : motion_across(m, t);
+  const Motion on_other_side = t < 0 ? Motion() : motion_across(m, t);
   const int to_tip = split_face(m, h, middle);
   m.out.push_back(to_tip);
   if (t < 0) return;
@@ -6323,7 +6173,6 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
     if (h < 0) return false;
     add_vertex(s.mesh, h, p);
   }
-  find_crossings(s.mesh);
   trace_boundary(s.mesh);
   s.vertices = with_added(s.vertices, added);
   s.added.insert(s.added.end(), added.begin(), added.end());
@@ -7605,7 +7454,6 @@ inline bool make_pillow(const std::array<int, 4>& cones, double side, Surface& s
       is_free[m.tail[h]] = 0;
     }
   }
-  find_crossings(m);
   return true;
 }
 
@@ -7758,7 +7606,6 @@ class Hierarchy {
       for (int k = 0; k < 3 && mesh_.alive[f]; ++k) pillow.place.push_back(place_[3 * f + k]);
     for (int v : cones_) pillow.cones.push_back(level.place[v]);
     pillow.side = side_of_pillow_;
-    find_crossings(level.surface.mesh);
     return level;
   }
 
@@ -7786,7 +7633,7 @@ class Hierarchy {
   }
 
   /// The pillow of the full mesh.
-  Pillow pillow() const { return {place_, {}, cones_, side_of_pillow_}; }
+  Pillow pillow() const { return {place_, cones_, side_of_pillow_}; }
 
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
@@ -8673,8 +8520,6 @@ struct MappedLevel {
 inline void set_pillows(const Hierarchy& a, const Hierarchy& b, SurfacePair& pair) {
   pair.a.mesh.pillow = a.pillow();
   pair.b.mesh.pillow = b.pillow();
-  find_crossings(pair.a.mesh);
-  find_crossings(pair.b.mesh);
 }
 
 class PairEmbedder {
@@ -9739,7 +9584,6 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copie
     if (cone_number(row2(x, v), side) >= 0) m.pillow.cones[cone_number(row2(x, v), side)] = v;
   if (m.pillow.is_cone(-1)) return false;
   for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
-  find_crossings(m);
   return true;
 }
 
@@ -9751,11 +9595,9 @@ inline void replace_copies(const Array<Copy>& copies, Array<int>& vertices) {
 
 /// Cuts a surface on a pillow open, so that every vertex has one place.
 inline Surface cut_pillow(Surface s) {
-  const Pillow pillow = std::move(s.mesh.pillow);
+  const Array<int> edges = numbers_where(
+      s.mesh.tail.size(), [&](int h) { return !(motion_across(s.mesh, h) == Motion()); });
   s.mesh.pillow = Pillow();
-  Array<int> edges;
-  for (int h = 0; h < pillow.across.size(); ++h)
-    if (!(pillow.across[h] == Motion())) edges.push_back(h);
   cut_along(edges, s);
   return s;
 }
@@ -9962,7 +9804,7 @@ struct Origin {
   /// Returns the half-edges along the given edge from u to v, in order; ~h if one runs from v to u.
   /// Empty if the edge does not exist.
   Array<int> along(int u, int v) const {
-    const EdgeUse edge = {(std::min)(u, v), (std::max)(u, v), -1};
+    const EdgeUse edge(u, v, -1);
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
     while (use != edges.end() && use->same_edge(edge) && is_dropped(use->half_edge / 3)) ++use;
     if (use == edges.end() || !use->same_edge(edge)) return {};
@@ -10158,7 +10000,7 @@ class PathMapper {
     Array<SegmentPart> parts;
     for (int side : {h, m_.twin[h]}) {
       if (side < 0) continue;
-      const Motion there = side != h && pair_.is_closed() ? m_.pillow.across[side] : Motion();
+      const Motion there = side != h ? motion_across(m_, side) : Motion();
       pair_.for_each_target(side / 3, [&](int target, const Motion& motion) {
         SegmentPart part;
         part.face = target;
@@ -10395,8 +10237,8 @@ class MetaMeshBuilder {
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
     const int h = data_.pair.first_half_edge(on_a), g = data_.pair.first_half_edge(on_b);
     Motion motion = p.motion;  // takes the plane of g to that of h
-    if (h != on_a && data_.pair.is_closed()) motion = m_.pillow.across[h] * motion;
-    if (g != on_b && data_.pair.is_closed()) motion = motion * m_.pillow.across[on_b];
+    if (h != on_a) motion = motion_across(m_, h) * motion;
+    if (g != on_b) motion = motion * motion_across(m_, on_b);
     const Vec2 u = place_of(m_, x, h), edge = place_of(m_, x, next(h)) - u;
     const Vec2 c = motion * place_of(m_, x, g), other = motion * place_of(m_, x, next(g)) - c;
     const Crossing at = detail::crossing(u, edge, c, other);
@@ -10910,6 +10752,8 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
+using Kind = Problem::Kind;
+
 /// Collects at most kMostOfAKind problems of each kind, in ids of the given mesh if `prepared` is
 /// not null.
 class ProblemList {
@@ -10918,16 +10762,16 @@ class ProblemList {
   explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
   int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
   int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
-  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
+  void add(Kind kind, Words message, Element element = Element::kVertex,
            const std::vector<int>& ids = {}) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
   /// Adds "vertex 3 is ...", "triangle 5 has ..."
-  void add_vertex(Problem::Kind kind, int v, Words what) {
+  void add_vertex(Kind kind, int v, Words what) {
     add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
   }
-  void add_triangle(Problem::Kind kind, int f, Words what) {
+  void add_triangle(Kind kind, int f, Words what) {
     add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
   }
   std::vector<Problem> problems;
@@ -10940,15 +10784,14 @@ class ProblemList {
 inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
   for (int v = 0; v < mesh.vertices.rows(); ++v)
     if (!is_finite(row3(mesh.vertices, v)))
-      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
-                      {" has a coordinate that is not finite"});
+      list.add_vertex(Kind::kNonFiniteCoordinate, v, {" has a coordinate that is not finite"});
 }
 
 inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
   const int n = static_cast<int>(mesh.vertices.rows());
   for (int h = 0; h < mesh.triangles.size(); ++h)
     if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
-      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
+      list.add_triangle(Kind::kIndexOutOfRange, h / 3,
                         {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
@@ -10985,8 +10828,7 @@ inline Array<const char*> triangle_defects(const Points3& vertices, const Triang
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
   for (int f = 0; f < defects.size(); ++f)
-    if (defects[f] != nullptr)
-      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
+    if (defects[f] != nullptr) list.add_triangle(Kind::kDegenerateTriangle, f, {defects[f]});
 }
 
 using Three = std::array<int, 3>;
@@ -11005,8 +10847,8 @@ inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
   for (int i = 1; i < corners.size(); ++i) {
     if (corners[i].first != corners[i - 1].first) continue;
     const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
-    list.add(Problem::Kind::kRepeatedTriangle,
-             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
+    list.add(Kind::kRepeatedTriangle, {"triangles ", f, " and ", g, " have the same vertices"},
+             Element::kFace, {f, g});
   }
 }
 
@@ -11022,10 +10864,10 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
     const std::string edge =
         sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
     if (n > 2)
-      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
+      list.add(Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
                Element::kFace, faces);
     else
-      list.add(Problem::Kind::kInconsistentOrientation,
+      list.add(Kind::kInconsistentOrientation,
                {"triangles ", join(faces), " run through ", edge, " in the same direction"},
                Element::kFace, faces);
   });
@@ -11040,11 +10882,11 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   for (int v = 0; v < m.n_vertices; ++v) {
     int fan = 0;
     if (incident[v] == 0)
-      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
+      list.add_vertex(Kind::kUnreferencedVertex, v, {" is used by no triangle"});
     else if (edges_are_sound)
       m.for_each_outgoing(v, [&](int) { ++fan; });
     if (edges_are_sound && fan != incident[v])
-      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
+      list.add_vertex(Kind::kNonManifoldVertex, v,
                       {" joins ", incident[v], " triangles that form more than one fan"});
   }
 }
@@ -11052,13 +10894,12 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
-    list.add(Problem::Kind::kSeveralComponents,
-             {"the mesh has ", components, " components, 1 is needed"});
+    list.add(Kind::kSeveralComponents, {"the mesh has ", components, " components, 1 is needed"});
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  list.add(Problem::Kind::kHandles,
+  list.add(Kind::kHandles,
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
@@ -11093,9 +10934,8 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   const NoTraps no_traps;
   ProblemList list(prepared);
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Problem::Kind::kEmpty,
-             {"the mesh has no vertices or no triangles, or more than 2^24 of "
-              "them, or not three numbers for each"});
+    list.add(Kind::kEmpty, {"the mesh has no vertices or no triangles, or more than 2^24 of "
+                            "them, or not three numbers for each"});
     return list.problems;
   }
   check_vertices(mesh, list);
@@ -11181,9 +11021,9 @@ class Preparer {
     take_triangles();
     glue_all();
     choose_component();
-    if (kept_ < 0) return add_problem(Problem::Kind::kEmpty, "no triangle is left");
+    if (kept_ < 0) return add_problem(Kind::kEmpty, "no triangle is left");
     if (sides_.find(kept_) == sides_.find(kept_ + n_triangles()))
-      return add_problem(Problem::Kind::kNotOrientable,
+      return add_problem(Kind::kNotOrientable,
                          "the surface has one side only, as a Möbius strip has");
     build();
     HalfEdgeMesh m;
@@ -11196,7 +11036,7 @@ class Preparer {
 
  private:
   /// Reports why the mesh cannot be repaired.
-  void add_problem(Problem::Kind kind, const char* message) {
+  void add_problem(Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
   }
 
@@ -11312,7 +11152,7 @@ class Preparer {
     DisjointSets loops(n_vertices_);
     Array<char> is_border(corner_.size(), 0), is_seam(n_vertices_, 0);
     Array<EdgeUse> edges;
-    const Array<EdgeUse> uses = edge_uses(place_);
+    const Array<EdgeUse> uses = edge_uses();
     for_each_edge(uses, [&](int begin, int end) {
       const int h = uses[begin].half_edge, t = next(h);
       if (spot(h) == spot(t) || spot(t) == spot(prev(h)) || spot(prev(h)) == spot(h)) return;
@@ -11366,7 +11206,7 @@ class Preparer {
         continue;
       }
       if (flat.empty()) return;
-      const Array<EdgeUse> uses = edge_uses(place_);
+      const Array<EdgeUse> uses = edge_uses();
       for (int f : flat)
         if (give_to_neighbour(f, uses)) has_changed = true;
       if (!has_changed) break;
@@ -11379,10 +11219,7 @@ class Preparer {
     Triangles at_places(n_triangles(), 3);
     for (int h = 0; h < corner_.size(); ++h) at_places.data()[h] = place(h);
     const Array<const char*> defects = triangle_defects(given_.vertices, at_places);
-    Array<int> flat;
-    for (int f = 0; f < defects.size(); ++f)
-      if (defects[f] != nullptr) flat.push_back(f);
-    return flat;
+    return numbers_where(n_triangles(), [&](int f) { return defects[f] != nullptr; });
   }
 
   /// Unites the ends of the shortest edge of a triangle if it is short relative to the longest one,
@@ -11408,7 +11245,7 @@ class Preparer {
     for (int h = 3 * cap; h < 3 * cap + 3; ++h)
       if (length(h) > length(longest)) longest = h;
     const EdgeUse edge = edge_use(longest, place_);
-    const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse{edge.lo, edge.hi, -1});
+    const EdgeUse* use = std::lower_bound(uses.begin(), uses.end(), EdgeUse(edge.lo, edge.hi, -1));
     int behind = -1, count = 0;
     for (; use != uses.end() && use->same_edge(edge); ++use) {
       const int h = use->half_edge;
@@ -11427,34 +11264,28 @@ class Preparer {
   }
 
   EdgeUse edge_use(int h, const Array<int>& at) const {
-    const int p = at[vertex(h)], q = at[vertex(next(h))];
-    return {(std::min)(p, q), (std::max)(p, q), h};
+    return {at[vertex(h)], at[vertex(next(h))], h};
   }
 
-  Array<EdgeUse> edge_uses(const Array<int>& at) const {
-    Array<EdgeUse> uses;
-    for (int h = 0; h < corner_.size(); ++h) uses.push_back(edge_use(h, at));
-    std::sort(uses.begin(), uses.end());
-    return uses;
+  /// Returns the edges between places.
+  Array<EdgeUse> edge_uses() const {
+    return sorted_edges(corner_.size(), [&](int h) { return place(h); });
   }
 
   // ---- gluing ----
-
-  /// The half-edges between the same two places.
-  using Uses = Array<int>;
 
   void glue_all() {
     twin_.assign(corner_.size(), -1);
     corners_ = DisjointSets(corner_.size());
     sides_ = DisjointSets(2 * n_triangles());
-    const Array<EdgeUse> uses = edge_uses(place_);
+    const Array<EdgeUse> uses = edge_uses();
     for_each_edge(uses, [&](int begin, int end) {
-      Uses here;
+      Array<int> here;  // the half-edges between the same two places
       for (int i = begin; i < end; ++i) here.push_back(uses[i].half_edge);
       if (here.size() == 2) glue(here[0], here[1]);
       if (here.size() > 2) crowded_.push_back(here);
     });
-    for (const Uses& here : crowded_) glue_crowded(here);
+    for (const Array<int>& here : crowded_) glue_crowded(here);
   }
 
   /// Glues two triangles along an edge: their corners there become common vertices, and those of
@@ -11480,7 +11311,7 @@ class Preparer {
 
   /// Glues triangles at an edge with more than two in pairs: pairs within a component first, then
   /// pairs with the same given vertices, then pairs that bend least.
-  void glue_crowded(const Uses& here) {
+  void glue_crowded(const Array<int>& here) {
     if (here.size() > kHub) return;  // repeated comparison of all pairs would take too long
     for (int left = here.size(); left >= 2; left -= 2) {
       int best_h = -1, best_t = -1;
@@ -11544,16 +11375,15 @@ class Preparer {
     std::sort(order.begin(), order.end());
     TriangleMesh mesh = {Points3(order.size(), 3), Triangles(members_.size(), 3)};
     Array<int> id(corner_.size());
-    result_.given_vertex.clear();
+    for (auto* ids : {&result_.given_vertex, &result_.given_corner, &result_.given_triangle})
+      ids->clear();
     for (int i = 0; i < order.size(); ++i) {
       id[order[i][1]] = i;
       result_.given_vertex.push_back(order[i][0]);
       set_row(mesh.vertices, i, row3(given_.vertices, order[i][0]));
     }
-    result_.given_corner.clear();
-    result_.given_triangle.clear();
-    result_.new_vertex.assign(result_.new_vertex.size(), -1);
-    result_.new_triangle.assign(result_.new_triangle.size(), -1);
+    result_.new_vertex = Array<int>(n_vertices_, -1);
+    result_.new_triangle = Array<int>(n_given_, -1);
     over_.clear();
     cut_.clear();
     for (int i = 0; i < members_.size(); ++i) {
@@ -11591,68 +11421,62 @@ class Preparer {
     note_dropped();
     note_welded();
     note_cut_edges();
-    note(Problem::Kind::kNonManifoldVertex,
-         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")},
-         Element::kVertex, cut_);
-    note(Problem::Kind::kInconsistentOrientation,
+    note(Kind::kNonManifoldVertex,
+         {"cut the surface apart at ", counted(cut_.size(), "vertex", "vertices")}, cut_);
+    note(Kind::kInconsistentOrientation,
          {"turned ", counted(over_.size(), "triangle"), " over",
           is_turned ? ": most of the surface was inside out" : ""},
-         Element::kFace, over_);
+         over_);
     note_components();
-    Array<int> unused;
-    for (int v = 0; v < n_vertices_; ++v)
-      if (!is_used_[v]) unused.push_back(v);
-    note(Problem::Kind::kUnreferencedVertex,
+    const Array<int> unused = numbers_where(n_vertices_, [&](int v) { return !is_used_[v]; });
+    note(Kind::kUnreferencedVertex,
          {"dropped ", counted(unused.size(), "vertex", "vertices"), " that no triangle uses"},
-         Element::kVertex, unused);
+         unused);
   }
 
-  void note(Problem::Kind kind, Words message, Element element, const Array<int>& ids) {
-    if (!ids.empty())
-      result_.repairs.push_back({kind, sentence(message), element, {ids.begin(), ids.end()}});
+  void note(Kind kind, Words message, const Array<int>& ids) {
+    const bool are_vertices = kind == Kind::kNonManifoldVertex || kind == Kind::kUnwelded ||
+                              kind == Kind::kUnreferencedVertex;
+    const Element element = are_vertices ? Element::kVertex : Element::kFace;
+    if (!ids.empty()) result_.repairs.push_back({kind, sentence(message), element, ids});
   }
 
   void note_dropped() {
     Array<char> is_known(n_given_, 0);
     for (int f : source_) is_known[f] = 1;
     for (int f : repeated_) is_known[f] = 1;
-    Array<int> degenerate;
-    for (int f = 0; f < n_given_; ++f)
-      if (!is_known[f]) degenerate.push_back(f);
-    note(Problem::Kind::kDegenerateTriangle,
-         {"dropped ", counted(degenerate.size(), "degenerate triangle")}, Element::kFace,
+    const Array<int> degenerate = numbers_where(n_given_, [&](int f) { return !is_known[f]; });
+    note(Kind::kDegenerateTriangle, {"dropped ", counted(degenerate.size(), "degenerate triangle")},
          degenerate);
-    note(Problem::Kind::kRepeatedTriangle,
-         {"dropped ", counted(repeated_.size(), "repeated triangle")}, Element::kFace, repeated_);
+    note(Kind::kRepeatedTriangle, {"dropped ", counted(repeated_.size(), "repeated triangle")},
+         repeated_);
   }
 
   void note_welded() {
-    Array<int> welded;
-    int n = 0;
-    for (int v = 0; v < n_vertices_; ++v) {
-      const int w = result_.new_vertex.data()[v];
-      n += w >= 0;
-      if (w >= 0 && result_.given_vertex.data()[w] != v) welded.push_back(v);
-    }
-    note(Problem::Kind::kUnwelded, {"welded ", n, " vertices to ", n - welded.size()},
-         Element::kVertex, welded);
+    const auto kept = [&](int v) { return result_.new_vertex.data()[v]; };
+    const Array<int> all = numbers_where(n_vertices_, [&](int v) { return kept(v) >= 0; });
+    const Array<int> welded = numbers_where(n_vertices_, [&](int v) {
+      return kept(v) >= 0 && result_.given_vertex.data()[kept(v)] != v;
+    });
+    note(Kind::kUnwelded, {"welded ", all.size(), " vertices to ", all.size() - welded.size()},
+         welded);
   }
 
   void note_cut_edges() {
     int n = 0;
     Array<int> triangles;
-    for (const Uses& here : crowded_) {
+    for (const Array<int>& here : crowded_) {
       if (!is_cut(here)) continue;
       ++n;
       for (int h : here) triangles.push_back(source_[h / 3]);
     }
     sort_unique(triangles);
-    note(Problem::Kind::kNonManifoldEdge,
-         {"cut ", counted(n, "edge"), " of more than two triangles"}, Element::kFace, triangles);
+    note(Kind::kNonManifoldEdge, {"cut ", counted(n, "edge"), " of more than two triangles"},
+         triangles);
   }
 
   /// Returns true if a kept triangle at an edge was cut from another one.
-  bool is_cut(const Uses& here) {
+  bool is_cut(const Array<int>& here) {
     for (int h : here) {
       if (component(h / 3) != kept_) continue;
       if (twin_[h] < 0) return true;
@@ -11671,10 +11495,10 @@ class Preparer {
     }
     sort_unique(dropped);
     sort_unique(elsewhere);
-    note(Problem::Kind::kSeveralComponents,
+    note(Kind::kSeveralComponents,
          {"dropped ", counted(dropped.size(), "component"), ", ",
           counted(elsewhere.size(), "triangle")},
-         Element::kFace, elsewhere);
+         elsewhere);
   }
 
   const TriangleMesh& given_;
@@ -11698,16 +11522,13 @@ class Preparer {
   int kept_ = -1;                     // the kept component,
   Array<int> members_;                // its triangles,
   bool turns_ = false;                // and its orientation, true for that of the backs
-  Array<Uses> crowded_;               // edges with more than two half-edges
+  Array<Array<int>> crowded_;         // edges with more than two half-edges
   Array<int> repeated_, over_, cut_;  // given triangles dropped or turned, vertices cut
 };
 
 /// Returns a mesh unchanged, with its problems; if there are none, m is its connectivity.
 inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
-  const auto identity = [](Eigen::Index n) {
-    const Array<int> ids = numbers_below(static_cast<int>(n));
-    return std::vector<int>(ids.begin(), ids.end());
-  };
+  const auto identity = [](Eigen::Index n) { return numbers_below(static_cast<int>(n)); };
   Prepared result;
   result.given = result.mesh = mesh;
   result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
@@ -11720,7 +11541,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
 /// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
-    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
+    if (p.kind <= Kind::kIndexOutOfRange) return false;
   for (int i = 0; i < mesh.triangles.size(); ++i)
     if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
   return true;
@@ -11735,7 +11556,7 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   const Prepared before = as_given(given, m);
   const std::vector<Problem>& problems = before.problems;
   const bool is_clean =
-      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
+      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
   if (welds) Preparer(*given, landmarks, true, welded).run();
@@ -12967,7 +12788,8 @@ class FirstError {
  public:
 #ifdef __cpp_exceptions
   /// Runs a task, unless another one has failed.
-  void guard(const Callback<int>& task, int i) {
+  template <class Task>
+  void guard(const Task& task, int i) {
     if (failed_.load(std::memory_order_relaxed)) return;
     try {
       task(i);
@@ -12983,7 +12805,10 @@ class FirstError {
   std::atomic<bool> failed_{false};
   std::exception_ptr error_;
 #else
-  void guard(const Callback<int>& task, int i) { task(i); }
+  template <class Task>
+  void guard(const Task& task, int i) {
+    task(i);
+  }
   void rethrow() const {}
 #endif
 };
@@ -13018,7 +12843,7 @@ class Crew {
 
   /// Runs task(0) ... task(n - 1) on the calling thread and on available helpers. False, with
   /// nothing run, if the crew is busy.
-  bool run(int n, const Callback<int>& task) {
+  bool run(int n, const std::function<void(int)>& task) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (task_ != nullptr || working_ > 0) return false;
@@ -13037,7 +12862,7 @@ class Crew {
   int size() const { return static_cast<int>(helpers_.size()) + 1; }
 
  private:
-  void work(const Callback<int>& task, int n) {
+  void work(const std::function<void(int)>& task, int n) {
     for (int i = next_++; i < n; i = next_++) task(i);
   }
 
@@ -13046,7 +12871,7 @@ class Crew {
     while (true) {
       wake_.wait(lock, [&] { return is_over_ || (task_ != nullptr && next_ < n_); });
       if (is_over_) return;
-      const Callback<int>& task = *task_;
+      const std::function<void(int)>& task = *task_;
       const int n = n_;
       ++working_;
       lock.unlock();
@@ -13059,7 +12884,7 @@ class Crew {
   std::mutex mutex_;
   std::condition_variable wake_, left_;
   std::vector<std::thread> helpers_;
-  const Callback<int>* task_ = nullptr;  // of the current run
+  const std::function<void(int)>* task_ = nullptr;  // of the current run
   int n_ = 0;
   std::atomic<int> next_{0};
   int working_ = 0;  // helpers in work()

@@ -231,7 +231,7 @@ TEST_CASE("on a pillow, what is seen from both sides of an edge is the same to t
   int cut = 0;
   for (int h = 0; h < m.tail.size(); ++h) {
     const int t = m.twin[h];
-    const Motion& motion = m.pillow.across[h];
+    const Motion motion = motion_across(m, h);
     cut += !(motion == Motion());
     CHECK(place_of(m, p.x, h) == motion * place_of(m, p.x, next(t)));
     CHECK(place_of(m, p.x, next(h)) == motion * place_of(m, p.x, t));
@@ -239,7 +239,7 @@ TEST_CASE("on a pillow, what is seen from both sides of an edge is the same to t
   CHECK(cut > 6);
   for (int v = 0; v < m.n_vertices; ++v) {  // once around
     Motion around;
-    m.for_each_outgoing(v, [&](int h) { around = around * m.pillow.across[prev(h)]; });
+    m.for_each_outgoing(v, [&](int h) { around = around * motion_across(m, prev(h)); });
     const bool is_cone = m.pillow.is_cone(v);
     CHECK(around.sign == (is_cone ? -1 : 1));
     if (!is_cone) CHECK(around == Motion());
