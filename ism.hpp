@@ -35,15 +35,14 @@
 //            (MeshView).
 // STEPS      ism::Solver runs compute_map() in steps, which can be stopped and resumed, also with
 //            other landmarks and options.
-// PROMISE    Assume that both meshes are surfaces of genus 0 for validate(), as given or after
-//            prepare(), and that options, landmarks and pins are within their documented ranges
-//            (otherwise a status names the violation, and nothing is computed). Then every returned
-//            map is continuous and injective: at every exit (converged, iteration and time limit,
-//            cancelled, stalled, between the steps of a Solver) and from every coarse level. All
-//            triangles of f and g are positive, angles around interior vertices sum to 2π,
-//            boundaries are simple; so f and g are injective, and Φ is a homeomorphism of the
-//            covered parts, and of the whole surfaces if both are closed. Exact predicates decide
-//            this on the returned coordinates; verify() proves it independently.
+// PROMISE    If both meshes are surfaces of genus 0, as given or after prepare(), and options,
+//            landmarks and pins are within their documented ranges (else a status names the
+//            violation, and nothing is computed), every returned map is continuous and injective,
+//            at every exit and from every coarse level. All triangles of f and g are positive,
+//            angles around interior vertices sum to 2π, boundaries are simple; so f and g are
+//            injective, and Φ is a homeomorphism of the covered parts, and of the whole surfaces if
+//            both are closed. Exact predicates decide this on the returned coordinates; verify()
+//            proves it.
 // NO PROMISE of a global minimum: the minimum is a local one; of semantic correspondence: landmarks
 //            guide the start only, unless Options::exact_landmarks is set; of full coverage: Φ maps
 //            the parts of A and B that overlap in the plane (IterationLog::coverage_a), unless both
@@ -361,8 +360,7 @@ struct Curve {
   double weight = 100;    // that of Landmark, shared by the vertices of A
 };
 
-/// Boundary conditions; §7 suggests held ones. Closed surfaces and surfaces with openings cannot
-/// hold their boundaries (kInvalidOptions).
+/// Boundary conditions. Held ones (§7) need surfaces that are neither closed nor have openings.
 enum class Boundary {
   kFree,  // boundaries move freely; A and B correspond where they overlap in the plane
   /// Both boundaries lie along the sides of one square and stay there, so A and B cover each other.
@@ -379,16 +377,14 @@ struct IterationLog {
   int iteration = 0;
   /// E = E_Φ - κ (area A' + area B') + ω_R (E_f + E_g), plus the pull of landmarks and curves.
   double energy = 0;
-  double map_energy = 0;       // E_Φ, Eq. 4
-  double energy_f = 0;         // E_f, symmetric Dirichlet energy of the embedding of A
-  double energy_g = 0;         // E_g, symmetric Dirichlet energy of the embedding of B
+  double map_energy = 0;              // E_Φ, Eq. 4
+  double energy_f = 0, energy_g = 0;  // E_f, E_g, symmetric Dirichlet energies of the embeddings
   double mean_distortion = 0;  // E_Φ / (area A' + area B'); 2 for an isometry (default measure)
-  double coverage_a = 0;       // area A' / area A, in [0, 1]
-  double coverage_b = 0;       // area B' / area B
-  double omega = 0;            // ω_L of the accepted step (§5.4)
-  double step = 0;             // s of the accepted step
-  double max_step = 0;         // s_max, at which the first triangle degenerates
-  int polygons = 0;            // of the meta mesh
+  double coverage_a = 0, coverage_b = 0;  // area A' / area A, area B' / area B, in [0, 1]
+  double omega = 0;                       // ω_L of the accepted step (§5.4)
+  double step = 0;                        // s of the accepted step
+  double max_step = 0;                    // s_max, at which the first triangle degenerates
+  int polygons = 0;                       // of the meta mesh
   double pin_residual = 0;     // largest distance of a pinned vertex from its pin, on the surface
   bool history_reset = false;  // the blended direction did not descend (Algorithm 1, line 14)
   bool quasi_newton = false;   // the step used an earlier factorisation
@@ -414,8 +410,7 @@ struct StretchDensity {
 };
 
 /// E_Φ (§3.2): D integrated over the covered part A' times `on_a`, plus D over B' times `on_b`. D
-/// is evaluated for S ≥ 2 d > 0 only, must be at least 0 and thread-safe, and need not prevent
-/// flips.
+/// is called for S ≥ 2 d > 0, is at least 0 and thread-safe, and need not prevent flips.
 ///
 ///   ism::DistortionMeasure area = {[](double, double d) {  // (d - 1)², over A'
 ///     return ism::StretchDensity{(d - 1) * (d - 1), 0, 2 * (d - 1), 0, 0, 2};
@@ -486,9 +481,8 @@ struct Options {
   /// are closed.
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
-  /// in the plane throughout, and points become added vertices. Landmarks on the boundaries must
-  /// then have the same order on A and B; on held boundaries, both ends of a landmark lie there or
-  /// none.
+  /// in the plane throughout, and points become added vertices. Landmarks on the boundaries then
+  /// have the same order on A and B; both ends of a landmark lie on held boundaries or none.
   bool exact_landmarks = false;
   /// With given positions, kFixed holds boundaries of any shape; kSlide lets vertices slide that
   /// lie, with both neighbours, on a line parallel to an axis.
@@ -497,9 +491,8 @@ struct Options {
   /// longest loop. The others are openings: free, disjoint, and nothing is mapped into them. Given
   /// positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
-  /// Known planar positions, #V_A×2 and #V_B×2, in any unit. They replace the initial embedding,
-  /// and the result is in the same unit. Landmarks that are apart there are first pulled together,
-  /// as by Solver::change().
+  /// Known planar positions, #V_A×2 and #V_B×2, in any unit, also that of the result, in place of
+  /// the initial embedding. Landmarks are first pulled together, as by Solver::change().
   Points2 initial_f, initial_g;
   bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
 
@@ -560,8 +553,7 @@ struct Embedding : Outcome {
   int opening_a = -1, opening_b = -1;
   /// The factors applied to the given coordinates, see Options::keep_scale.
   double scale_a = 1, scale_b = 1;
-  Points2 f;  // planar positions of the vertices of `a`, about as large as the meshes
-  Points2 g;  // planar positions of the vertices of `b`
+  Points2 f, g;  // planar positions of the vertices of `a`, of `b`, about as large as the meshes
   /// Largest planar distance between the two images of a landmark, in domain radii.
   double landmark_distance = 0;
   double seconds = 0;
@@ -609,8 +601,7 @@ struct Result : Outcome {
 /// on each other (Options::candidates). If an outline blocks itself or a surface is folded sharply,
 /// the boundary unfolds from a circle, which may strain the result. kNumericalFailure names the
 /// vertex for which rounding leaves no room. Ignores Options::initial_f and initial_g. Other
-/// statuses: kDone, kNoMapYet, and that a mesh, landmarks, options or pins are invalid.
-/// Thread-safe.
+/// statuses: kDone, kNoMapYet, kInvalidMesh, -Landmarks, -Options, -Pins. Thread-safe.
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks = {},
                             const Options& options = {});
@@ -619,15 +610,14 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
 ///
 /// Outcome::warnings reports sizes taken from landmarks, landmarks that were skipped or fit the
-/// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above
-/// 6, as if all were stretched 2.4 times, or above 1.5 times that of the start.
+/// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above 6
+/// or 1.5 times that of the start.
 ///
 /// Two closed surfaces are mapped by way of a pillow: the plane, divided by the half-turns about
 /// four points, the cones, where four vertices of each lie. The result embeds both surfaces cut
 /// along a path through these; the half-turns, and the translations that they make, take both sides
-/// of a cut to each other, and f(A) to where g(B) lies. So the map is a homeomorphism from the
-/// first iterate on. Of surfaces with less than 64 vertices, edges are halved. A surface that is
-/// closed alone is cut open at one place.
+/// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
+/// vertices. A surface that is closed alone is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -650,17 +640,15 @@ class Solver {
   Solver& operator=(Solver&& other) noexcept;
 
   /// Runs one step of the embedding (some tenths of a second at most for 10,000 vertices, a few
-  /// seconds for 100,000) or one iteration. True while there is more to do. A cancelled step
-  /// returns false; the next call resumes, with the same bits as without the pause. A stopped
-  /// iteration starts anew, and never ends if stopped every time. After Options::max_seconds all
-  /// steps return false, until change().
+  /// seconds for 100,000) or one iteration. True while there is more to do. After a cancelled step
+  /// the next call resumes, with the same bits as without the pause; a stopped iteration starts
+  /// anew. After Options::max_seconds all steps return false, until change().
   bool step();
   /// Runs steps for some seconds, at least one step.
   bool advance(double seconds);
 
-  /// Returns what compute_map() would if it ended here. On a coarse level, until the run is
-  /// stopped, this is the iterate of the first call on that level. Valid until the next call of
-  /// another function.
+  /// Returns what compute_map() would if it ended here; on a coarse level, until the run is
+  /// stopped, the iterate of the first call there. Valid until the next call of another function.
   const Result& result() const;
   double fraction() const;  // of the whole run, an estimate; only change() lowers it
 
@@ -727,8 +715,7 @@ struct MapData;
 class SurfaceMap {
  public:
   SurfaceMap();  // maps nothing; its status is kNoMapYet
-  /// Overlays two embeddings of surfaces with boundaries. Coordinates of the meshes are used as
-  /// given, not scaled. Linear cost in the number of meta mesh polygons.
+  /// Overlays two embeddings of surfaces with boundaries, not scaled, in linear time.
   SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g);
   /// The map of compute_map(). If there is none, the status is that of the result.
   explicit SurfaceMap(const Result& result);
@@ -878,7 +865,6 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most = 5);
 #include <thread>
 #ifdef __linux__
 #include <sched.h>
-
 #endif
 #endif
 
@@ -1015,8 +1001,7 @@ inline double squared_norm(const Mat2& a) {
          a.entry[3] * a.entry[3];
 }
 inline bool is_finite(const Mat2& a) {
-  return std::isfinite(a.entry[0]) && std::isfinite(a.entry[1]) && std::isfinite(a.entry[2]) &&
-         std::isfinite(a.entry[3]);
+  return std::all_of(a.entry, a.entry + 4, [](double x) { return std::isfinite(x); });
 }
 
 inline int rows_of(const Points2& x) { return static_cast<int>(x.rows()); }
@@ -1091,18 +1076,16 @@ void sort_unique(Array<T>& items) {
 
 /// A part of a sentence, written as {"triangle ", f, " has no area"}.
 struct Word {
-  const char* text = nullptr;  // null: the number
-  int number = 0;
+  std::string text;
   Word(const char* t) : text(t) {}
-  Word(const std::string& t) : text(t.c_str()) {}
-  Word(int n) : number(n) {}
+  Word(const std::string& t) : text(t) {}
+  Word(int n) : text(std::to_string(n)) {}
 };
 using Words = std::initializer_list<Word>;
 
 inline std::string sentence(Words words) {
   std::string result;
-  for (const Word& word : words)
-    result += word.text != nullptr ? word.text : std::to_string(word.number);
+  for (const Word& word : words) result += word.text;
   return result;
 }
 
@@ -1654,9 +1637,7 @@ inline Mat2 rest_frame(const Vec3& a, const Vec3& b, const Vec3& c) {
 /// which keeps thin triangles positive.
 inline Mat2 rest_frame(double ab, double bc, double ca) {
   double l[3] = {ab, bc, ca};
-  if (l[0] > l[1]) std::swap(l[0], l[1]);
-  if (l[1] > l[2]) std::swap(l[1], l[2]);
-  if (l[0] > l[1]) std::swap(l[0], l[1]);
+  std::sort(l, l + 3);
   const double area = 0.25 * std::sqrt((l[2] + (l[1] + l[0])) * (l[0] - (l[2] - l[1])) *
                                        (l[0] + (l[2] - l[1])) * (l[2] + (l[1] - l[0])));
   return {{ab, 0, (ab * ab + (ca - bc) * (ca + bc)) / (2 * ab), 2 * area / ab}};
@@ -1700,11 +1681,7 @@ inline void normalize(Surface& s) {
   };
   scale(unit_scale(s.vertices));
   for (int c = 0; c < 3; ++c) {
-    double low = kInfinity, high = -kInfinity;
-    for (int v = 0; v < s.mesh.n_vertices; ++v) {
-      low = (std::min)(low, s.vertices(v, c));
-      high = (std::max)(high, s.vertices(v, c));
-    }
+    const double low = s.vertices.col(c).minCoeff(), high = s.vertices.col(c).maxCoeff();
     const double nearest = low > 0 ? low : (std::min)(high, 0.0);  // of [low, high] to 0
     if (high - low > std::abs(nearest)) continue;
     for (int v = 0; v < s.mesh.n_vertices; ++v) s.vertices(v, c) -= nearest;
@@ -1742,7 +1719,7 @@ struct JointSurface : Surface {
   int boundary_a = 0;  // boundary half-edges of A
   double area_a = 0, area_b = 0;
   double scale_a = 1, scale_b = 1;
-  Array<int> ids_a, ids_b;  // per vertex, Surface::given_id()
+  Array<int> own_id;  // per vertex, Surface::given_id() of A or B
 };
 
 /// Stacks the rows of two matrices.
@@ -1770,8 +1747,8 @@ inline JointSurface join(const SurfacePair& pair) {
   s.boundary_a = a.mesh.boundary.size();
   s.area_a = a.total_area, s.area_b = b.total_area;
   s.scale_a = a.scale, s.scale_b = b.scale;
-  for (int v = 0; v < a.mesh.n_vertices; ++v) s.ids_a.push_back(a.given_id(v));
-  for (int v = 0; v < b.mesh.n_vertices; ++v) s.ids_b.push_back(b.given_id(v));
+  for (const Surface* side : {&a, &b})
+    for (int v = 0; v < side->mesh.n_vertices; ++v) s.own_id.push_back(side->given_id(v));
   s.total_area += b.total_area;
   HalfEdgeMesh& m = s.mesh;
   const int first = 3 * s.faces_a;  // the first half-edge of B
@@ -10752,8 +10729,6 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
-using Kind = Problem::Kind;
-
 /// Collects at most kMostOfAKind problems of each kind, in ids of the given mesh if `prepared` is
 /// not null.
 class ProblemList {
@@ -10762,16 +10737,16 @@ class ProblemList {
   explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
   int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
   int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
-  void add(Kind kind, Words message, Element element = Element::kVertex,
+  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
            const std::vector<int>& ids = {}) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
   /// Adds "vertex 3 is ...", "triangle 5 has ..."
-  void add_vertex(Kind kind, int v, Words what) {
+  void add_vertex(Problem::Kind kind, int v, Words what) {
     add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
   }
-  void add_triangle(Kind kind, int f, Words what) {
+  void add_triangle(Problem::Kind kind, int f, Words what) {
     add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
   }
   std::vector<Problem> problems;
@@ -10781,17 +10756,15 @@ class ProblemList {
   int count_[16] = {};
 };
 
-inline void check_vertices(const TriangleMesh& mesh, ProblemList& list) {
-  for (int v = 0; v < mesh.vertices.rows(); ++v)
-    if (!is_finite(row3(mesh.vertices, v)))
-      list.add_vertex(Kind::kNonFiniteCoordinate, v, {" has a coordinate that is not finite"});
-}
-
-inline void check_indices(const TriangleMesh& mesh, ProblemList& list) {
+inline void check_numbers(const TriangleMesh& mesh, ProblemList& list) {
   const int n = static_cast<int>(mesh.vertices.rows());
+  for (int v = 0; v < n; ++v)
+    if (!is_finite(row3(mesh.vertices, v)))
+      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
+                      {" has a coordinate that is not finite"});
   for (int h = 0; h < mesh.triangles.size(); ++h)
     if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
-      list.add_triangle(Kind::kIndexOutOfRange, h / 3,
+      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
                         {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
@@ -10825,12 +10798,6 @@ inline Array<const char*> triangle_defects(const Points3& vertices, const Triang
   return defects;
 }
 
-inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
-  const Array<const char*> defects = triangle_defects(mesh.vertices, mesh.triangles);
-  for (int f = 0; f < defects.size(); ++f)
-    if (defects[f] != nullptr) list.add_triangle(Kind::kDegenerateTriangle, f, {defects[f]});
-}
-
 using Three = std::array<int, 3>;
 
 inline Three ascending(int a, int b, int c) {
@@ -10839,16 +10806,22 @@ inline Three ascending(int a, int b, int c) {
   return three;
 }
 
-inline void check_repeated(const TriangleMesh& mesh, ProblemList& list) {
+/// Finds degenerate and repeated triangles.
+inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   const Triangles& F = mesh.triangles;
+  const Array<const char*> defects = triangle_defects(mesh.vertices, F);
   Array<std::pair<Three, int>> corners;
-  for (int f = 0; f < F.rows(); ++f) corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
+  for (int f = 0; f < F.rows(); ++f) {
+    if (defects[f] != nullptr)
+      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
+    corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
+  }
   std::sort(corners.begin(), corners.end());
   for (int i = 1; i < corners.size(); ++i) {
     if (corners[i].first != corners[i - 1].first) continue;
     const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
-    list.add(Kind::kRepeatedTriangle, {"triangles ", f, " and ", g, " have the same vertices"},
-             Element::kFace, {f, g});
+    list.add(Problem::Kind::kRepeatedTriangle,
+             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
   }
 }
 
@@ -10864,10 +10837,10 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
     const std::string edge =
         sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
     if (n > 2)
-      list.add(Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
+      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
                Element::kFace, faces);
     else
-      list.add(Kind::kInconsistentOrientation,
+      list.add(Problem::Kind::kInconsistentOrientation,
                {"triangles ", join(faces), " run through ", edge, " in the same direction"},
                Element::kFace, faces);
   });
@@ -10882,11 +10855,11 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   for (int v = 0; v < m.n_vertices; ++v) {
     int fan = 0;
     if (incident[v] == 0)
-      list.add_vertex(Kind::kUnreferencedVertex, v, {" is used by no triangle"});
+      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
     else if (edges_are_sound)
       m.for_each_outgoing(v, [&](int) { ++fan; });
     if (edges_are_sound && fan != incident[v])
-      list.add_vertex(Kind::kNonManifoldVertex, v,
+      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
                       {" joins ", incident[v], " triangles that form more than one fan"});
   }
 }
@@ -10894,12 +10867,13 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
-    list.add(Kind::kSeveralComponents, {"the mesh has ", components, " components, 1 is needed"});
+    list.add(Problem::Kind::kSeveralComponents,
+             {"the mesh has ", components, " components, 1 is needed"});
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  list.add(Kind::kHandles,
+  list.add(Problem::Kind::kHandles,
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
@@ -10934,15 +10908,14 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   const NoTraps no_traps;
   ProblemList list(prepared);
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Kind::kEmpty, {"the mesh has no vertices or no triangles, or more than 2^24 of "
-                            "them, or not three numbers for each"});
+    list.add(Problem::Kind::kEmpty,
+             {"the mesh has no vertices or no triangles, or more than 2^24 of "
+              "them, or not three numbers for each"});
     return list.problems;
   }
-  check_vertices(mesh, list);
-  check_indices(mesh, list);
+  check_numbers(mesh, list);
   if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
   check_triangles(mesh, list);
-  check_repeated(mesh, list);
   const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
   check_edges(mesh, uses, list);
   m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles, uses);
@@ -10987,6 +10960,8 @@ inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
 }
 
 class Preparer {
+  using Kind = Problem::Kind;
+
  public:
   /// `welds`: vertices with equal coordinates may become one.
   Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
@@ -11363,29 +11338,24 @@ class Preparer {
   }
 
   void build() {
-    Array<int> source(corner_.size(), n_vertices_);  // per vertex, the first one that became it
-    Array<std::array<int, 2>> order;                 // the same, sorted by it
+    Array<std::array<int, 2>> order;  // given vertex, set of corners
     for (int f : members_)
-      for (int h = 3 * f; h < 3 * f + 3; ++h) {
-        int& first = source[corners_.find(h)];
-        first = (std::min)(first, vertex(h));
-      }
-    for (int h = 0; h < corner_.size(); ++h)
-      if (source[h] < n_vertices_) order.push_back({source[h], h});
+      for (int h = 3 * f; h < 3 * f + 3; ++h) order.push_back({vertex(h), corners_.find(h)});
     std::sort(order.begin(), order.end());
-    TriangleMesh mesh = {Points3(order.size(), 3), Triangles(members_.size(), 3)};
-    Array<int> id(corner_.size());
-    for (auto* ids : {&result_.given_vertex, &result_.given_corner, &result_.given_triangle})
-      ids->clear();
-    for (int i = 0; i < order.size(); ++i) {
-      id[order[i][1]] = i;
-      result_.given_vertex.push_back(order[i][0]);
-      set_row(mesh.vertices, i, row3(given_.vertices, order[i][0]));
+    Array<int> id(corner_.size(), -1), given_vertex;  // per set, its vertex; its first given one
+    for (const auto& [v, corners] : order) {
+      if (id[corners] >= 0) continue;
+      id[corners] = given_vertex.size();
+      given_vertex.push_back(v);
     }
+    TriangleMesh mesh = {Points3(given_vertex.size(), 3), Triangles(members_.size(), 3)};
+    for (int v = 0; v < given_vertex.size(); ++v)
+      set_row(mesh.vertices, v, row3(given_.vertices, given_vertex[v]));
+    result_.given_vertex = given_vertex;
+    result_.given_corner.clear(), result_.given_triangle.clear();
     result_.new_vertex = Array<int>(n_vertices_, -1);
     result_.new_triangle = Array<int>(n_given_, -1);
-    over_.clear();
-    cut_.clear();
+    over_.clear(), cut_.clear();
     for (int i = 0; i < members_.size(); ++i) {
       const int f = members_[i];
       const bool turns = is_turned(f) != turns_;
@@ -11541,7 +11511,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
 /// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
-    if (p.kind <= Kind::kIndexOutOfRange) return false;
+    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
   for (int i = 0; i < mesh.triangles.size(); ++i)
     if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
   return true;
@@ -11556,7 +11526,7 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   const Prepared before = as_given(given, m);
   const std::vector<Problem>& problems = before.problems;
   const bool is_clean =
-      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Kind::kHandles;
+      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
   if (welds) Preparer(*given, landmarks, true, welded).run();
@@ -13493,9 +13463,7 @@ inline Points2 scaled(double factor, Points2 x) {
 }
 
 /// The id, side and name ("5 of A") of a vertex of A ⊔ B in its own mesh.
-inline int own_id(const JointSurface& s, int v) {
-  return v < s.n_a ? s.ids_a[v] : s.ids_b[v - s.n_a];
-}
+inline int own_id(const JointSurface& s, int v) { return s.own_id[v]; }
 inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
   return sentence({own_id(s, v), " of ", letter(side_of(s, v))});
