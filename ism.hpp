@@ -10826,16 +10826,15 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
 }
 
 inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, ProblemList& list) {
+  const int* const tail = mesh.triangles.data();
   for_each_edge(uses, [&](int begin, int end) {
-    const int n = end - begin, h = uses[begin].half_edge;
-    const bool is_loop = uses[begin].lo == uses[begin].hi;  // of a triangle with a vertex twice
-    const bool runs_along =
-        mesh.triangles.data()[h] == mesh.triangles.data()[uses[end - 1].half_edge];
-    if (is_loop || n == 1 || (n == 2 && !runs_along)) return;
+    const EdgeUse &first = uses[begin], &last = uses[end - 1];
+    const int n = end - begin;
+    const bool runs_along = tail[first.half_edge] == tail[last.half_edge];
+    if (n == 1 || (n == 2 && !runs_along) || first.lo == first.hi) return;
     std::vector<int> faces;
     for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
-    const std::string edge =
-        sentence({"edge ", list.vertex(uses[begin].lo), "-", list.vertex(uses[begin].hi)});
+    const std::string edge = sentence({"edge ", list.vertex(first.lo), "-", list.vertex(first.hi)});
     if (n > 2)
       list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
                Element::kFace, faces);
