@@ -1067,7 +1067,6 @@ Array<int> numbers_where(int n, const Is& is) {
   return numbers;
 }
 
-/// Sorts items and removes duplicates.
 template <class T>
 void sort_unique(Array<T>& items) {
   std::sort(items.begin(), items.end());
@@ -1188,7 +1187,6 @@ class Executor {
   double fraction() const { return progress_.fraction; }
   void finish() { progress_.fraction = 1; }
 
-  /// Sets the share of the embedding in the call's time.
   void set_embedding_share(double share) { embedding_share_ = share; }
 
   /// Reports progress; for the calling thread only.
@@ -1213,7 +1211,8 @@ class Executor {
   mutable std::atomic<bool> is_hooked_{false};  // parallel_for is running
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
-  double max_seconds_, seconds_before_ = 0, embedding_share_ = 0.1;
+  double max_seconds_, seconds_before_ = 0;
+  double embedding_share_ = 0.1;  // of the time of the call
   Timer clock_;
   mutable Timer since_told_;
   mutable Progress progress_;
@@ -1722,7 +1721,6 @@ struct JointSurface : Surface {
   Array<int> own_id;  // per vertex, Surface::given_id() of A or B
 };
 
-/// Stacks the rows of two matrices.
 template <class Points>
 Points stacked(const Points& a, const Points& b) {
   Points all(a.rows() + b.rows(), a.cols());
@@ -1731,7 +1729,6 @@ Points stacked(const Points& a, const Points& b) {
   return all;
 }
 
-/// Returns rows begin to end - 1.
 inline Points2 rows_between(const Points2& x, int begin, int end) {
   Points2 rows(end - begin, 2);
   std::copy(x.data() + 2 * std::ptrdiff_t{begin}, x.data() + 2 * std::ptrdiff_t{end}, rows.data());
@@ -10806,7 +10803,6 @@ inline Three ascending(int a, int b, int c) {
   return three;
 }
 
-/// Finds degenerate and repeated triangles.
 inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   const Triangles& F = mesh.triangles;
   const Array<const char*> defects = triangle_defects(mesh.vertices, F);
@@ -11009,7 +11005,6 @@ class Preparer {
   }
 
  private:
-  /// Reports why the mesh cannot be repaired.
   void add_problem(Kind kind, const char* message) {
     result_.problems.assign(1, {kind, message, Element::kFace, {}});
   }
@@ -11072,7 +11067,6 @@ class Preparer {
     sort_unique(repeated_);
   }
 
-  /// Drops the triangles for which is_dropped(f) is true.
   template <class IsDropped>
   void drop(const IsDropped& is_dropped) {
     int n = 0;
@@ -11241,7 +11235,6 @@ class Preparer {
     return {at[vertex(h)], at[vertex(next(h))], h};
   }
 
-  /// Returns the edges between places.
   Array<EdgeUse> edge_uses() const {
     return sorted_edges(corner_.size(), [&](int h) { return place(h); });
   }
@@ -11327,12 +11320,9 @@ class Preparer {
     for (int f = 0; f < n_triangles(); ++f) score[component(f)][1] += double_area(f);
     if (score.empty()) return;
     kept_ = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
+    members_ = numbers_where(n_triangles(), [&](int f) { return component(f) == kept_; });
     double turned = 0;
-    for (int f = 0; f < n_triangles(); ++f) {
-      if (component(f) != kept_) continue;
-      members_.push_back(f);
-      turned += is_turned(f) ? double_area(f) : -double_area(f);
-    }
+    for (int f : members_) turned += is_turned(f) ? double_area(f) : -double_area(f);
     turns_ = turned > 0;
   }
 
