@@ -9442,26 +9442,26 @@ inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
 
-/// Barycentric coordinates; rounding may put those of a point in the triangle down to -slack.
-struct Barycentric {
-  Vec3 weights;
-  double slack = 0;
-};
+inline Vec3 barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
+  return barycentric(p, corner_place(m, x, f, 0), corner_place(m, x, f, 1),
+                     corner_place(m, x, f, 2));
+}
 
-inline Barycentric barycentric(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
+/// Returns how far below 0 rounding may put barycentric coordinates of a point in the triangle.
+inline double slack_of(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
   constexpr double kLeastSlack = 1e-12, kRounding = 8 * DBL_EPSILON;
   const Vec2 a = corner_place(m, x, f, 0), b = corner_place(m, x, f, 1),
              c = corner_place(m, x, f, 2);
   const double edge =
       std::sqrt((std::max)({squared_norm(b - a), squared_norm(c - b), squared_norm(a - c)}));
   const double height = accurate_area(a, b, c) / edge, rounding = kRounding * (norm(p) + edge);
-  return {barycentric(p, a, b, c), (std::max)(kLeastSlack, rounding / height)};
+  return (std::max)(kLeastSlack, rounding / height);
 }
 
 /// Returns the point of face f at p, which may lie outside by rounding: a negative coordinate is
 /// set to 0 and added to that of the nearer corner, which moves the point least.
 inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int f, Vec2 p) {
-  Vec3 b = barycentric(m, x, f, p).weights;
+  Vec3 b = barycentric(m, x, f, p);
   const auto squared_length = [&](int k, int l) {
     return squared_norm(corner_place(m, x, f, k) - corner_place(m, x, f, l));
   };
@@ -9479,16 +9479,10 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
 
 /// The face with the largest depth of a point, which is its least barycentric coordinate.
 struct DeepestFace {
-  double least = -kInfinity;
+  double depth = -kInfinity;
   int face = -1;
-  Motion motion;  // takes the plane of the face to that of the point
-  void consider(int candidate, const Vec3& b, double slack, const Motion& to_point) {
-    const double depth = (std::min)({b.x, b.y, b.z});
-    if (!(depth > least && depth > -slack)) return;
-    least = depth;
-    face = candidate;
-    motion = to_point;
-  }
+  Vec2 place;     // of the point, in the plane of the face
+  Motion motion;  // takes that plane to the one of the point
 };
 
 /// Identifies a corner of a polygon: {kAtVertex, vertex, 0}, {kCrossing, edge, edge}, where the
@@ -9503,49 +9497,35 @@ inline int cone_number(Vec2 p, double side) {
   return std::abs(static_cast<int>(i) % 2) + 2 * std::abs(static_cast<int>(j) % 2);
 }
 
-/// Finds the motion of a pillow that takes p to q; false if there is none.
-inline bool find_motion(Vec2 p, Vec2 q, double side, Motion& motion) {
-  const double period = 2 * side;
-  for (double sign : {1.0, -1.0}) {
-    const Vec2 shift = q - sign * p;
-    motion = {sign, shift};
-    if (shift == period * Vec2{std::round(shift.x / period), std::round(shift.y / period)})
-      return true;
-  }
-  return false;
-}
-
-/// A vertex and a copy of it.
-struct Copy {
-  int original, id;
-};
-
-/// Finds the motions from vertices to their copies, per vertex, for a pillow of some side.
-inline bool find_motions(const Points2& x, const Array<Copy>& copies, double side,
-                         Array<Motion>& motion) {
-  motion.assign(rows_of(x), Motion());
-  for (const Copy& copy : copies)
-    if (!find_motion(row2(x, copy.original), row2(x, copy.id), side, motion[copy.id])) return false;
-  return true;
-}
-
-/// Sews an embedding of a closed surface that is cut open: copies are the last vertices. False if
-/// it is none: copies are moved by no motion of a pillow, positions are not on its grid, or there
-/// are not four cones.
-inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copies,
+/// Sews an embedding of a closed surface that is cut open; `original`: per vertex, itself or the
+/// one of which it is a copy. False if it is none: copies are not the last vertices or are moved by
+/// no motion of a pillow, positions are not on its grid, or there are not four cones.
+inline bool sew(const Triangles& cut, const Points2& x, const Array<int>& original,
                 HalfEdgeMesh& m) {
   constexpr int kMostExponent = 400;  // exponent of the side
-  const int all = rows_of(x), n = all - copies.size();
-  if (copies.empty()) return false;
-  Array<int> original = numbers_below(all);
-  for (const Copy& copy : copies) {
-    if (copy.original >= n || copy.id < n) return false;
-    original[copy.id] = copy.original;
-  }
-  Array<Motion> motion;
+  const int all = rows_of(x);
+  int n = 0;
+  while (n < all && original[n] == n) ++n;
+  for (int v = n; v < all; ++v)
+    if (original[v] >= n) return false;
+  if (n == all) return false;
+  Array<Motion> motion(all);
+  const auto find_motion = [&](int copy, double period) {
+    const Vec2 p = row2(x, original[copy]), q = row2(x, copy);
+    for (double sign : {1.0, -1.0}) {
+      const Vec2 shift = q - sign * p;
+      motion[copy] = {sign, shift};
+      if (shift == period * Vec2{std::round(shift.x / period), std::round(shift.y / period)})
+        return true;
+    }
+    return false;
+  };
   double side = std::ldexp(kPillowSide, kMostExponent);
-  for (int i = 0; i <= 2 * kMostExponent && !find_motions(x, copies, side, motion); ++i)
-    side *= 0.5;
+  for (int copy = n, i = 0; copy < all && i <= 2 * kMostExponent;)
+    if (find_motion(copy, 2 * side))
+      ++copy;
+    else
+      copy = n, side *= 0.5, ++i;
   Triangles triangles = cut;
   for (int i = 0; i < triangles.size(); ++i) triangles.data()[i] = original[cut.data()[i]];
   m = build_half_edges(n, triangles);
@@ -9559,12 +9539,6 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<Copy>& copie
   if (m.pillow.is_cone(-1)) return false;
   for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
   return true;
-}
-
-/// Puts vertices in the place of their copies, which are the last ones.
-inline void replace_copies(const Array<Copy>& copies, Array<int>& vertices) {
-  for (int& v : vertices)
-    if (v >= copies[0].id) v = copies[v - copies[0].id].original;
 }
 
 /// Cuts a surface on a pillow open, so that every vertex has one place.
@@ -9664,42 +9638,36 @@ struct EmbeddedPair {
     return sum;
   }
 
-  /// Considers the faces over `face`. Rounding may put a point on an edge outside both its faces;
-  /// on closed surfaces, which map every point, any depth is accepted.
-  void consider_face(int face, Vec2 p, DeepestFace& best) const {
+  /// Considers the faces over `face` for a point at p. Rounding may put a point on an edge outside
+  /// both its faces; on closed surfaces, which map every point, any depth is accepted. `to_point`
+  /// takes the plane of `face` to that of the point.
+  void consider_face(int face, Vec2 p, DeepestFace& best, const Motion& to_point = {}) const {
     for_each_target(face, [&](int t, const Motion& motion) {
-      const Barycentric b = barycentric(s.mesh, x, t, inverse(motion) * p);
-      best.consider(t, b.weights, is_closed() ? kInfinity : b.slack, motion);
+      const Vec2 q = inverse(motion) * p;
+      const Vec3 b = barycentric(s.mesh, x, t, q);
+      const double depth = (std::min)({b.x, b.y, b.z});
+      if (depth > best.depth && (is_closed() || depth > -slack_of(s.mesh, x, t, q)))
+        best = {depth, t, q, to_point * motion};
     });
   }
 
-  SurfacePoint image(const DeepestFace& best, Vec2 p) const {
-    if (best.face < 0) return {};
-    return closest_in_face(s.mesh, x, best.face, inverse(best.motion) * p);
+  SurfacePoint image(const DeepestFace& best) const {
+    return best.face < 0 ? SurfacePoint() : closest_in_face(s.mesh, x, best.face, best.place);
   }
 
   SurfacePoint map(const SurfacePoint& point) const {
     DeepestFace best;
-    const Vec2 p = planar_position(point);
-    consider_face(point.face, p, best);
-    return image(best, p);
+    consider_face(point.face, planar_position(point), best);
+    return image(best);
   }
 
-  /// `motion`: takes the plane of the image's face to that of the vertex itself.
-  SurfacePoint map_vertex(int v, Motion* motion = nullptr) const {
-    SurfacePoint point;
-    double least = -kInfinity;
+  DeepestFace face_over(int v) const {
+    DeepestFace best;
     s.mesh.for_each_outgoing(v, [&](int h) {
-      DeepestFace best;
-      best.least = least;
-      const Vec2 p = place_of(s.mesh, x, h);
-      consider_face(h / 3, p, best);
-      if (best.face < 0) return;
-      least = best.least;
-      point = image(best, p);
-      if (motion != nullptr && is_closed()) *motion = inverse(s.mesh.pillow.place[h]) * best.motion;
+      consider_face(h / 3, place_of(s.mesh, x, h), best,
+                    is_closed() ? inverse(s.mesh.pillow.place[h]) : Motion());
     });
-    return point;
+    return best;
   }
 };
 
@@ -9741,9 +9709,9 @@ struct Origin {
   Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
   /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
   Array<int> first, part;
-  Array<int> vertex;  // per given vertex, its embedded one, or -1
-  /// Pairs of a vertex of the embedded mesh and a copy of it, sorted.
-  Array<std::array<int, 2>> copies;
+  Array<int> vertex;      // per given vertex, its embedded one, or -1
+  Array<int> original;    // per embedded vertex, itself or, across a cut, the one it is a copy of
+  Array<int> next_copy;   // per embedded vertex, another one of the same given one, or -1
   std::vector<int> same;  // see MetaMesh::same_a
   Array<EdgeUse> edges;   // of the given triangles
 
@@ -9780,11 +9748,12 @@ struct Origin {
   Array<int> along(int u, int v) const {
     const EdgeUse edge(u, v, -1);
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
+    const auto is_dropped = [&](int f) { return first[f] == first[f + 1]; };
     while (use != edges.end() && use->same_edge(edge) && is_dropped(use->half_edge / 3)) ++use;
     if (use == edges.end() || !use->same_edge(edge)) return {};
     const int f = use->half_edge / 3, k = use->half_edge % 3, opposite = (k + 2) % 3;
     const int to = given->triangles(f, k) == u ? (k + 1) % 3 : k;
-    Array<int> along;
+    Array<int> along, ordered;
     Array<double> start;
     for (int i = first[f]; i < first[f + 1]; ++i)
       for (int h = 3 * part[i]; h < 3 * part[i] + 3; ++h) {
@@ -9793,64 +9762,20 @@ struct Origin {
         along.push_back(tail[to] < tip[to] ? h : ~h);
         start.push_back((std::min)(tail[to], tip[to]));
       }
-    Array<int> ordered;
     for (int i : sorted_by(start)) ordered.push_back(along[i]);
     return ordered;
   }
 
-  bool is_dropped(int given_face) const { return first[given_face] == first[given_face + 1]; }
-
   /// Returns true if a triangle is a whole given triangle.
   bool is_whole(int f) const {
     double sum = 0;
-    for (int k = 0; k < 3; ++k)
-      sum += (std::max)(
-          {corner_weights[3 * f + k].x, corner_weights[3 * f + k].y, corner_weights[3 * f + k].z});
+    for (int h = 3 * f; h < 3 * f + 3; ++h)
+      sum += (std::max)({corner_weights[h].x, corner_weights[h].y, corner_weights[h].z});
     return sum == 3;
   }
 };
 
-/// Adds vertices again to the mesh of an origin; `vertex` maps each one to itself or to the one it
-/// copies. Returns false if the edge or triangle of a vertex is missing.
-inline bool add_again(const std::vector<AddedVertex>& added, HalfEdgeMesh& m, Array<int>& vertex,
-                      Origin& o) {
-  for (int v = 0; v < m.n_vertices; ++v) vertex.push_back(v);
-  for (AddedVertex p : added) {
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      if (p.corners[k] >= vertex.size()) return false;
-      p.corners[k] = vertex[p.corners[k]];
-    }
-    vertex.push_back(is_copy(p) ? p.corners[0] : m.n_vertices);
-    if (is_copy(p)) continue;
-    const int h = find_place(m, p);
-    if (h < 0) return false;
-    const int twin = is_on_edge(p) ? m.twin[h] : -1;
-    const auto middle_in = [&](int side) {
-      Vec3 sum;
-      for (int corner : {side, next(side), prev(side)})
-        for (int k = 0; k < 3; ++k)
-          if (m.tail[corner] == p.corners[k]) sum += p.weights[k] * o.corner_weights[corner];
-      return sum;
-    };
-    const Vec3 middle[2] = {middle_in(h), twin < 0 ? Vec3() : middle_in(twin)};
-    add_vertex(m, h, p);
-    for (int i : {0, 1}) {  // as split_face() and split_triangle() cut their triangles
-      const int side = i == 0 ? h : twin;
-      if (side < 0) continue;
-      const Vec3 tail = o.corner_weights[side], tip = o.corner_weights[next(side)],
-                 left = o.corner_weights[prev(side)];
-      o.face.push_back(o.face[side / 3]);
-      for (const Vec3& corner : {middle[i], tip, left}) o.corner_weights.push_back(corner);
-      o.corner_weights[next(side)] = middle[i];
-      if (is_on_edge(p)) continue;
-      o.face.push_back(o.face[side / 3]);
-      for (const Vec3& corner : {tail, tip, middle[i]}) o.corner_weights.push_back(corner);
-    }
-  }
-  return true;
-}
-
-/// Fills first, part and edges; all other members have to be set.
+/// Fills first, part and edges.
 inline void index_parts(Origin& o) {
   const int n = static_cast<int>(o.given->triangles.rows());
   o.first.assign(n + 1, 0);
@@ -9862,16 +9787,67 @@ inline void index_parts(Origin& o) {
   o.edges = sorted_edges(o.given->triangles);
 }
 
+/// Returns, per vertex of an embedded mesh, itself or the one of which it is a copy.
+inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
+  Array<int> original = numbers_below(n);
+  const int first = n - static_cast<int>(added.size());
+  for (int v = (std::max)(0, first); v < n; ++v)
+    if (const AddedVertex& p = added.data()[v - first]; is_copy(p) && p.corners[0] >= 0)
+      original[v] = p.corners[0];
+  return original;
+}
+
+/// Adds vertices again to a prepared mesh, and to its origin. Returns false if an edge or triangle
+/// is missing, or the triangles are not those of the embedded mesh.
+inline bool add_again(const Prepared& prepared, const std::vector<AddedVertex>& added,
+                      const TriangleMesh& embedded, Origin& o) {
+  const int n = static_cast<int>(prepared.mesh->vertices.rows());
+  HalfEdgeMesh m = build_half_edges(n, prepared.mesh->triangles);
+  Array<int> vertex = numbers_below(n);  // of m, which is not cut
+  for (AddedVertex p : added) {
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+      if (p.corners[k] >= vertex.size()) return false;
+      p.corners[k] = vertex[p.corners[k]];
+    }
+    vertex.push_back(is_copy(p) ? p.corners[0] : m.n_vertices);
+    if (is_copy(p)) continue;
+    const int h = find_place(m, p);
+    if (h < 0) return false;
+    const int sides[2] = {h, is_on_edge(p) ? m.twin[h] : -1};
+    Vec3 middle[2];
+    for (int i = 0; i < 2 && sides[i] >= 0; ++i)
+      for (int corner : {sides[i], next(sides[i]), prev(sides[i])})
+        for (int k = 0; k < 3; ++k)
+          if (m.tail[corner] == p.corners[k]) middle[i] += p.weights[k] * o.corner_weights[corner];
+    add_vertex(m, h, p);
+    for (int i = 0; i < 2 && sides[i] >= 0; ++i) {  // as split_face() and split_triangle() cut
+      const int side = sides[i];
+      const auto add = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
+        o.face.push_back(o.face[side / 3]);
+        for (const Vec3& corner : {a, b, c}) o.corner_weights.push_back(corner);
+      };
+      const Vec3 tail = o.corner_weights[side], tip = o.corner_weights[next(side)];
+      add(middle[i], tip, o.corner_weights[prev(side)]);
+      o.corner_weights[next(side)] = middle[i];
+      if (!is_on_edge(p)) add(tail, tip, middle[i]);
+    }
+  }
+  return vertex.size() == embedded.vertices.rows() && m.n_faces == embedded.triangles.rows() &&
+         std::equal(m.tail.begin(), m.tail.end(), embedded.triangles.data(),
+                    [&](int v, int w) { return w >= 0 && w < vertex.size() && vertex[w] == v; });
+}
+
 /// Returns the origin of a mesh that equals the given one.
-inline Origin same_origin(const SharedMesh& mesh) {
+inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added = {}) {
   Origin o;
+  const int n_vertices = static_cast<int>(mesh->vertices.rows());
   o.given = mesh;
   o.triangles = mesh->triangles;
-  for (int f = 0; f < mesh->triangles.rows(); ++f) {
-    o.face.push_back(f);
-    for (int k = 0; k < 3; ++k) o.corner_weights.push_back(unit3(k));
-  }
-  for (int v = 0; v < mesh->vertices.rows(); ++v) o.vertex.push_back(v);
+  o.vertex = numbers_below(n_vertices);
+  o.original = originals(n_vertices, added);
+  o.next_copy.assign(n_vertices, -1);
+  o.face = numbers_below(static_cast<int>(mesh->triangles.rows()));
+  for (int h = 0; h < mesh->triangles.size(); ++h) o.corner_weights.push_back(unit3(h % 3));
   index_parts(o);
   return o;
 }
@@ -9885,8 +9861,10 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
-/// Returns the origin of a prepared mesh.
-inline Origin origin_of(const Prepared& p) {
+/// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
+inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
+                        const SharedMesh& embedded) {
+  if (!p.problems.empty()) return same_origin(embedded, added);
   Origin o;
   o.given = p.given;
   o.triangles.resize(p.mesh->triangles.rows(), 3);
@@ -9900,33 +9878,19 @@ inline Origin origin_of(const Prepared& p) {
     o.vertex.push_back(v);
     o.same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
   }
-  for (int v = 0; v < static_cast<int>(p.given_vertex.size()); ++v) {
-    const int first = p.new_vertex.data()[p.given_vertex.data()[v]];
-    if (first != v) o.copies.push_back({first, v});  // the mesh was cut there
+  if ((!added.empty() || embedded != p.mesh) && !add_again(p, added, *embedded, o))
+    return same_origin(embedded, added);
+  const int n = static_cast<int>(embedded->vertices.rows()),
+            n_prepared = static_cast<int>(p.given_vertex.size());
+  o.original = originals(n, added);
+  o.next_copy.assign(n, -1);
+  for (int v = n - 1; v >= 0; --v) {  // prepare() makes copies, too
+    const int first =
+        v < n_prepared ? p.new_vertex.data()[p.given_vertex.data()[v]] : o.original[v];
+    if (first == v) continue;
+    o.next_copy[v] = o.next_copy[first];
+    o.next_copy[first] = v;
   }
-  std::sort(o.copies.begin(), o.copies.end());
-  index_parts(o);
-  return o;
-}
-
-/// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
-inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
-                        const SharedMesh& embedded) {
-  if (!p.problems.empty()) return same_origin(embedded);
-  Origin o = origin_of(p);
-  if (added.empty() && embedded == p.mesh) return o;
-  HalfEdgeMesh m = build_half_edges(static_cast<int>(p.mesh->vertices.rows()), p.mesh->triangles);
-  Array<int> vertex;
-  const auto is_same_corner = [&](int v, int w) {
-    return w >= 0 && w < vertex.size() && vertex[w] == v;
-  };
-  if (!add_again(added, m, vertex, o) || vertex.size() != embedded->vertices.rows() ||
-      m.n_faces != embedded->triangles.rows() ||
-      !std::equal(m.tail.begin(), m.tail.end(), embedded->triangles.data(), is_same_corner))
-    return same_origin(embedded);
-  for (int v = static_cast<int>(p.given_vertex.size()); v < vertex.size(); ++v)
-    if (vertex[v] != v) o.copies.push_back({vertex[v], v});
-  std::sort(o.copies.begin(), o.copies.end());
   index_parts(o);
   return o;
 }
@@ -10086,13 +10050,12 @@ struct MapData : Outcome {                                 // kDone if the pair 
 
   SurfacePoint map_vertex(int given, Side from) const {
     const Array<int>& vertex = origin(from).vertex;
-    const int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
-    if (v < 0) return {};
-    SurfacePoint image = pair.map_vertex(first_vertex(from) + v);
-    const Array<std::array<int, 2>>& copies = origin(from).copies;
-    const auto* copy = std::lower_bound(copies.begin(), copies.end(), std::array<int, 2>{v, -1});
-    for (; copy != copies.end() && (*copy)[0] == v && !image.exists() && !pair.is_closed(); ++copy)
-      image = pair.map_vertex(first_vertex(from) + (*copy)[1]);
+    int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
+    SurfacePoint image;
+    while (v >= 0 && !image.exists()) {
+      image = pair.image(pair.face_over(first_vertex(from) + v));
+      v = pair.is_closed() ? -1 : origin(from).next_copy[v];
+    }
     return own(image);
   }
 
@@ -13006,7 +12969,7 @@ class LandmarkPlacer {
   bool find(const LandmarkPoint& p, Place& place) {
     const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
     SurfacePoint point;
-    if (is_point(p) && origin_.face.empty()) origin_ = origin_of(prepared_);
+    if (is_point(p) && origin_.face.empty()) origin_ = origin_of(prepared_, {}, prepared_.mesh);
     if (is_point(p)) point = origin_.from_given(p.point);
     place.corners = Eigen::Vector3i(vertex, -1, -1);
     place.weights = Eigen::Vector3d(1, 0, 0);
@@ -13496,16 +13459,16 @@ inline StatusWords words_of(Status s) {
 inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int first,
                      Array<Follower>& followers, Outcome& outcome) {
   for (int v : pins) {
-    Motion motion;
     const int row = first + v;
     if (pair.s.mesh.pillow.is_cone(row)) continue;  // stays where it is
-    const SurfacePoint image = pair.map_vertex(row, &motion);
+    const DeepestFace face = pair.face_over(row);
+    const SurfacePoint image = pair.image(face);
     if (!image.exists())
       return fail(outcome, Status::kInvalidPins,
                   {"pin: vertex ", name_of(pair.s, row), " is not mapped to ",
                    letter(other(side_of(pair.s, row))), " by the start"},
                   {element_id(pair.s, row)});
-    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image), motion));
+    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image), face.motion));
   }
   return true;
 }
@@ -14649,9 +14612,7 @@ inline void StartFinder::take_best() {
 
 inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origin origin_a,
                                                Origin origin_b, const Points2& f, const Points2& g,
-                                               double scale_a, double scale_b,
-                                               const Array<Copy>& copies_a,
-                                               const Array<Copy>& copies_b) {
+                                               double scale_a, double scale_b) {
   const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
   data->origin_a = std::move(origin_a);
@@ -14667,11 +14628,11 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
   data->f = f, data->g = g;
   HalfEdgeMesh sewn_a, sewn_b;
-  if (sew(data->a->triangles, f, copies_a, sewn_a) &&
-      sew(data->b->triangles, g, copies_b, sewn_b)) {
+  if (sew(data->a->triangles, f, data->origin_a.original, sewn_a) &&
+      sew(data->b->triangles, g, data->origin_b.original, sewn_b)) {
     m = std::move(sewn_a), n = std::move(sewn_b);
-    replace_copies(copies_a, data->origin_a.vertex);
-    replace_copies(copies_b, data->origin_b.vertex);
+    for (Origin* o : {&data->origin_a, &data->origin_b})
+      for (int& v : o->vertex) v = v < 0 ? v : o->original[v];
   }
   const Points3 vertices_a = data->a->vertices.topRows(m.n_vertices);
   const Points3 vertices_b = data->b->vertices.topRows(n.n_vertices);
@@ -14689,27 +14650,15 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   return data;
 }
 
-/// Returns the copies among the last vertices of an embedded mesh.
-inline Array<Copy> copies_in(const std::vector<AddedVertex>& added, const Points2& x) {
-  Array<Copy> copies;
-  const int n = rows_of(x), n_before = n - static_cast<int>(added.size());
-  for (int v = n_before; n_before >= 0 && v < n; ++v) {
-    const AddedVertex& p = added[static_cast<std::size_t>(v - n_before)];
-    if (is_copy(p) && p.corners[0] >= 0) copies.push_back({p.corners[0], v});
-  }
-  return copies;
-}
-
 inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
                                                const Points2& g) {
   return map_data(e.a, e.b, origin_of(*e.prepared_a, e.added_a, e.a),
-                  origin_of(*e.prepared_b, e.added_b, e.b), f, g, e.scale_a, e.scale_b,
-                  copies_in(e.added_a, f), copies_in(e.added_b, g));
+                  origin_of(*e.prepared_b, e.added_b, e.b), f, g, e.scale_a, e.scale_b);
 }
 
 inline std::shared_ptr<const MapData> map_data(const SharedMesh& a, const SharedMesh& b,
                                                const Points2& f, const Points2& g) {
-  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0, {}, {});
+  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0);
 }
 
 inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
