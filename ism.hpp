@@ -1194,7 +1194,6 @@ class Executor {
 
  private:
   bool run_side_by_side(int n, const Task& task) const;
-  bool run_by_hook(int n, const Task& task) const;
   double seconds() const { return seconds_before_ + clock_.seconds(); }
 
   void tell_again() const;
@@ -1208,7 +1207,7 @@ class Executor {
 #endif
   std::unique_ptr<Crew> crew_;  // null for a single thread
   ParallelFor hook_;
-  mutable std::atomic<bool> is_hooked_{false};  // parallel_for is running
+  mutable std::atomic<bool> is_side_by_side_{false};  // tasks are running
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
   double max_seconds_, seconds_before_ = 0;
@@ -9578,49 +9577,6 @@ struct EmbeddedPair {
   /// True on pillows: the map has no boundary.
   bool is_closed() const { return !s.mesh.pillow.is_empty(); }
 
-  /// Returns the number of the cone at the tail of a half-edge, or -1.
-  int cone_at(int h) const {
-    return s.mesh.pillow.is_cone(s.mesh.tail[h])
-               ? cone_number(row2(x, s.mesh.tail[h]), s.mesh.pillow.side)
-               : -1;
-  }
-
-  /// Returns the place of a half-edge's tail in the plane of a polygon's triangle of A.
-  Vec2 place_in(const OverlayPolygon& p, int h) const {
-    return motion_in(s.mesh, p, h) * row2(x, s.mesh.tail[h]);
-  }
-
-  /// Returns the key of corner i of a polygon. At a cone, where a vertex of A and one of B
-  /// coincide, a corner may be either or a crossing of edges.
-  CornerKey corner_key(const OverlayPolygon& p, int i) const {
-    const HalfEdgeMesh& m = s.mesh;
-    const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
-    const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
-    if (same_triangle(before, e)) {
-      const int cone = cone_at(half_edge(e));
-      return cone < 0 ? CornerKey{kAtVertex, m.tail[half_edge(e)], 0} : CornerKey{kAtCone, cone, 0};
-    }
-    const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
-    for (int u : {h, next(h)})
-      for (int v : {t, next(t)})
-        if (is_closed() && cone_at(u) >= 0 && cone_at(u) == cone_at(v) &&
-            place_in(p, u) == place_in(p, v))
-          return {kAtCone, cone_at(u), 0};
-    return {kCrossing, first_half_edge(h), first_half_edge(t)};
-  }
-
-  /// Returns the smaller half-edge of an edge.
-  int first_half_edge(int h) const {
-    return s.mesh.twin[h] < 0 ? h : (std::min)(h, s.mesh.twin[h]);
-  }
-
-  /// Returns the corner of a face at a cone, or -1.
-  int corner_at_cone(int face, int cone) const {
-    for (int k = 0; k < 3; ++k)
-      if (cone_at(3 * face + k) == cone) return k;
-    return -1;
-  }
-
   /// Calls visit(face of the other mesh, what takes its plane to that of `face`) for every polygon
   /// in a face.
   template <class Visit>
@@ -9895,6 +9851,67 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
   return o;
 }
 
+// ---- data of a SurfaceMap ----
+
+inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
+  Vec3 sum;
+  for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
+  return sum;
+}
+
+struct MapData : Outcome {                                 // kDone if the pair is valid
+  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
+  Origin origin_a, origin_b;
+  Points2 f, g;       // of the embedded meshes
+  EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
+
+  bool ok() const { return status == Status::kDone; }
+  int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
+  int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
+  const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
+
+  /// Returns a point in ids of A ⊔ B as a point of its given mesh.
+  SurfacePoint own(SurfacePoint p) const {
+    if (!p.exists()) return p;
+    const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
+    p.face -= first_face(side);
+    return origin(side).to_given(p);
+  }
+
+  SurfacePoint map(const SurfacePoint& point, Side from) const {
+    SurfacePoint p = ok() ? origin(from).from_given(point) : SurfacePoint();
+    if (!p.exists()) return p;
+    p.face += first_face(from);
+    return own(pair.map(p));
+  }
+
+  SurfacePoint map_vertex(int given, Side from) const {
+    const Array<int>& vertex = origin(from).vertex;
+    int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
+    SurfacePoint image;
+    while (v >= 0 && !image.exists()) {
+      image = pair.image(pair.face_over(first_vertex(from) + v));
+      v = pair.is_closed() ? -1 : origin(from).next_copy[v];
+    }
+    return own(image);
+  }
+
+  std::vector<SurfacePoint> map_vertices(Side from) const {
+    std::vector<SurfacePoint> images;
+    for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
+      images.push_back(map_vertex(v, from));
+    return images;
+  }
+
+  Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
+    const TriangleMesh& m = *origin(side).given;
+    if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
+      return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    const Vec3 x = position_in_space(m, p);
+    return {x.x, x.y, x.z};
+  }
+};
+
 // ---- paths ----
 
 /// The part of a planar segment in one triangle, from parameter s to t.
@@ -9905,26 +9922,22 @@ struct SegmentPart {
   bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
-/// Maps paths along edges of one mesh to the other. The triangles over both faces beside an edge
+/// Maps a path along edges of one mesh to the other. The triangles over both faces beside an edge
 /// clip its segment in the plane; the parts that reach farthest cover it. Triangles are enlarged a
 /// little, so that neither rounding nor a path along an edge leaves gaps.
 class PathMapper {
  public:
-  explicit PathMapper(const EmbeddedPair& pair) : pair_(pair), m_(pair.s.mesh) {}
+  explicit PathMapper(const MapData& data) : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
 
-  /// Returns the image of a path along given edges; the mesh starts at `first_face` in A ⊔ B.
-  std::vector<Polyline> map(const Origin& origin, int first_face,
-                            const std::vector<int>& vertices) {
-    for (std::size_t i = 0; i + 1 < vertices.size(); ++i) {
-      const Array<int> edge = origin.along(vertices[i], vertices[i + 1]);
+  std::vector<Polyline> map(const std::vector<int>& vertices, Side from) {
+    for (std::size_t i = 0; i + 1 < vertices.size() && data_.ok(); ++i) {
+      const Array<int> edge = data_.origin(from).along(vertices[i], vertices[i + 1]);
       if (edge.empty()) is_open_ = false;
       for (int directed : edge) {
-        const int h = 3 * first_face + (directed >= 0 ? directed : ~directed);
-        const Vec2 tail = place_of(m_, pair_.x, h), tip = place_of(m_, pair_.x, next(h));
-        if (directed >= 0)
-          add_segment(tail, tip, parts_along(h, tail, tip));
-        else
-          add_segment(tip, tail, parts_along(h, tip, tail));
+        const int h = 3 * data_.first_face(from) + (std::max)(directed, ~directed);
+        Vec2 p = place_of(m_, pair_.x, h), q = place_of(m_, pair_.x, next(h));
+        if (directed < 0) std::swap(p, q);
+        add_segment(p, q, parts_along(h, p, q));
       }
     }
     return std::move(polylines_);
@@ -9984,100 +9997,20 @@ class PathMapper {
   }
 
   void append(Vec2 p, Vec2 q, int face, double s, double t) {
-    const auto point = [&](double r) {
-      return closest_in_face(m_, pair_.x, face, p + r * (q - p));
-    };
     if (is_open_)
       polylines_.back().pop_back();  // its last point is the first of this part
     else
       polylines_.emplace_back();
-    polylines_.back().push_back(point(s));
-    polylines_.back().push_back(point(t));
+    for (double r : {s, t})
+      polylines_.back().push_back(data_.own(closest_in_face(m_, pair_.x, face, p + r * (q - p))));
     is_open_ = true;
   }
 
+  const MapData& data_;
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   std::vector<Polyline> polylines_;
   bool is_open_ = false;  // true if the next part extends the last polyline
-};
-
-// ---- data of a SurfaceMap ----
-
-inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
-  Vec3 sum;
-  for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * row3(m.vertices, m.triangles(p.face, k));
-  return sum;
-}
-
-struct MapData : Outcome {                                 // kDone if the pair is valid
-  SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
-  Origin origin_a, origin_b;
-  Points2 f, g;       // of the embedded meshes
-  EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
-
-  bool ok() const { return status == Status::kDone; }
-  const TriangleMesh& mesh(Side side) const { return side == Side::kA ? *a : *b; }
-  int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
-  int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
-
-  const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
-
-  /// Returns a point of a given mesh in ids of A ⊔ B; its face is -1 if it has none there.
-  SurfacePoint joint(const SurfacePoint& p, Side side) const {
-    SurfacePoint joint = ok() ? origin(side).from_given(p) : SurfacePoint();
-    if (joint.face >= 0) joint.face += first_face(side);
-    return joint;
-  }
-
-  /// Returns a point in ids of A ⊔ B as a point of its given mesh.
-  SurfacePoint own(SurfacePoint p) const {
-    if (!p.exists()) return p;
-    const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
-    p.face -= first_face(side);
-    return origin(side).to_given(p);
-  }
-  std::vector<Polyline> own(std::vector<Polyline> polylines) const {
-    for (Polyline& polyline : polylines)
-      for (SurfacePoint& p : polyline) p = own(p);
-    return polylines;
-  }
-
-  SurfacePoint map(const SurfacePoint& point, Side from) const {
-    const SurfacePoint p = joint(point, from);
-    return p.exists() ? own(pair.map(p)) : p;
-  }
-
-  SurfacePoint map_vertex(int given, Side from) const {
-    const Array<int>& vertex = origin(from).vertex;
-    int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
-    SurfacePoint image;
-    while (v >= 0 && !image.exists()) {
-      image = pair.image(pair.face_over(first_vertex(from) + v));
-      v = pair.is_closed() ? -1 : origin(from).next_copy[v];
-    }
-    return own(image);
-  }
-
-  std::vector<SurfacePoint> map_vertices(Side from) const {
-    std::vector<SurfacePoint> images;
-    for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
-      images.push_back(map_vertex(v, from));
-    return images;
-  }
-
-  std::vector<Polyline> map_path(const std::vector<int>& vertices, Side from) const {
-    if (!ok()) return {};
-    return own(PathMapper(pair).map(origin(from), first_face(from), vertices));
-  }
-
-  Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
-    const TriangleMesh& m = *origin(side).given;
-    if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
-      return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-    const Vec3 x = position_in_space(m, p);
-    return {x.x, x.y, x.z};
-  }
 };
 
 // ---- meta mesh ----
@@ -10085,25 +10018,30 @@ struct MapData : Outcome {                                 // kDone if the pair 
 /// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
  public:
-  explicit MetaMeshBuilder(const MapData& data) : data_(data), m_(data.pair.s.mesh) {}
+  explicit MetaMeshBuilder(const MapData& data)
+      : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
 
-  MetaMesh build() {
+  MetaMesh build(Ids ids) {
     MetaMesh mesh;
-    mesh.a = data_.a;
-    mesh.b = data_.b;
-    for (const OverlayPolygon& p : data_.pair.overlay.polygons) {
+    for (const OverlayPolygon& p : pair_.overlay.polygons) {
       add_corners(p);
       mesh.face_a.push_back(p.ta);
-      mesh.face_b.push_back(p.tb - data_.pair.s.faces_a);
+      mesh.face_b.push_back(p.tb - pair_.s.faces_a);
       mesh.offsets.push_back(corners_.size());
     }
+    set_vertices(mesh);
+    mesh.a = data_.a, mesh.b = data_.b;
     mesh.corner_a.resize(corners_.size(), 3);
     mesh.corner_b.resize(corners_.size(), 3);
     for (int i = 0; i < corners_.size(); ++i) {
-      set_row(mesh.corner_a, i, weights_of(corners_[i].on_a));
-      set_row(mesh.corner_b, i, weights_of(corners_[i].on_b));
+      const Corner& c = corners_[i];
+      const bool is_given = ids == Ids::kGiven;
+      set_row(mesh.corner_a, i, weights_of(is_given ? data_.origin_a.to_given(c.on_a) : c.on_a));
+      set_row(mesh.corner_b, i, weights_of(is_given ? data_.origin_b.to_given(c.on_b) : c.on_b));
     }
-    set_vertices(mesh);
+    if (ids == Ids::kEmbedded) return mesh;
+    speak_of_given(data_.origin_a, mesh.a, mesh.same_a, mesh.face_a);
+    speak_of_given(data_.origin_b, mesh.b, mesh.same_b, mesh.face_b);
     return mesh;
   }
 
@@ -10113,15 +10051,22 @@ class MetaMeshBuilder {
     SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
 
+  static void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
+                             std::vector<int>& face) {
+    mesh = origin.given;
+    same = origin.same;
+    for (int& f : face) f = origin.face[f];
+  }
+
   /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
-    Array<int> order(corners_.size()), first;
-    for (int i = 0; i < order.size(); ++i) order[i] = i;
-    std::stable_sort(order.begin(), order.end(),
-                     [&](int i, int j) { return corners_[i].key < corners_[j].key; });
+    Array<std::pair<CornerKey, int>> order;
+    Array<int> first;
+    for (int i = 0; i < corners_.size(); ++i) order.push_back({corners_[i].key, i});
+    std::sort(order.begin(), order.end());
     mesh.corners.resize(static_cast<std::size_t>(order.size()));
-    for (int i : order) {
-      if (first.empty() || corners_[first.back()].key != corners_[i].key) first.push_back(i);
+    for (const auto& [key, i] : order) {
+      if (first.empty() || corners_[first.back()].key != key) first.push_back(i);
       mesh.corners.data()[i] = first.size() - 1;
     }
     mesh.on_a.resize(first.size(), 3);
@@ -10131,78 +10076,89 @@ class MetaMeshBuilder {
       const Corner& c = corners_[first[v]];
       set_row(mesh.on_a, v, position_in_space(*data_.a, c.on_a));
       set_row(mesh.on_b, v, position_in_space(*data_.b, c.on_b));
-      set_row(mesh.plane, v, data_.pair.planar_position(c.on_a));
+      set_row(mesh.plane, v, pair_.planar_position(c.on_a));
     }
   }
 
-  static Vec3 on_edge(int k, double t) { return (1 - t) * unit3(k) + t * unit3((k + 1) % 3); }
-
   void add_corners(const OverlayPolygon& p) {
-    const EmbeddedPair& pair = data_.pair;
     for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
-      const CornerKey key = pair.corner_key(p, i);
-      if (key == pair.corner_key(p, last)) continue;  // at a cone
+      const CornerKey key = key_of(p, i);
+      if (key == key_of(p, last)) continue;  // at a cone
       const int e = p.piece(last), after = p.piece(i);
       Corner c = same_triangle(e, after)
                      ? vertex(p, after)
                      : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
-      if (key[0] == kAtCone) {
-        const int k = pair.corner_at_cone(p.ta, key[1]), l = pair.corner_at_cone(p.tb, key[1]);
-        if (k >= 0) c.on_a = surface_point(p.ta, unit3(k));
-        if (l >= 0) c.on_b = surface_point(p.tb, unit3(l));
+      for (int k = 0; k < 3 && key[0] == kAtCone; ++k) {
+        if (cone_at(3 * p.ta + k) == key[1]) c.on_a = surface_point(p.ta, unit3(k));
+        if (cone_at(3 * p.tb + k) == key[1]) c.on_b = surface_point(p.tb, unit3(k));
       }
       c.key = key;
-      c.on_b.face -= pair.s.faces_a;
+      c.on_b.face -= pair_.s.faces_a;
       corners_.push_back(c);
     }
   }
+
+  /// Returns the key of corner i of a polygon. At a cone, where a vertex of A and one of B
+  /// coincide, a corner may be either or a crossing of edges.
+  CornerKey key_of(const OverlayPolygon& p, int i) const {
+    const int e = p.piece(i), before = p.piece(i > 0 ? i - 1 : p.count - 1);
+    const auto half_edge = [&](int k) { return k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3; };
+    const auto place = [&](int h) { return motion_in(m_, p, h) * row2(pair_.x, m_.tail[h]); };
+    const int h = half_edge((std::min)(before, e)), t = half_edge((std::max)(before, e));
+    if (same_triangle(before, e)) {
+      const int v = m_.tail[half_edge(e)], cone = cone_at(half_edge(e));
+      return cone < 0 ? CornerKey{kAtVertex, v, 0} : CornerKey{kAtCone, cone, 0};
+    }
+    for (int u : {h, next(h)})
+      for (int v : {t, next(t)})
+        if (cone_at(u) >= 0 && cone_at(u) == cone_at(v) && place(u) == place(v))
+          return {kAtCone, cone_at(u), 0};
+    return {kCrossing, first_half_edge(h), first_half_edge(t)};
+  }
+
+  /// Returns the number of the cone at the tail of a half-edge, or -1.
+  int cone_at(int h) const {
+    const int v = m_.tail[h];
+    return m_.pillow.is_cone(v) ? cone_number(row2(pair_.x, v), m_.pillow.side) : -1;
+  }
+
+  /// Returns the smaller half-edge of an edge.
+  int first_half_edge(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
 
   Corner vertex(const OverlayPolygon& p, int e) const {
     const bool of_a = e < 3;
     const int own = of_a ? p.ta : p.tb, other = of_a ? p.tb : p.ta, k = e % 3;
     const SurfacePoint here = surface_point(own, unit3(k));
-    const Vec2 at = corner_place(m_, data_.pair.x, own, k);
+    const Vec2 at = corner_place(m_, pair_.x, own, k);
     const SurfacePoint there =
-        closest_in_face(m_, data_.pair.x, other, (of_a ? inverse(p.motion) : p.motion) * at);
+        closest_in_face(m_, pair_.x, other, (of_a ? inverse(p.motion) : p.motion) * at);
     return {{}, of_a ? here : there, of_a ? there : here};
   }
 
   /// Returns the crossing of two edges, from the same half-edges in all polygons around it: nearly
   /// parallel edges hardly determine its position, but all polygons must agree on it.
   Corner crossing(const OverlayPolygon& p, int edge_a, int edge_b) const {
-    const Points2& x = data_.pair.x;
     const int on_a = 3 * p.ta + edge_a, on_b = 3 * p.tb + edge_b;
-    const int h = data_.pair.first_half_edge(on_a), g = data_.pair.first_half_edge(on_b);
+    const int h = first_half_edge(on_a), g = first_half_edge(on_b);
     Motion motion = p.motion;  // takes the plane of g to that of h
     if (h != on_a) motion = motion_across(m_, h) * motion;
     if (g != on_b) motion = motion * motion_across(m_, on_b);
-    const Vec2 u = place_of(m_, x, h), edge = place_of(m_, x, next(h)) - u;
-    const Vec2 c = motion * place_of(m_, x, g), other = motion * place_of(m_, x, next(g)) - c;
-    const Crossing at = detail::crossing(u, edge, c, other);
+    const auto place = [&](int e) { return place_of(m_, pair_.x, e); };
+    const Vec2 u = place(h), c = motion * place(g);
+    const Crossing at = detail::crossing(u, place(next(h)) - u, c, motion * place(next(g)) - c);
+    const auto on_edge = [](int face, int k, double t) {
+      return surface_point(face, (1 - t) * unit3(k) + t * unit3((k + 1) % 3));
+    };
     return {{},
-            surface_point(p.ta, on_edge(edge_a, on_a == h ? at.t : 1 - at.t)),
-            surface_point(p.tb, on_edge(edge_b, on_b == g ? at.mu : 1 - at.mu))};
+            on_edge(p.ta, edge_a, on_a == h ? at.t : 1 - at.t),
+            on_edge(p.tb, edge_b, on_b == g ? at.mu : 1 - at.mu)};
   }
 
   const MapData& data_;
+  const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
 };
-
-/// Converts triangles and corners of one side of a meta mesh to those of the given mesh.
-inline void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
-                           std::vector<int>& face, const std::vector<int>& offsets,
-                           Points3& corner) {
-  mesh = origin.given;
-  same = origin.same;
-  for (std::size_t p = 0; p < face.size(); ++p) {
-    for (int i = offsets[p]; i < offsets[p + 1]; ++i) {
-      const SurfacePoint embedded = surface_point(face[p], row3(corner, i));
-      set_row(corner, i, weights_of(origin.to_given(embedded)));
-    }
-    face[p] = origin.face[face[p]];
-  }
-}
 
 // ---- distortion ----
 
@@ -10212,47 +10168,32 @@ inline double largest_stretch(const Mat2& J) {
                 norm(Vec2{J(0, 0) - J(1, 1), J(1, 0) + J(0, 1)}));
 }
 
-/// The Jacobian of an embedding in one triangle. Its determinant, kept apart, is positive even for
-/// a sliver, where the determinant of the rounded Jacobian may have any sign.
-struct TriangleMap {
-  Mat2 J;
-  double determinant;
-};
-
-inline TriangleMap triangle_map(const JointSurface& s, const Points2& x, int f, double scale) {
-  const double twice_area = accurate_area(
-      corner_place(s.mesh, x, f, 0), corner_place(s.mesh, x, f, 1), corner_place(s.mesh, x, f, 2));
-  return {scale * triangle_jacobian(s, x, f), scale * scale * twice_area / (2 * s.area[f])};
-}
-
-/// Returns the distortion of Φ in one polygon, J = J_g⁻¹ J_f. The determinant gives σ_min: the
-/// difference of two nearly equal numbers would not have a correct digit.
-inline PolygonDistortion polygon_distortion(const TriangleMap& f, const TriangleMap& g,
-                                            double planar_area) {
-  const double stretch = f.determinant / g.determinant;  // of areas
-  PolygonDistortion d;
-  d.sigma_max =
-      (std::max)(largest_stretch(1 / g.determinant * (adjugate(g.J) * f.J)), std::sqrt(stretch));
-  d.sigma_min = stretch / d.sigma_max;
-  d.area_a = planar_area / f.determinant;
-  d.area_b = planar_area / g.determinant;
-  const double s = d.sigma_min * d.sigma_min, t = d.sigma_max * d.sigma_max;
-  d.density = ((s + t) * stretch + (1 / s + 1 / t)) / (stretch + 1);
-  return d;
-}
-
-inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pair,
-                                                          bool keep_scale) {
+/// Returns the distortion of Φ in one polygon, J = J_g⁻¹ J_f. Determinants come from areas that are
+/// positive even for slivers, where those of rounded Jacobians may have any sign. They give σ_min:
+/// the difference of two nearly equal numbers would not have a correct digit.
+inline PolygonDistortion polygon_distortion(const EmbeddedPair& pair, const OverlayPolygon& p,
+                                            double scale_a, double scale_b) {
   const JointSurface& s = pair.s;
-  const double scale_a = keep_scale ? s.scale_a : 1, scale_b = keep_scale ? s.scale_b : 1;
-  std::vector<PolygonDistortion> result;
-  for (const OverlayPolygon& p : pair.overlay.polygons) {
-    const SixPoints x = six_points(s.mesh, pair.x, p);
-    const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
-    result.push_back(polygon_distortion(triangle_map(s, pair.x, p.ta, scale_a),
-                                        triangle_map(s, pair.x, p.tb, scale_b), area));
-  }
-  return result;
+  const SixPoints x = six_points(s.mesh, pair.x, p);
+  const auto determinant = [&](int f, double scale) {
+    const double twice_area =
+        accurate_area(corner_place(s.mesh, pair.x, f, 0), corner_place(s.mesh, pair.x, f, 1),
+                      corner_place(s.mesh, pair.x, f, 2));
+    return scale * scale * twice_area / (2 * s.area[f]);
+  };
+  const Mat2 f = scale_a * triangle_jacobian(s, pair.x, p.ta);
+  const Mat2 g = scale_b * triangle_jacobian(s, pair.x, p.tb);
+  const double det_f = determinant(p.ta, scale_a), det_g = determinant(p.tb, scale_b);
+  const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
+  const double stretch = det_f / det_g;  // of areas
+  PolygonDistortion d;
+  d.sigma_max = (std::max)(largest_stretch(1 / det_g * (adjugate(g) * f)), std::sqrt(stretch));
+  d.sigma_min = stretch / d.sigma_max;
+  d.area_a = area / det_f;
+  d.area_b = area / det_g;
+  const double min2 = d.sigma_min * d.sigma_min, max2 = d.sigma_max * d.sigma_max;
+  d.density = ((min2 + max2) * stretch + (1 / min2 + 1 / max2)) / (stretch + 1);
+  return d;
 }
 
 }  // namespace detail
@@ -10260,19 +10201,16 @@ inline std::vector<PolygonDistortion> polygon_distortions(const EmbeddedPair& pa
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
 const TriangleMesh& SurfaceMap::mesh(Side side, Ids ids) const {
-  return ids == Ids::kGiven ? *data_->origin(side).given : data_->mesh(side);
+  if (ids == Ids::kGiven) return *data_->origin(side).given;
+  return side == Side::kA ? *data_->a : *data_->b;
 }
 Points2 SurfaceMap::planar_positions(Side side) const {
   return side == Side::kA ? data_->f : data_->g;
 }
 bool SurfaceMap::is_closed() const { return data_->pair.is_closed(); }
 double SurfaceMap::period() const { return is_closed() ? 2 * data_->pair.s.mesh.pillow.side : 0; }
-SurfacePoint SurfaceMap::forward(const SurfacePoint& on_a) const {
-  return data_->map(on_a, Side::kA);
-}
-SurfacePoint SurfaceMap::backward(const SurfacePoint& on_b) const {
-  return data_->map(on_b, Side::kB);
-}
+SurfacePoint SurfaceMap::forward(const SurfacePoint& p) const { return data_->map(p, Side::kA); }
+SurfacePoint SurfaceMap::backward(const SurfacePoint& p) const { return data_->map(p, Side::kB); }
 SurfacePoint SurfaceMap::forward_vertex(int a) const { return data_->map_vertex(a, Side::kA); }
 SurfacePoint SurfaceMap::backward_vertex(int b) const { return data_->map_vertex(b, Side::kB); }
 std::vector<SurfacePoint> SurfaceMap::forward_vertices() const {
@@ -10282,10 +10220,10 @@ std::vector<SurfacePoint> SurfaceMap::backward_vertices() const {
   return data_->map_vertices(Side::kB);
 }
 std::vector<Polyline> SurfaceMap::forward_path(const std::vector<int>& vertices) const {
-  return data_->map_path(vertices, Side::kA);
+  return detail::PathMapper(*data_).map(vertices, Side::kA);
 }
 std::vector<Polyline> SurfaceMap::backward_path(const std::vector<int>& vertices) const {
-  return data_->map_path(vertices, Side::kB);
+  return detail::PathMapper(*data_).map(vertices, Side::kB);
 }
 Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kA);
@@ -10293,34 +10231,15 @@ Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kB);
 }
-MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
-  MetaMesh m = detail::MetaMeshBuilder(*data_).build();
-  if (ids == Ids::kEmbedded) return m;
-  detail::speak_of_given(data_->origin_a, m.a, m.same_a, m.face_a, m.offsets, m.corner_a);
-  detail::speak_of_given(data_->origin_b, m.b, m.same_b, m.face_b, m.offsets, m.corner_b);
-  return m;
-}
+MetaMesh SurfaceMap::meta_mesh(Ids ids) const { return detail::MetaMeshBuilder(*data_).build(ids); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
-  return detail::polygon_distortions(data_->pair, keep_scale);
+  const detail::JointSurface& s = data_->pair.s;
+  std::vector<PolygonDistortion> result;
+  for (const detail::OverlayPolygon& p : data_->pair.overlay.polygons)
+    result.push_back(detail::polygon_distortion(data_->pair, p, keep_scale ? s.scale_a : 1,
+                                                keep_scale ? s.scale_b : 1));
+  return result;
 }
-
-namespace detail {
-
-/// Per vertex, the vertex that stands for its part: triangles that share vertices [union-find].
-inline Array<int> find_parts(const Triangles& triangles, const Array<int>& faces, int n_vertices) {
-  Array<int> parent;
-  for (int v = 0; v < n_vertices; ++v) parent.push_back(v);
-  const auto root = [&](int v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
-  for (int f : faces)
-    for (int k = 1; k < 3; ++k) parent[root(triangles(f, k))] = root(triangles(f, 0));
-  for (int v = 0; v < n_vertices; ++v) parent[v] = root(v);
-  return parent;
-}
-
-}  // namespace detail
 
 std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
   using detail::Array;
@@ -10335,13 +10254,19 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
     energy[meta.face_a.data()[p]] += d.density * (d.area_a + d.area_b);
     area[meta.face_a.data()[p]] += d.area_a + d.area_b;
   }
-  Array<int> bad;
+  const auto is_bad = [&](int f) { return energy[f] - 2 * area[f] > 2 * (all.mean - 2) * area[f]; };
+  Array<int> part = detail::numbers_below(n_vertices);  // bad triangles that share vertices
+  const auto part_of = [&](int v) {                     // the vertex that stands for it
+    while (part[v] != v) v = part[v] = part[part[v]];
+    return v;
+  };
   for (int f = 0; f < area.size(); ++f)
-    if (energy[f] - 2 * area[f] > 2 * (all.mean - 2) * area[f]) bad.push_back(f);
-  const Array<int> part = detail::find_parts(triangles, bad, n_vertices);
+    for (int k = 1; k < 3 && is_bad(f); ++k)
+      part[part_of(triangles(f, k))] = part_of(triangles(f, 0));
   Array<double> gain(n_vertices, 0), at_vertex = gain, energy_of = gain, area_of = gain;
-  for (int f : bad) {
-    const int of = part[triangles(f, 0)];
+  for (int f = 0; f < area.size(); ++f) {
+    if (!is_bad(f)) continue;
+    const int of = part_of(triangles(f, 0));
     const double excess = energy[f] - all.mean * area[f];
     gain[of] -= excess, energy_of[of] += energy[f], area_of[of] += area[f];
     for (int k = 0; k < 3; ++k) at_vertex[triangles(f, k)] += excess;
@@ -10351,7 +10276,7 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
     if (static_cast<int>(worst.size()) >= most || !(gain[of] < 0)) break;
     int v = of;
     for (int w = 0; w < n_vertices; ++w)
-      if (part[w] == of && at_vertex[w] > at_vertex[v]) v = w;
+      if (part_of(w) == of && at_vertex[w] > at_vertex[v]) v = w;
     worst.push_back({v, map.forward_vertex(v), area_of[of] / (all.area_a + all.area_b),
                      energy_of[of] / area_of[of]});
   }
@@ -10435,12 +10360,6 @@ inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Sc
   return polygon;
 }
 
-/// Returns true if a box lies to the right of p → q, exactly.
-inline bool is_right_of(Vec2 lo, Vec2 hi, Vec2 p, Vec2 q) {
-  const Vec2 leftmost = {q.y > p.y ? lo.x : hi.x, q.x > p.x ? hi.y : lo.y};
-  return orient2d(p, q, leftmost) < 0;
-}
-
 /// Triangulates a polygon by clipping ears from a queue, in rounds. No round clips two neighbours:
 /// that would make fans, which take n² flips to become Delaunay. A vertex that is no ear is tested
 /// again once a neighbour or the vertex that blocks it is clipped. About O(n log n), except for
@@ -10452,7 +10371,7 @@ class EarClipper {
         next_(polygon.size()),
         prev_(polygon.size()),
         state_(polygon.size(), kIdle),
-        last_blocked_(polygon.size(), -1) {
+        blocked_(polygon.size()) {
     const int n = polygon.size();
     tree_.reset(n);
     for (int i = 0; i < n; ++i) {
@@ -10488,11 +10407,6 @@ class EarClipper {
  private:
   enum State : char { kIdle, kQueued, kWaits };  // kWaits: moves to the end of the queue
 
-  /// Entry of a linked list per vertex: a vertex that it blocks, and the entry before.
-  struct Blocked {
-    int vertex, before;
-  };
-
   void enqueue(int i) {
     if (state_[i] != kIdle) return;
     state_[i] = kQueued;
@@ -10503,7 +10417,7 @@ class EarClipper {
     next_[prev_[i]] = next_[i];
     prev_[next_[i]] = prev_[i];
     tree_.remove(i);
-    for (int b = last_blocked_[i]; b >= 0; b = blocked_[b].before) enqueue(blocked_[b].vertex);
+    for (; !blocked_[i].empty(); blocked_[i].pop_back()) enqueue(blocked_[i].back());
     enqueue(prev_[i]);
     if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
     enqueue(next_[i]);
@@ -10518,14 +10432,18 @@ class EarClipper {
     if (!(orient2d(p, q, r) > 0)) return false;
     const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
     const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
-      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(box_lo, box_hi, p, q) &&
-             !is_right_of(box_lo, box_hi, q, r) && !is_right_of(box_lo, box_hi, r, p);
+      const auto is_right_of = [&](Vec2 from, Vec2 to) {  // exactly
+        return orient2d(
+                   from, to,
+                   {to.y > from.y ? box_lo.x : box_hi.x, to.x > from.x ? box_hi.y : box_lo.y}) < 0;
+      };
+      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(p, q) && !is_right_of(q, r) &&
+             !is_right_of(r, p);
     };
     const auto blocks = [&](int k) {
       const int v = polygon_[k];  // the ends of the bridge occur twice
       if (v == a || v == b || v == c) return false;
-      blocked_.push_back({i, last_blocked_[k]});
-      last_blocked_[k] = blocked_.size() - 1;
+      blocked_[k].push_back(i);
       return true;
     };
     return !tree_.find(may_contain_some, blocks);  // the box of a point is inside or outside
@@ -10536,9 +10454,8 @@ class EarClipper {
   Array<int> next_, prev_;
   Array<int> queue_;  // with all past entries
   Array<State> state_;
-  Array<int> last_blocked_;  // per vertex, its last entry in `blocked_`, or -1
-  Array<Blocked> blocked_;
-  BoxTree tree_;  // of the remaining vertices
+  Array<Array<int>> blocked_;  // per vertex, those that it blocks
+  BoxTree tree_;               // of the remaining vertices
 };
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
@@ -10586,12 +10503,6 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
   }
 }
 
-/// Returns the height of a triangle with edges p and q over its longest edge.
-inline double height(Vec2 p, Vec2 q) {
-  return cross(p, q) /
-         std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
-}
-
 /// Triangulates the space at the loops; `weight` is the total weight of all triangles. Triangles in
 /// nearly closed gaps get less: otherwise they are too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
@@ -10611,7 +10522,9 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
     const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
     const Mat2 R = columns(p, q), R_inverse = inverse(R);
     if (!(determinant(R) > 0) || !is_finite(R_inverse)) continue;  // area in exact arithmetic only
-    const double openness = (std::min)(1.0, height(p, q) / narrow);
+    const double longest =
+        std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
+    const double openness = (std::min)(1.0, cross(p, q) / longest / narrow);
     s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
     s.rest_inverse.push_back(R_inverse);
     s.weight.push_back(weight / space.n_faces * openness * openness);
@@ -11921,52 +11834,6 @@ inline Transfer product(const Transfer& second, const Transfer& first) {
   return transfer_of(second.rows(), first.n_sources, std::move(triplets));
 }
 
-/// Adds the weights of elements at a place in a face, given in barycentric coordinates.
-inline void add_point(const TriangleMesh& mesh, Element element, int f, const Vec3& place, int row,
-                      Array<Triplet>& triplets) {
-  if (element == Element::kFace) return triplets.push_back({row, f, 1});
-  for (int k = 0; k < 3; ++k)
-    if (place[k] != 0) triplets.push_back({row, element_row(mesh, element, f, k), place[k]});
-}
-
-/// Makes the weights of every row add up to 1.
-inline void normalize_rows(int rows, Array<Triplet>& triplets) {
-  Array<double> total(rows, 0);
-  for (const Triplet& triplet : triplets) total[triplet.row] += triplet.weight;
-  for (Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
-}
-
-/// Adds a weight 1 for each corner of a polygon, first to last - 1, at a vertex of its face.
-inline void add_corners(const MetaSide& side, Element element, int f, int first, int last,
-                        Array<Triplet>& triplets) {
-  for (int c = first; c < last; ++c)
-    for (int k = 0; k < 3; ++k)
-      if (side.corner(c, k) == 1) {
-        const int row = element_row(side.mesh, element, f, k);
-        const bool has_copies = element == Element::kVertex && !side.same.empty();
-        triplets.push_back({has_copies ? side.same.data()[row] : row, c, 1});
-      }
-}
-
-/// Returns rows in which every copy of a vertex has the row of that vertex.
-inline Transfer for_copies(const Transfer& rows, const std::vector<int>& same) {
-  Array<Triplet> triplets;
-  for (int v = 0; v < rows.rows(); ++v)
-    if (same.data()[v] >= 0) triplets.push_back({v, same.data()[v], 1});
-  return product(transfer_of(rows.rows(), rows.rows(), std::move(triplets)), rows);
-}
-
-/// Adds the integral over a polygon, in barycentric coordinates of its face, triangle by triangle.
-inline void add_integral(const MetaSide& side, int f, int first, int last,
-                         Array<Triplet>& triplets) {
-  const auto point = [&](int c) { return Vec2{side.corner(c, 1), side.corner(c, 2)}; };
-  for (int c = first + 1; c + 1 < last; ++c) {
-    const double area = cross(point(c) - point(first), point(c + 1) - point(first));
-    if (!(area > 0)) continue;
-    for (int corner : {first, c, c + 1}) triplets.push_back({f, corner, area / 3});
-  }
-}
-
 }  // namespace detail
 
 Values Transfer::apply(const Values& values) const {
@@ -11982,8 +11849,13 @@ Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
   detail::Array<detail::Triplet> triplets;
   for (int p = 0; p < meta.n_polygons(); ++p)
-    for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c)
-      detail::add_point(s.mesh, element, s.face.data()[p], detail::row3(s.corner, c), c, triplets);
+    for (int c = meta.offsets.data()[p]; c < meta.offsets.data()[p + 1]; ++c) {
+      const int f = s.face.data()[p];
+      if (element == Element::kFace) triplets.push_back({c, f, 1});
+      for (int k = 0; k < 3 && element != Element::kFace; ++k)
+        if (s.corner(c, k) != 0)
+          triplets.push_back({c, detail::element_row(s.mesh, element, f, k), s.corner(c, k)});
+    }
   return detail::transfer_of(static_cast<int>(s.corner.rows()),
                              detail::element_count(s.mesh, element), std::move(triplets));
 }
@@ -11991,20 +11863,38 @@ Transfer to_meta(const MetaMesh& meta, Side side, Element element) {
 Transfer from_meta(const MetaMesh& meta, Side side, Element element) {
   const detail::MetaSide s = detail::meta_side(meta, side);
   const int rows = detail::element_count(s.mesh, element);
+  const bool has_copies = element == Element::kVertex && !s.same.empty();
   detail::Array<detail::Triplet> triplets;
+  const auto point = [&](int c) { return detail::Vec2{s.corner(c, 1), s.corner(c, 2)}; };
+  const auto add_integral = [&](int f, int first, int c) {  // over one triangle of a polygon
+    const double area = detail::cross(point(c) - point(first), point(c + 1) - point(first));
+    for (int corner : {first, c, c + 1})
+      if (area > 0) triplets.push_back({f, corner, area / 3});
+  };
+  const auto add_vertex = [&](int f, int c) {
+    for (int k = 0; k < 3; ++k) {
+      if (s.corner(c, k) != 1) continue;
+      const int row = detail::element_row(s.mesh, element, f, k);
+      triplets.push_back({has_copies ? s.same.data()[row] : row, c, 1});
+    }
+  };
   for (int p = 0; p < meta.n_polygons(); ++p) {
     const int f = s.face.data()[p], first = meta.offsets.data()[p];
     const int last = meta.offsets.data()[p + 1];
-    if (element == Element::kFace)
-      detail::add_integral(s, f, first, last, triplets);
-    else
-      detail::add_corners(s, element, f, first, last, triplets);
+    for (int c = first; c < last && element != Element::kFace; ++c) add_vertex(f, c);
+    for (int c = first + 1; c + 1 < last && element == Element::kFace; ++c)
+      add_integral(f, first, c);
   }
-  detail::normalize_rows(rows, triplets);
+  detail::Array<double> total(rows, 0);
+  for (const detail::Triplet& triplet : triplets) total[triplet.row] += triplet.weight;
+  for (detail::Triplet& triplet : triplets) triplet.weight /= total[triplet.row];
   Transfer result =
       detail::transfer_of(rows, static_cast<int>(s.corner.rows()), std::move(triplets));
-  const bool has_copies = element == Element::kVertex && !s.same.empty();
-  return has_copies ? detail::for_copies(result, s.same) : result;
+  if (!has_copies) return result;
+  detail::Array<detail::Triplet> same;  // a copy gets the row of its vertex
+  for (int v = 0; v < rows; ++v)
+    if (s.same.data()[v] >= 0) same.push_back({v, s.same.data()[v], 1});
+  return detail::product(detail::transfer_of(rows, rows, std::move(same)), result);
 }
 
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target) {
@@ -12028,7 +11918,7 @@ TriangleMesh remesh(const SurfaceMap& map, Side side) {
   for (int f = 0; f < triangles.rows(); ++f) {
     const int* const corner = triangles.data() + 3 * std::ptrdiff_t{f};
     if (std::all_of(corner, corner + 3, [&](int v) { return exists(images.data()[v]); }))
-      for (int k = 0; k < 3; ++k) corners.push_back(corner[k]);
+      corners.append(corner, 3);
   }
   result.triangles = detail::triangles_from(corners);
   return result;
@@ -12053,30 +11943,26 @@ namespace detail {
 
 // ---- where to open ----
 
-/// Lengths of the shortest paths along edges from some vertices [Dijkstra 1959].
-inline Array<double> edge_distances(const Surface& s, const Array<int>& from) {
-  struct Reached {
-    double distance;
-    int vertex;
-    bool operator<(const Reached& o) const { return distance > o.distance; }
-  };
+/// Lengths of the shortest paths along edges from a vertex [Dijkstra 1959].
+inline Array<double> edge_distances(const Surface& s, int from) {
   Array<double> distance(s.mesh.n_vertices, kInfinity);
-  Array<Reached> heap;
+  Array<std::pair<double, int>> heap;  // minus the distance, vertex
   const auto reach = [&](int v, double d) {
     if (d >= distance[v]) return;
     distance[v] = d;
-    heap.push_back({d, v});
+    heap.push_back({-d, v});
     std::push_heap(heap.begin(), heap.end());
   };
-  for (int v : from) reach(v, 0);
+  reach(from, 0);
   while (!heap.empty()) {
     std::pop_heap(heap.begin(), heap.end());
-    const Reached at = heap.back();
+    const auto [minus, at] = heap.back();
     heap.pop_back();
-    if (at.distance > distance[at.vertex]) continue;
-    s.mesh.for_each_outgoing(at.vertex, [&](int h) {
-      for (int e : {h, prev(h)})
-        reach(e == h ? s.mesh.tip(e) : s.mesh.tail[e], at.distance + s.edge_length(e));
+    if (-minus > distance[at]) continue;
+    const double so_far = -minus;
+    s.mesh.for_each_outgoing(at, [&](int h) {
+      reach(s.mesh.tip(h), so_far + s.edge_length(h));
+      reach(s.mesh.tail[prev(h)], so_far + s.edge_length(prev(h)));
     });
   }
   return distance;
@@ -12098,7 +11984,7 @@ inline Tips find_tips(const Surface& s) {
   Array<Array<double>> distance;
   Array<double> nearness(n, 0);  // minus the mean distance from all points
   for (int v = 0; v < n; ++v) {
-    distance.push_back(edge_distances(s, Array<int>(1, v)));
+    distance.push_back(edge_distances(s, v));
     for (double& d : distance[v]) d /= std::sqrt(s.total_area);
     for (int w = 0; w < n; ++w) nearness[v] -= mass[w] / s.total_area * distance[v][w];
   }
@@ -12125,8 +12011,8 @@ inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<Ver
   Array<Array<double>> on_a, on_b;
   Array<int> kept;
   for (int i = 0; i < pairs.size(); ++i) {
-    on_a.push_back(edge_distances(surfaces.a, Array<int>(1, pairs[i].a)));
-    on_b.push_back(edge_distances(surfaces.b, Array<int>(1, pairs[i].b)));
+    on_a.push_back(edge_distances(surfaces.a, pairs[i].a));
+    on_b.push_back(edge_distances(surfaces.b, pairs[i].b));
     kept.push_back(i);
   }
   for (int round = 0; round < kRounds; ++round) {
@@ -12171,7 +12057,7 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks,
   const int n_samples = (std::min)(n, std::clamp(kVisits / n, int{kLeast}, int{kMost}));
   Array<double> cost(n, 0), to_samples(n, kInfinity), to_landmarks(n, kInfinity);
   for (int i = 0, farthest = 0; i < n_samples; ++i) {
-    const Array<double> d = edge_distances(s, Array<int>(1, farthest));
+    const Array<double> d = edge_distances(s, farthest);
     for (int v = 0; v < n; ++v) {
       cost[v] += unit * d[v] / n_samples;
       to_samples[v] = (std::min)(to_samples[v], d[v]);
@@ -12181,8 +12067,8 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks,
   for (double& c : cost) c *= c;
   const int n_landmarks = (std::min)(landmarks.size(), int{kMostLandmarks});
   for (int i = 0; i < n_landmarks; ++i) {
-    const Array<double> d = edge_distances(s, Array<int>(1, landmarks[i].corners[0]));
-    const Array<double> e = edge_distances(other, Array<int>(1, on_other[i].corners[0]));
+    const Array<double> d = edge_distances(s, landmarks[i].corners[0]);
+    const Array<double> e = edge_distances(other, on_other[i].corners[0]);
     double to_boundary = kInfinity;
     for (int h : other.mesh.boundary) to_boundary = (std::min)(to_boundary, e[other.mesh.tail[h]]);
     for (int v = 0; v < n; ++v) {
@@ -12588,21 +12474,20 @@ class MetaMeshVerifier {
       return place(*meta_.b, g_, meta_.face_b.data()[p], row3(meta_.corner_b, i));
     };
     for (double sign : {1.0, -1.0}) {
-      if (sign < 0 && !is_closed_) break;
       Motion motion = {sign, {}};
       const Vec3 way = in_f(begin(p)) + -sign * in_g(begin(p));
       if (is_closed_)
         motion.shift = {period_ * std::round(way.x / period_),
                         period_ * std::round(way.y / period_)};
-      bool fits = true;
+      bool fits = sign > 0 || is_closed_;
       for (int i = begin(p); i < end(p); ++i) {
         const Vec3 at = in_g(i);
         const Vec2 moved = motion * Vec2{at.x, at.y};
         fits = fits && are_close(in_f(i), {moved.x, moved.y, 0}, size_f_);
       }
+      if (!fits) continue;
       motions_.push_back(motion);
-      if (fits) return true;
-      motions_.pop_back();
+      return true;
     }
     return false;
   }
@@ -12705,36 +12590,6 @@ namespace detail {
 // Invariants: see Executor.
 // Fails:      with the exception of a task, once all tasks in progress are done.
 
-/// Keeps the first exception of several tasks until all have ended.
-class FirstError {
- public:
-#ifdef __cpp_exceptions
-  /// Runs a task, unless another one has failed.
-  template <class Task>
-  void guard(const Task& task, int i) {
-    if (failed_.load(std::memory_order_relaxed)) return;
-    try {
-      task(i);
-    } catch (...) {
-      if (!failed_.exchange(true)) error_ = std::current_exception();
-    }
-  }
-  void rethrow() const {
-    if (error_) std::rethrow_exception(error_);
-  }
-
- private:
-  std::atomic<bool> failed_{false};
-  std::exception_ptr error_;
-#else
-  template <class Task>
-  void guard(const Task& task, int i) {
-    task(i);
-  }
-  void rethrow() const {}
-#endif
-};
-
 #ifndef ISM_NO_THREADS
 /// Threads that sleep until tasks arrive. run() does not wait for a helper that wakes too late,
 /// which finds no task and sleeps on.
@@ -12763,12 +12618,11 @@ class Crew {
     for (std::thread& helper : helpers_) helper.join();
   }
 
-  /// Runs task(0) ... task(n - 1) on the calling thread and on available helpers. False, with
-  /// nothing run, if the crew is busy.
-  bool run(int n, const std::function<void(int)>& task) {
+  /// Runs task(0) ... task(n - 1) on the calling thread and on available helpers; one run at a
+  /// time.
+  void run(int n, const std::function<void(int)>& task) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (task_ != nullptr || working_ > 0) return false;
       task_ = &task;
       n_ = n;
       next_ = 0;
@@ -12778,7 +12632,6 @@ class Crew {
     std::unique_lock<std::mutex> lock(mutex_);
     task_ = nullptr;  // helpers that wake later find no task
     left_.wait(lock, [&] { return working_ == 0; });
-    return true;
   }
 
   int size() const { return static_cast<int>(helpers_.size()) + 1; }
@@ -12812,13 +12665,7 @@ class Crew {
   int working_ = 0;  // helpers in work()
   bool is_over_ = false;
 };
-#endif
 
-#ifdef ISM_NO_THREADS
-class Crew {};
-#endif
-
-#ifndef ISM_NO_THREADS
 /// Returns the number of processors available to this thread; in a container, within its quota.
 inline int processor_count() {
   int n = static_cast<int>(std::thread::hardware_concurrency());
@@ -12834,6 +12681,8 @@ inline int processor_count() {
 #endif
   return (std::max)(1, n);
 }
+#else
+class Crew {};
 #endif
 
 /// Returns the number of threads of a call without a job system, including the caller's.
@@ -12842,10 +12691,8 @@ inline int thread_count(const Options& options) {
   static_cast<void>(options);
   return 1;
 #else
-  constexpr int kMostPerProcessor = 4;
   const int processors = processor_count();
-  return options.threads <= 0 ? processors
-                              : (std::min)(options.threads, kMostPerProcessor * processors);
+  return options.threads <= 0 ? processors : (std::min)(options.threads, 4 * processors);
 #endif
 }
 
@@ -12863,7 +12710,6 @@ inline Executor::Executor(const Options& options)
 inline Executor::~Executor() = default;
 
 inline void Executor::run(int n, const Task& task) const {
-  FirstError error;
   const auto task_and_tick = [&](int i) {
     {
       const NoTraps no_traps;
@@ -12871,10 +12717,25 @@ inline void Executor::run(int n, const Task& task) const {
     }
     tick();
   };
-  const auto guarded = [&](int i) { error.guard(task_and_tick, i); };
+#ifdef __cpp_exceptions
+  std::atomic<bool> has_failed{false};
+  std::exception_ptr error;  // the first one
+  const auto guarded = [&](int i) {
+    if (has_failed.load(std::memory_order_relaxed)) return;
+    try {
+      task_and_tick(i);
+    } catch (...) {
+      if (!has_failed.exchange(true)) error = std::current_exception();
+    }
+  };
+#else
+  const auto& guarded = task_and_tick;
+#endif
   if (n > 0 && !run_side_by_side(n, guarded))
     for (int i = 0; i < n; ++i) guarded(i);
-  error.rethrow();
+#ifdef __cpp_exceptions
+  if (error) std::rethrow_exception(error);
+#endif
 }
 
 inline void Executor::tell(bool is_embedding, double fraction, Words what,
@@ -12891,22 +12752,19 @@ inline void Executor::tell(bool is_embedding, double fraction, Words what,
   progress_.iteration = nullptr;
 }
 
+/// Runs tasks by parallel_for or the crew; false if such a run is in progress, e.g. for nested
+/// calls.
 inline bool Executor::run_side_by_side(int n, const Task& task) const {
-  if (hook_) return run_by_hook(n, task);
-#ifndef ISM_NO_THREADS
-  if (crew_ && n > 1) return crew_->run(n, task);
-#endif
-  return false;
-}
-
-/// Runs tasks by parallel_for; false if a run by it is in progress, e.g. for nested calls.
-inline bool Executor::run_by_hook(int n, const Task& task) const {
-  if (is_hooked_.exchange(true)) return false;
+  if ((!hook_ && (!crew_ || n < 2)) || is_side_by_side_.exchange(true)) return false;
   const struct Release {
     std::atomic<bool>& flag;
     ~Release() { flag = false; }
-  } release = {is_hooked_};
-  return hook_(n, task), true;
+  } release = {is_side_by_side_};
+  if (hook_) return hook_(n, task), true;
+#ifndef ISM_NO_THREADS
+  crew_->run(n, task);
+#endif
+  return true;
 }
 
 inline void Executor::tell_again() const {
