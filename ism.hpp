@@ -9534,7 +9534,7 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<int>& origin
   m.pillow.side = side;
   m.pillow.cones.assign(4, -1);
   for (int v = 0; v < n; ++v)
-    if (cone_number(row2(x, v), side) >= 0) m.pillow.cones[cone_number(row2(x, v), side)] = v;
+    if (const int cone = cone_number(row2(x, v), side); cone >= 0) m.pillow.cones[cone] = v;
   if (m.pillow.is_cone(-1)) return false;
   for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
   return true;
@@ -9568,8 +9568,7 @@ struct EmbeddedPair {
 
   EmbeddedPair() = default;
   EmbeddedPair(JointSurface surface, Points2 positions)
-      : s(std::move(surface)), x(std::move(positions)) {
-    for (int i = 0; i < x.size(); ++i) extent = (std::max)(extent, std::abs(x.data()[i]));
+      : s(std::move(surface)), x(std::move(positions)), extent(x.cwiseAbs().maxCoeff()) {
     compute_overlay(s, x, overlay);
     by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
   }
@@ -10366,19 +10365,13 @@ inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Sc
 /// spirals, where one vertex may block many.
 class EarClipper {
  public:
-  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon)
-      : polygon_(polygon),
-        next_(polygon.size()),
-        prev_(polygon.size()),
-        state_(polygon.size(), kIdle),
-        blocked_(polygon.size()) {
+  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon) {
     const int n = polygon.size();
     tree_.reset(n);
     for (int i = 0; i < n; ++i) {
-      point_.push_back(scaffold.point(x, polygon[i]));
-      tree_.set(i, point_[i], point_[i]);
-      next_[i] = (i + 1) % n;
-      prev_[i] = (i + n - 1) % n;
+      const Vec2 p = scaffold.point(x, polygon[i]);
+      corner_.push_back({polygon[i], p, (i + n - 1) % n, (i + 1) % n, kIdle, {}});
+      tree_.set(i, p, p);
       enqueue(i);
     }
     tree_.join();
@@ -10387,16 +10380,17 @@ class EarClipper {
   /// Returns the corners of the triangles, fewer than n - 2 triangles if the polygon is not simple.
   Array<int> run() {
     Array<int> corners;
-    int left = polygon_.size();
+    int left = corner_.size();
     for (int first = 0; first < queue_.size() && left >= 3; ++first) {
       const int i = queue_[first];
-      const bool waits = state_[i] == kWaits;
-      state_[i] = kIdle;
-      if (is_gone(i)) continue;
+      Corner& c = corner_[i];
+      const bool waits = c.state == kWaits;
+      c.state = kIdle;
+      if (corner_[c.prev].next != i) continue;  // clipped already
       if (waits) {
         enqueue(i);
       } else if (is_ear(i)) {
-        for (int k : {prev_[i], i, next_[i]}) corners.push_back(polygon_[k]);
+        for (int k : {c.prev, i, c.next}) corners.push_back(corner_[k].vertex);
         clip(i);
         --left;
       }
@@ -10407,55 +10401,58 @@ class EarClipper {
  private:
   enum State : char { kIdle, kQueued, kWaits };  // kWaits: moves to the end of the queue
 
+  struct Corner {
+    int vertex;
+    Vec2 point;
+    int prev, next;  // of the remaining ones
+    State state;
+    Array<int> blocked;  // those that this one has blocked
+  };
+
   void enqueue(int i) {
-    if (state_[i] != kIdle) return;
-    state_[i] = kQueued;
+    if (corner_[i].state != kIdle) return;
+    corner_[i].state = kQueued;
     queue_.push_back(i);
   }
 
   void clip(int i) {
-    next_[prev_[i]] = next_[i];
-    prev_[next_[i]] = prev_[i];
+    Corner& c = corner_[i];
+    corner_[c.prev].next = c.next;
+    corner_[c.next].prev = c.prev;
     tree_.remove(i);
-    for (; !blocked_[i].empty(); blocked_[i].pop_back()) enqueue(blocked_[i].back());
-    enqueue(prev_[i]);
-    if (state_[next_[i]] == kQueued) state_[next_[i]] = kWaits;
-    enqueue(next_[i]);
+    for (; !c.blocked.empty(); c.blocked.pop_back()) enqueue(c.blocked.back());
+    enqueue(c.prev);
+    if (corner_[c.next].state == kQueued) corner_[c.next].state = kWaits;
+    enqueue(c.next);
   }
-
-  bool is_gone(int i) const { return next_[prev_[i]] != i; }
 
   /// Returns true if the triangle at i is positive and contains no other remaining vertex.
   bool is_ear(int i) {
-    const int a = polygon_[prev_[i]], b = polygon_[i], c = polygon_[next_[i]];
-    const Vec2 p = point_[prev_[i]], q = point_[i], r = point_[next_[i]];
+    const Corner &b = corner_[i], &a = corner_[b.prev], &c = corner_[b.next];
+    const Vec2 p = a.point, q = b.point, r = c.point;
     if (!(orient2d(p, q, r) > 0)) return false;
     const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
     const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
       const auto is_right_of = [&](Vec2 from, Vec2 to) {  // exactly
-        return orient2d(
-                   from, to,
-                   {to.y > from.y ? box_lo.x : box_hi.x, to.x > from.x ? box_hi.y : box_lo.y}) < 0;
+        const Vec2 leftmost = {to.y > from.y ? box_lo.x : box_hi.x,
+                               to.x > from.x ? box_hi.y : box_lo.y};
+        return orient2d(from, to, leftmost) < 0;
       };
       return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(p, q) && !is_right_of(q, r) &&
              !is_right_of(r, p);
     };
     const auto blocks = [&](int k) {
-      const int v = polygon_[k];  // the ends of the bridge occur twice
-      if (v == a || v == b || v == c) return false;
-      blocked_[k].push_back(i);
+      const int v = corner_[k].vertex;  // the ends of the bridge occur twice
+      if (v == a.vertex || v == b.vertex || v == c.vertex) return false;
+      corner_[k].blocked.push_back(i);
       return true;
     };
     return !tree_.find(may_contain_some, blocks);  // the box of a point is inside or outside
   }
 
-  const Array<int>& polygon_;
-  Array<Vec2> point_;
-  Array<int> next_, prev_;
+  Array<Corner> corner_;
   Array<int> queue_;  // with all past entries
-  Array<State> state_;
-  Array<Array<int>> blocked_;  // per vertex, those that it blocks
-  BoxTree tree_;               // of the remaining vertices
+  BoxTree tree_;      // of the remaining vertices
 };
 
 /// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
@@ -12170,8 +12167,7 @@ class ExactSum {
       carry = (sum - rest) / (kMask + 1);
       is_zero = is_zero && rest == 0;
     }
-    if (carry != 0) return carry > 0 ? 1 : -1;
-    return is_zero ? 0 : 1;
+    return carry != 0 ? (carry > 0 ? 1 : -1) : (is_zero ? 0 : 1);
   }
 
  private:
@@ -12294,8 +12290,7 @@ class BoundarySweep {
   bool is_below(int i, int j) const {
     const Segment &s = segments_[i], &t = segments_[j];
     if (i == j) return false;
-    if (comes_before(at(t.left), at(s.left))) return side(t, s) < 0;
-    return side(s, t) > 0;
+    return comes_before(at(t.left), at(s.left)) ? side(t, s) < 0 : side(s, t) > 0;
   }
 
   /// Returns whether t, which begins later, lies above s (1), below (-1), or on it (0).
