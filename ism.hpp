@@ -9501,43 +9501,35 @@ inline int cone_number(Vec2 p, double side) {
 /// no motion of a pillow, positions are not on its grid, or there are not four cones.
 inline bool sew(const Triangles& cut, const Points2& x, const Array<int>& original,
                 HalfEdgeMesh& m) {
-  constexpr int kMostExponent = 400;  // exponent of the side
   const int all = rows_of(x);
   int n = 0;
   while (n < all && original[n] == n) ++n;
   for (int v = n; v < all; ++v)
     if (original[v] >= n) return false;
   if (n == all) return false;
-  Array<Motion> motion(all);
-  const auto find_motion = [&](int copy, double period) {
-    const Vec2 p = row2(x, original[copy]), q = row2(x, copy);
-    for (double sign : {1.0, -1.0}) {
-      const Vec2 shift = q - sign * p;
-      motion[copy] = {sign, shift};
-      if (shift == period * Vec2{std::round(shift.x / period), std::round(shift.y / period)})
-        return true;
-    }
-    return false;
-  };
-  double side = std::ldexp(kPillowSide, kMostExponent);
-  for (int copy = n, i = 0; copy < all && i <= 2 * kMostExponent;)
-    if (find_motion(copy, 2 * side))
-      ++copy;
-    else
-      copy = n, side *= 0.5, ++i;
-  Triangles triangles = cut;
-  for (int i = 0; i < triangles.size(); ++i) triangles.data()[i] = original[cut.data()[i]];
-  m = build_half_edges(n, triangles);
+  Triangles sewn = cut;
+  for (int i = 0; i < sewn.size(); ++i) sewn.data()[i] = original[cut.data()[i]];
+  m = build_half_edges(n, sewn);
   if (!m.boundary.empty()) return false;
-  for (int v = 0; v < all; ++v)
-    if (on_grid(row2(x, v), side) != row2(x, v)) return false;
-  m.pillow.side = side;
-  m.pillow.cones.assign(4, -1);
-  for (int v = 0; v < n; ++v)
-    if (const int cone = cone_number(row2(x, v), side); cone >= 0) m.pillow.cones[cone] = v;
-  if (m.pillow.is_cone(-1)) return false;
-  for (int i = 0; i < triangles.size(); ++i) m.pillow.place.push_back(motion[cut.data()[i]]);
-  return true;
+  double area = 0;  // 2 side²
+  for (int f = 0; f < m.n_faces; ++f) {
+    const Vec2 p = row2(x, cut(f, 0));
+    area += 0.5 * cross(row2(x, cut(f, 1)) - p, row2(x, cut(f, 2)) - p);
+  }
+  Pillow& pillow = m.pillow;
+  pillow.side = std::ldexp(kPillowSide, std::ilogb(1.4 * std::sqrt(0.5 * area) / kPillowSide));
+  pillow.place.resize(m.tail.size());
+  pillow.cones.assign(4, -1);
+  Array<Motion> motion(all);
+  for (int v = 0; v < all; ++v) {
+    const Vec2 p = row2(x, original[v]), q = row2(x, v);
+    if (v >= n) motion[v] = nearest_motion(m, q, p);
+    if (motion[v] * p != q || on_grid(q, pillow.side) != q) return false;
+    const int cone = cone_number(q, pillow.side);
+    if (v < n && cone >= 0) pillow.cones[cone] = v;
+  }
+  for (int i = 0; i < cut.size(); ++i) pillow.place[i] = motion[cut.data()[i]];
+  return !pillow.is_cone(-1);
 }
 
 /// Cuts a surface on a pillow open, so that every vertex has one place.
@@ -9586,7 +9578,6 @@ struct EmbeddedPair {
     }
   }
 
-  /// Returns the planar position of a point of a surface.
   Vec2 planar_position(const SurfacePoint& p) const {
     Vec2 sum;
     for (int k = 0; k < 3; ++k) sum += p.barycentric[k] * corner_place(s.mesh, x, p.face, k);
@@ -9682,12 +9673,13 @@ struct Origin {
     if (p.face < 0 || p.face + 1 >= first.size()) return {};
     const Vec3 at = weights_of(p);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
+    const auto is_unit = [](const Vec3& w) { return (std::max)({w.x, w.y, w.z}) == 1; };
     SurfacePoint best;
     double least = -kBeside;  // deeper outside, it is in a dropped part
     for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
       const Vec3* const corner = &corner_weights[3 * part[i]];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
-      if (is_whole(part[i])) return surface_point(part[i], weights);
+      if (std::all_of(corner, corner + 3, is_unit)) return surface_point(part[i], weights);
       weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
       const double depth = (std::min)({weights.x, weights.y, weights.z});
       if (!(depth > least)) continue;
@@ -9720,17 +9712,8 @@ struct Origin {
     for (int i : sorted_by(start)) ordered.push_back(along[i]);
     return ordered;
   }
-
-  /// Returns true if a triangle is a whole given triangle.
-  bool is_whole(int f) const {
-    double sum = 0;
-    for (int h = 3 * f; h < 3 * f + 3; ++h)
-      sum += (std::max)({corner_weights[h].x, corner_weights[h].y, corner_weights[h].z});
-    return sum == 3;
-  }
 };
 
-/// Fills first, part and edges.
 inline void index_parts(Origin& o) {
   const int n = static_cast<int>(o.given->triangles.rows());
   o.first.assign(n + 1, 0);
@@ -9792,7 +9775,6 @@ inline bool add_again(const Prepared& prepared, const std::vector<AddedVertex>& 
                     [&](int v, int w) { return w >= 0 && w < vertex.size() && vertex[w] == v; });
 }
 
-/// Returns the origin of a mesh that equals the given one.
 inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added = {}) {
   Origin o;
   const int n_vertices = static_cast<int>(mesh->vertices.rows());
@@ -9921,9 +9903,9 @@ struct SegmentPart {
   bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
 };
 
-/// Maps a path along edges of one mesh to the other. The triangles over both faces beside an edge
-/// clip its segment in the plane; the parts that reach farthest cover it. Triangles are enlarged a
-/// little, so that neither rounding nor a path along an edge leaves gaps.
+/// Maps a path along edges. The triangles over both faces beside an edge clip its segment in the
+/// plane; the parts that reach farthest cover it. Triangles are enlarged a little, so that neither
+/// rounding nor a path along an edge leaves gaps.
 class PathMapper {
  public:
   explicit PathMapper(const MapData& data) : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
@@ -10014,7 +9996,6 @@ class PathMapper {
 
 // ---- meta mesh ----
 
-/// Lifts the polygons of a map to both surfaces.
 class MetaMeshBuilder {
  public:
   explicit MetaMeshBuilder(const MapData& data)
@@ -10121,7 +10102,6 @@ class MetaMeshBuilder {
     return m_.pillow.is_cone(v) ? cone_number(row2(pair_.x, v), m_.pillow.side) : -1;
   }
 
-  /// Returns the smaller half-edge of an edge.
   int first_half_edge(int h) const { return m_.twin[h] < 0 ? h : (std::min)(h, m_.twin[h]); }
 
   Corner vertex(const OverlayPolygon& p, int e) const {
@@ -10330,9 +10310,9 @@ namespace detail {
 // Fails:      leaves out triangles without area after rounding; there, only the exact test of the
 //             boundary prevents collisions.
 
-/// Returns the space outside the surface at a loop as one counter-clockwise polygon: the inside of
-/// an opening, or the space between an outer loop and a box around it. There, a bridge joins the
-/// second corner of the box to the rightmost vertex of the loop, which is visible from it.
+/// Returns the space outside the surface at a loop as one counter-clockwise polygon: an opening, or
+/// what is between an outer loop and a box around it, whose second corner a bridge joins to the
+/// rightmost vertex of the loop, which is visible from it.
 inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
@@ -10500,8 +10480,7 @@ inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) 
   }
 }
 
-/// Triangulates the space at the loops; `weight` is the total weight of all triangles. Triangles in
-/// nearly closed gaps get less: otherwise they are too stiff for the linear solver.
+/// Triangles in nearly closed gaps get less weight: they would be too stiff for the linear solver.
 inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
   constexpr double kNarrow = 1e-10;  // relative to the diagonal of the first box
   Scaffold s;
@@ -10529,8 +10508,6 @@ inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double w
   return s;
 }
 
-/// Returns the energy above its minimum, which the scaffold has as built; infinite if a triangle is
-/// not positive.
 inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   double energy = 0;
   for (int t = 0; t < s.triangle.size(); ++t) {
@@ -10542,7 +10519,6 @@ inline double scaffold_energy(const Scaffold& s, const Points2& x) {
   return energy;
 }
 
-/// Returns the step length s at which the first triangle of the scaffold degenerates.
 inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
   double least = kInfinity;
   for (const std::array<int, 3>& v : s.triangle) {
@@ -10554,7 +10530,6 @@ inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d
   return least;
 }
 
-/// Adds the Hessian of the scaffold as built; its gradient is zero there.
 inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
   const double identity[4] = {1, 0, 0, 1};
   const TriangleDensity<double> w = triangle_density(identity);
@@ -11787,13 +11762,12 @@ inline int element_count(const TriangleMesh& mesh, Element element) {
   return (element == Element::kFace ? 1 : 3) * static_cast<int>(mesh.triangles.rows());
 }
 
-/// Returns the row of the attribute at corner k of face f.
+/// The row at corner k of face f.
 inline int element_row(const TriangleMesh& mesh, Element element, int f, int k) {
   if (element == Element::kVertex) return mesh.triangles(f, k);
   return element == Element::kFace ? f : 3 * f + k;
 }
 
-/// An entry of a Transfer.
 struct Triplet {
   int row, source;
   double weight;
@@ -12193,7 +12167,6 @@ class ExactSum {
   std::int64_t digit_[192] = {};  // room for the largest products, and for carries
 };
 
-/// Returns the sign of the area of a triangle.
 inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
   ExactSum sum;
   const Vec2 p[4] = {a, b, c, a};
@@ -12408,12 +12381,9 @@ class MetaMeshVerifier {
   MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, double period,
                    Outcome& outcome)
       : meta_(std::move(meta)),
-        f_(f),
-        g_(g),
+        a_{*meta_.a, f, meta_.face_a, meta_.corner_a, meta_.on_a},
+        b_{*meta_.b, g, meta_.face_b, meta_.corner_b, meta_.on_b},
         size_f_(f.cwiseAbs().maxCoeff()),
-        size_a_(meta_.a->vertices.cwiseAbs().maxCoeff()),
-        size_b_(meta_.b->vertices.cwiseAbs().maxCoeff()),
-        is_closed_(period > 0),
         period_(period),
         outcome_(outcome) {}
 
@@ -12424,8 +12394,27 @@ class MetaMeshVerifier {
   }
 
  private:
+  /// The polygons on one surface.
+  struct Half {
+    const TriangleMesh& mesh;
+    const Points2& plane;
+    const std::vector<int>& face;     // per polygon
+    const Points3 &weights, &places;  // per corner and per vertex of polygons
+    double size = mesh.vertices.cwiseAbs().maxCoeff();
+
+    /// Returns where a corner of a polygon lies, in the plane or in space.
+    template <class Positions>
+    Vec3 at(const Positions& x, int polygon, int corner) const {
+      Vec3 sum;
+      for (int k = 0; k < 3; ++k)
+        for (int c = 0; c < x.cols(); ++c)
+          sum[c] += weights(corner, k) * x(mesh.triangles(face.data()[polygon], k), c);
+      return sum;
+    }
+  };
+
   bool refuse(int polygon, const char* how) {
-    const int a = meta_.face_a.data()[polygon], b = meta_.face_b.data()[polygon];
+    const int a = a_.face.data()[polygon], b = b_.face.data()[polygon];
     return fail(outcome_, Status::kNumericalFailure,
                 {"the polygon of triangle ", a, " of A and triangle ", b, " of B ", how},
                 {{Side::kA, Element::kFace, a}, {Side::kB, Element::kFace, b}});
@@ -12435,50 +12424,33 @@ class MetaMeshVerifier {
   int end(int polygon) const { return meta_.offsets.data()[polygon + 1]; }
   int vertex(int corner) const { return meta_.corners.data()[corner]; }
 
-  template <class Positions>
-  static Vec3 place(const TriangleMesh& mesh, const Positions& x, int f, const Vec3& weights) {
-    Vec3 sum;
-    for (int k = 0; k < 3; ++k)
-      for (int c = 0; c < x.cols(); ++c) sum[c] += weights[k] * x(mesh.triangles(f, k), c);
-    return sum;
-  }
-
   /// Checks that a polygon lies in its triangles and its corners agree in the planes and in space.
   bool verify_polygon(int p) {
-    const int a = meta_.face_a.data()[p], b = meta_.face_b.data()[p];
     if (end(p) - begin(p) < 3) return refuse(p, "has less than three corners");
     if (!find_motion(p)) return refuse(p, "has a corner at two places");
     for (int i = begin(p); i < end(p); ++i) {
-      const Vec3 on_a = row3(meta_.corner_a, i), on_b = row3(meta_.corner_b, i);
-      if (!are_weights(on_a) || !are_weights(on_b)) return refuse(p, "has a corner outside");
-      if (!are_close(place(*meta_.a, meta_.a->vertices, a, on_a), row3(meta_.on_a, vertex(i)),
-                     size_a_) ||
-          !are_close(place(*meta_.b, meta_.b->vertices, b, on_b), row3(meta_.on_b, vertex(i)),
-                     size_b_))
-        return refuse(p, "has a corner at two places");
+      if (!are_weights(row3(a_.weights, i)) || !are_weights(row3(b_.weights, i)))
+        return refuse(p, "has a corner outside");
+      for (const Half* h : {&a_, &b_})
+        if (!are_close(h->at(h->mesh.vertices, p, i), row3(h->places, vertex(i)), h->size))
+          return refuse(p, "has a corner at two places");
     }
     return true;
   }
 
   /// Finds what takes a polygon from g's plane to f's: nothing, or a motion of the pillow.
   bool find_motion(int p) {
-    const auto in_f = [&](int i) {
-      return place(*meta_.a, f_, meta_.face_a.data()[p], row3(meta_.corner_a, i));
-    };
-    const auto in_g = [&](int i) {
-      return place(*meta_.b, g_, meta_.face_b.data()[p], row3(meta_.corner_b, i));
-    };
     for (double sign : {1.0, -1.0}) {
       Motion motion = {sign, {}};
-      const Vec3 way = in_f(begin(p)) + -sign * in_g(begin(p));
-      if (is_closed_)
+      const Vec3 way = a_.at(a_.plane, p, begin(p)) + -sign * b_.at(b_.plane, p, begin(p));
+      if (period_ > 0)
         motion.shift = {period_ * std::round(way.x / period_),
                         period_ * std::round(way.y / period_)};
-      bool fits = sign > 0 || is_closed_;
+      bool fits = sign > 0 || period_ > 0;
       for (int i = begin(p); i < end(p); ++i) {
-        const Vec3 at = in_g(i);
+        const Vec3 at = b_.at(b_.plane, p, i);
         const Vec2 moved = motion * Vec2{at.x, at.y};
-        fits = fits && are_close(in_f(i), {moved.x, moved.y, 0}, size_f_);
+        fits = fits && are_close(a_.at(a_.plane, p, i), {moved.x, moved.y, 0}, size_f_);
       }
       if (!fits) continue;
       motions_.push_back(motion);
@@ -12492,7 +12464,6 @@ class MetaMeshVerifier {
            std::abs(w.x + w.y + w.z - 1) <= kTolerance;
   }
 
-  /// Compares relative to the largest coordinate.
   static bool are_close(const Vec3& p, const Vec3& q, double largest) {
     const Vec3 d = p - q;
     return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
@@ -12503,7 +12474,7 @@ class MetaMeshVerifier {
   bool verify_pairs() {
     Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
-      pairs.push_back({meta_.face_a.data()[p], meta_.face_b.data()[p], p});
+      pairs.push_back({a_.face.data()[p], b_.face.data()[p], p});
     std::sort(pairs.begin(), pairs.end());
     for (int i = 0; i < pairs.size(); ++i)
       for (int j = i + 1; j < pairs.size() && !(pairs[i] < pairs[j]); ++j)
@@ -12522,35 +12493,32 @@ class MetaMeshVerifier {
     int twice = -1;
     if (!match_edges(sides, single, twice)) return refuse(twice, "has a side of another one");
     for (const DirectedEdge& side : single)
-      if (is_closed_ || !(ends_there(side, meta_.corner_a, *meta_.a, meta_.face_a, boundary_a) ||
-                          ends_there(side, meta_.corner_b, *meta_.b, meta_.face_b, boundary_b)))
+      if (period_ > 0 || !(ends_there(side, a_, boundary_a) || ends_there(side, b_, boundary_b)))
         return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
     return true;
   }
 
   /// True if a side of a polygon lies on a boundary edge of its triangle.
-  bool ends_there(const DirectedEdge& side, const Points3& weights, const TriangleMesh& mesh,
-                  const std::vector<int>& face, const Array<DirectedEdge>& boundary) const {
+  bool ends_there(const DirectedEdge& side, const Half& half,
+                  const Array<DirectedEdge>& boundary) const {
     int i = begin(side.of);
     while (vertex(i) != side.u) ++i;
-    const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = face.data()[side.of];
-    const Vec3 u = row3(weights, i), v = row3(weights, j);
-    for (int k = 0; k < 3; ++k)
-      if (u[k] == 0 && v[k] == 0 &&
-          std::binary_search(
-              boundary.begin(), boundary.end(),
-              DirectedEdge{mesh.triangles(f, (k + 1) % 3), mesh.triangles(f, (k + 2) % 3), f}))
+    const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = half.face.data()[side.of];
+    for (int k = 0; k < 3; ++k) {
+      const DirectedEdge edge = {half.mesh.triangles(f, (k + 1) % 3),
+                                 half.mesh.triangles(f, (k + 2) % 3), f};
+      if (half.weights(i, k) == 0 && half.weights(j, k) == 0 &&
+          std::binary_search(boundary.begin(), boundary.end(), edge))
         return true;
+    }
     return false;
   }
 
   static constexpr double kTolerance = 1e-9;
 
   const MetaMesh meta_;
-  const Points2 &f_, &g_;
-  const double size_f_, size_a_, size_b_;  // largest coordinates
-  const bool is_closed_;
-  const double period_;
+  const Half a_, b_;
+  const double size_f_, period_;
   Outcome& outcome_;
   Array<Motion> motions_;  // per polygon
 };
@@ -12698,7 +12666,9 @@ inline Executor::Executor(const Options& options)
       max_seconds_(options.max_seconds) {
 #ifndef ISM_NO_THREADS
   const int threads = thread_count(options);
-  if (threads > 1 && !hook_) crew_ = std::make_unique<Crew>(threads - 1);
+  if (threads < 2 || hook_) return;
+  crew_ = std::make_unique<Crew>(threads - 1);
+  hook_ = [this](int n, const std::function<void(int)>& task) { crew_->run(n, task); };
 #endif
 }
 
@@ -12750,16 +12720,12 @@ inline void Executor::tell(bool is_embedding, double fraction, Words what,
 /// Runs tasks by parallel_for or the crew; false if such a run is in progress, e.g. for nested
 /// calls.
 inline bool Executor::run_side_by_side(int n, const Task& task) const {
-  if ((!hook_ && (!crew_ || n < 2)) || is_side_by_side_.exchange(true)) return false;
+  if (!hook_ || (crew_ && n < 2) || is_side_by_side_.exchange(true)) return false;
   const struct Release {
     std::atomic<bool>& flag;
     ~Release() { flag = false; }
   } release = {is_side_by_side_};
-  if (hook_) return hook_(n, task), true;
-#ifndef ISM_NO_THREADS
-  crew_->run(n, task);
-#endif
-  return true;
+  return hook_(n, task), true;
 }
 
 inline void Executor::tell_again() const {
