@@ -11875,22 +11875,21 @@ Transfer transfer(const MetaMesh& meta, Side from, Element element, Element targ
 
 TriangleMesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const Side other = detail::other(side);
   const Triangles& triangles = data.origin(side).triangles;
   const std::vector<SurfacePoint> images = data.map_vertices(side);
-  const auto exists = [](const SurfacePoint& p) { return p.exists(); };
-  const auto first = std::find_if(images.begin(), images.end(), exists);
+  const int n = static_cast<int>(images.size());
+  const auto exists = [&](int v) { return images.data()[v].exists(); };
+  int first = 0;
+  while (first < n && !exists(first)) ++first;
   TriangleMesh result;
-  result.vertices = Points3::Zero(static_cast<Eigen::Index>(images.size()), 3);
-  for (std::size_t v = 0; v < images.size() && first != images.end(); ++v)
-    result.vertices.row(static_cast<Eigen::Index>(v)) =
-        data.position_of_given(exists(images[v]) ? images[v] : *first, other);
+  result.vertices = Points3::Zero(n, 3);
+  for (int v = 0; v < n && first < n; ++v)
+    result.vertices.row(v) =
+        data.position_of_given(images.data()[exists(v) ? v : first], detail::other(side));
   detail::Array<int> corners;
-  for (int f = 0; f < triangles.rows(); ++f) {
-    const int* const corner = triangles.data() + 3 * std::ptrdiff_t{f};
-    if (std::all_of(corner, corner + 3, [&](int v) { return exists(images.data()[v]); }))
+  for (int i = 0; i < triangles.size(); i += 3)
+    if (const int* const corner = triangles.data() + i; std::all_of(corner, corner + 3, exists))
       corners.append(corner, 3);
-  }
   result.triangles = detail::triangles_from(corners);
   return result;
 }
