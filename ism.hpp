@@ -44,7 +44,7 @@
 //            both are closed. Exact predicates decide this on the returned coordinates; verify()
 //            proves it.
 // NO PROMISE of a global minimum: the minimum is a local one; of semantic correspondence: landmarks
-//            guide the start only, unless Options::exact_landmarks is set; of full coverage: Φ maps
+//            pull softly, unless Options::exact_landmarks is set; of full coverage: Φ maps
 //            the parts of A and B that overlap in the plane (IterationLog::coverage_a), unless both
 //            are closed or Options::boundary aligns the boundaries; of exact images: SurfaceMap
 //            rounds the points that it returns, though the map itself is exact.

@@ -244,7 +244,9 @@ TEST_CASE("every disk is mapped to itself and to a grid with its boundary along 
 TEST_CASE("long outlines are laid along a square") {
   for (const Disk& disk : {shapes::comb(9, 6), shapes::limbs(5, 16, 0.05), shapes::strip(50),
                            shapes::slit_ring(14, 1e-3, 0.2)}) {
-    const Result r = ism::compute_map(disk.mesh, disk.mesh, {}, held(Boundary::kFixed, 0));
+    ism::Options options = held(Boundary::kFixed, 0);
+    options.candidates = false;  // starts end within a tolerance of the identity
+    const Result r = ism::compute_map(disk.mesh, disk.mesh, {}, options);
     CAPTURE(disk.name);
     CAPTURE(r.message);
     REQUIRE(is_valid(r));

@@ -58,8 +58,8 @@ void step_05(tour::Report& report) {
                             end.mean_distortion));
   report.check_number("E_f at the start", start.energy_f, 16, 0.2);
   report.check_number("E_g at the start", start.energy_g, 16, 0.2);
-  report.check_number("E_f at the end", end.energy_f, 140, 0.2);
-  report.check_number("E_g at the end", end.energy_g, 140, 0.2);
+  report.check_number("E_f at the end", end.energy_f, 100, 0.2);
+  report.check_number("E_g at the end", end.energy_g, 100, 0.2);
   report.check_number("E_Phi per area at the start", start.mean_distortion, 9.7, 0.2);
   report.check_number("E_Phi per area at the end", end.mean_distortion, 2.17, 0.1);
   report.check(end.energy_f > 1.5 * start.energy_f && end.energy_g > 1.5 * start.energy_g,
