@@ -512,10 +512,10 @@ struct Options {
   /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
   /// suit a start that is good already.
   double omega_start = 1e4;
-  /// true: maps surfaces of at most 400 vertices from several starts, the landmarks alone and with
-  /// alignments of the surfaces in space, brings ends of limbs together, and goes on from the map
-  /// with the least distortion for its coverage, see Result::candidates. Costs a few seconds.
-  /// false: the landmarks alone, e.g. where poses differ and landmarks are many; also for
+  /// true: maps surfaces of at most `coarsest` vertices (0: 400) from several starts, the landmarks
+  /// alone and with alignments of the surfaces in space, brings ends of limbs together, and goes on
+  /// from the map with the least distortion for its coverage, see Result::candidates. Costs a few
+  /// seconds. false: the landmarks alone, e.g. where poses differ and landmarks are many; also for
   /// as_published and given positions.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
@@ -13385,8 +13385,9 @@ class LandmarkPuller {
 // Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
 //             alone, and with them pairs of points from alignments in space, as many as are tried
 //             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
-//             iterations from each. Where the first two lead to one map, the others are not tried;
-//             else the better ones of those that lead to different maps go on. The map with the
+//             iterations from each. Where the first two lead to one map, or one of them has little
+//             distortion, the others are not tried; else the better ones of those that lead to
+//             different maps go on. The map with the
 //             least distortion for its coverage wins. Where it leaves the tip of a limb near to
 //             another one, new starts bring both together, and win if that is better. The levels go
 //             on from the map itself; where a closed surface is cut open, before it is decimated,
