@@ -500,12 +500,13 @@ struct Options {
   /// up; each has about a quarter of the next one's. 0 is the paper's method. Exact landmarks, held
   /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
   int coarsest = 400;
-  /// > 0: first halves edges longer than this many edges of the finer surface, at triangles that
-  /// are larger than its triangles, the longest first, up to the number of its triangles, or to
-  /// 4 / refine² times as many, at most four times. The shape and the ids of given vertices stay,
-  /// see Embedding::added_a. 8 suits a coarse mesh and a fine one; 1 makes both finer, which helps
-  /// where both have about a thousand triangles. 0: off, as for given positions and as_published.
-  double refine = 0;
+  /// > 0: first halves edges longer than this many edges of the finer surface, the longest first,
+  /// until no triangle is larger than 1 / refine of its triangles (at most: than these), or there
+  /// are four times as many. What is within a given triangle becomes Delaunay. The shape and the
+  /// ids of given vertices stay, see Embedding::added_a. 8 changes what is too coarse for the
+  /// other, or has long needles; 1 makes both finer, which helps where both have about a thousand
+  /// triangles. 0: off, as for given positions and as_published.
+  double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -6096,6 +6097,28 @@ inline void split_triangle(HalfEdgeMesh& m, int h) {
   m.out.push_back(rest);
 }
 
+/// Replaces the edge a → b of h between the triangles abc and bad by the one between c and d. Then
+/// a → d is the first half-edge of h's triangle, d → b that of the other one.
+inline void flip(HalfEdgeMesh& m, int h) {
+  const int t = m.twin[h], first = 3 * (h / 3), second = 3 * (t / 3);
+  const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
+  const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
+  const int ad = m.twin[next(t)], db = m.twin[prev(t)];
+  const auto set = [&](int half_edge, int tail, int twin) {
+    m.tail[half_edge] = tail;
+    m.twin[half_edge] = twin;
+    if (twin >= 0) m.twin[twin] = half_edge;
+  };
+  const auto keep_out = [&](int v, int before, int now) {
+    if (m.out[v] == before) m.out[v] = now;
+  };
+  keep_out(a, h, first), keep_out(a, next(t), first);
+  keep_out(b, t, second + 1), keep_out(b, next(h), second + 1);
+  keep_out(c, prev(h), first + 2), keep_out(d, prev(t), second);
+  set(first, a, ad), set(first + 1, d, second + 2), set(first + 2, c, ca);
+  set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
+}
+
 inline bool is_copy(const AddedVertex& p) { return p.corners[1] < 0; }
 inline bool is_on_edge(const AddedVertex& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
 
@@ -6171,55 +6194,121 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s, Poin
 }
 
 /// Halves edges longer than `longest` at triangles larger than `largest`, the longest first [Rivara
-/// 1984], until none is left or `most` vertices were added.
-inline void halve_edges(double longest, double largest, int most, Surface& s) {
-  constexpr double kDigits = 1e6;  // so that rounding does not decide between equal lengths
+/// 1984]. Flips make what is within a triangle of the surface Delaunay [Lawson 1977]: halves of
+/// needles would be needles.
+class EdgeHalver {
+ public:
+  EdgeHalver(double longest, double largest, const Surface& s)
+      : m(s.mesh), longest_(longest), largest_(largest), face_(numbers_below(m.n_faces)) {
+    for (int v = 0; v < m.n_vertices; ++v) x_.push_back(row3(s.vertices, v));
+    for (int h = 0; h < m.tail.size(); ++h)
+      if (m.twin[h] < h) push(m.tail[h], m.tip(h));
+  }
+
+  HalfEdgeMesh m;
+  std::vector<AddedVertex> added;
+
+  /// Adds at most `most` vertices.
+  void run(int most) {
+    while (!heap_.empty() && static_cast<int>(added.size()) < most) {
+      std::pop_heap(heap_.begin(), heap_.end());
+      const Edge edge = heap_.back();
+      heap_.pop_back();
+      const int h = find_edge(m, edge.tail, edge.tip);
+      if (h >= 0 && is_to_halve(h)) halve(h);
+    }
+  }
+
+ private:
+  static constexpr double kDigits = 1e6;  // so that rounding does not decide between equal lengths
+
   struct Edge {
     double length;
     int tail, tip;
     bool operator<(const Edge& o) const { return length < o.length; }
   };
-  HalfEdgeMesh m = s.mesh;
-  Array<Vec3> x;
-  for (int v = 0; v < m.n_vertices; ++v) x.push_back(row3(s.vertices, v));
-  Array<Edge> heap;
-  const auto push = [&](int u, int v) {
-    const double length = std::round(kDigits * norm(x[v] - x[u]) / longest);
+
+  void push(int u, int v) {
+    const double length = std::round(kDigits * norm(x_[v] - x_[u]) / longest_);
     if (!(length > kDigits)) return;
-    heap.push_back({length, u, v});
-    std::push_heap(heap.begin(), heap.end());
-  };
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (m.twin[h] < h) push(m.tail[h], m.tip(h));
-  const auto area = [&](const Vec3& p, const Vec3& q, int opposite) {
-    return 0.5 * norm(cross(q - p, x[opposite] - p));
-  };
-  std::vector<AddedVertex> added;
-  while (!heap.empty() && static_cast<int>(added.size()) < most) {
-    std::pop_heap(heap.begin(), heap.end());
-    const int u = heap.back().tail, v = heap.back().tip, middle = x.size();
-    heap.pop_back();
-    const AddedVertex half(u, v);
-    const Vec3 at = 0.5 * (x[u] + x[v]);
-    const int edge = find_place(m, half);
-    bool is_large = false, is_sound = true;  // rounding may leave a half of a sliver no area
-    for (int h : {edge, m.twin[edge]}) {
-      if (h < 0) continue;
-      const int w = m.tail[prev(h)];
-      const double whole = area(x[u], x[v], w);
-      is_large = is_large || whole > (1 + 1 / kDigits) * largest;
-      is_sound = is_sound && (std::min)(area(x[u], at, w), area(at, x[v], w)) > 0.25 * whole;
+    heap_.push_back({length, u, v});
+    std::push_heap(heap_.begin(), heap_.end());
+  }
+
+  bool is_to_halve(int h) const {
+    bool is_large = false;
+    for (int side : {h, m.twin[h]}) {
+      if (side < 0) continue;
+      const Vec3 u = x_[m.tail[h]], v = x_[m.tip(h)], w = x_[m.tail[prev(side)]];
+      const Vec3 at = 0.5 * (u + v);
+      const double whole = area(u, v, w);
+      // Rounding may leave a half of a sliver no area.
+      if (!((std::min)(area(u, at, w), area(at, v, w)) > 0.25 * whole)) return false;
+      is_large = is_large || whole > (1 + 1 / kDigits) * largest_;
     }
-    if (!is_large || !is_sound) continue;
-    added.push_back(half);
-    add_vertex(m, edge, half);
-    x.push_back(at);
-    m.for_each_outgoing(middle, [&](int h) {
-      push(middle, m.tip(h));
-      if (m.twin[prev(h)] < 0) push(middle, m.tail[prev(h)]);
+    return is_large;
+  }
+
+  static double area(const Vec3& p, const Vec3& q, const Vec3& r) {
+    return 0.5 * norm(cross(q - p, r - p));
+  }
+
+  void halve(int h) {
+    const int u = m.tail[h], v = m.tip(h), t = m.twin[h], middle = m.n_vertices;
+    added.push_back({u, v});
+    x_.push_back(0.5 * (x_[u] + x_[v]));
+    split_edge(m, h);
+    face_.push_back(face_[h / 3]);
+    if (t >= 0) face_.push_back(face_[t / 3]);
+    make_delaunay(middle);
+    m.for_each_outgoing(middle, [&](int e) {
+      push(middle, m.tip(e));
+      if (m.twin[prev(e)] < 0) push(middle, m.tail[prev(e)]);
     });
   }
-  add_vertices(added, s);
+
+  /// Flips edges opposite a new vertex; each flip adds an edge to it.
+  void make_delaunay(int v) {
+    Array<int> opposite;
+    m.for_each_outgoing(v, [&](int h) { opposite.push_back(next(h)); });
+    while (!opposite.empty()) {
+      const int h = opposite.back(), t = m.twin[h];
+      opposite.pop_back();
+      if (t < 0 || face_[h / 3] != face_[t / 3] || !flip_improves(h)) continue;
+      flip(m, h);
+      opposite.push_back(3 * (h / 3));
+      opposite.push_back(3 * (t / 3));
+    }
+  }
+
+  /// Returns true if the angles opposite an edge add up to more than π.
+  bool flip_improves(int h) const {
+    constexpr double kClear = 1e-9;
+    const Vec3 a = x_[m.tail[h]], b = x_[m.tip(h)];
+    double cotangent[2];
+    for (int i = 0; i < 2; ++i) {
+      const Vec3 c = x_[m.tail[prev(i == 0 ? h : m.twin[h])]];
+      cotangent[i] = dot(a - c, b - c) / norm(cross(a - c, b - c));
+    }
+    return cotangent[0] + cotangent[1] <
+           -kClear * (std::abs(cotangent[0]) + std::abs(cotangent[1]));
+  }
+
+  double longest_, largest_;
+  Array<Vec3> x_;
+  Array<int> face_;  // per triangle, that of the surface
+  Array<Edge> heap_;
+};
+
+/// Halves edges of a surface, adding at most `most` vertices.
+inline void halve_edges(double longest, double largest, int most, Surface& s) {
+  EdgeHalver halver(longest, largest, s);
+  halver.run(most);
+  s.mesh = std::move(halver.m);
+  trace_boundary(s.mesh);
+  s.vertices = with_added(s.vertices, halver.added);
+  s.added.insert(s.added.end(), halver.added.begin(), halver.added.end());
+  compute_rest_frames(s);
 }
 
 /// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
@@ -9617,6 +9706,131 @@ struct EmbeddedPair {
   }
 };
 
+// ---- a mesh and a finer one ----
+
+/// Places the triangles of a finer mesh in those of a mesh.
+struct Pieces {
+  Array<int> face;             // per triangle, the one of the mesh that contains it,
+  Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
+  /// The pieces of triangle f of the mesh are piece[first[f]] to piece[first[f + 1] - 1].
+  Array<int> first, piece;
+
+  SurfacePoint to_mesh(const SurfacePoint& p) const {
+    Vec3 weights;
+    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * corner_weights[3 * p.face + k];
+    return surface_point(face[p.face], weights);
+  }
+
+  /// Returns a point of the finer mesh; its face is -1 if the triangle does not exist or has no
+  /// piece there.
+  SurfacePoint from_mesh(const SurfacePoint& p) const {
+    constexpr double kRounding = 1e-12, kBeside = 1e-6;
+    if (p.face < 0 || p.face + 1 >= first.size()) return {};
+    const Vec3 at = weights_of(p);
+    const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
+    const auto is_unit = [](const Vec3& w) { return (std::max)({w.x, w.y, w.z}) == 1; };
+    SurfacePoint best;
+    double least = -kBeside;  // deeper outside, it is in a dropped part
+    for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
+      const Vec3* const corner = &corner_weights[3 * piece[i]];
+      Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
+      if (std::all_of(corner, corner + 3, is_unit)) return surface_point(piece[i], weights);
+      weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
+      const double depth = (std::min)({weights.x, weights.y, weights.z});
+      if (!(depth > least)) continue;
+      least = depth;
+      for (int k = 0; k < 3; ++k) weights[k] = weights[k] < kRounding ? 0 : weights[k];
+      best = surface_point(piece[i], 1 / (weights.x + weights.y + weights.z) * weights);
+    }
+    return best;
+  }
+
+  /// Lists the pieces of each of n triangles.
+  void index(int n) {
+    first.assign(n + 1, 0);
+    for (int f : face) ++first[f + 1];
+    for (int f = 0; f < n; ++f) first[f + 1] += first[f];
+    piece.resize(face.size());
+    Array<int> fill = first;
+    for (int i = 0; i < face.size(); ++i) piece[fill[face[i]]++] = i;
+  }
+};
+
+/// Adds a weight of a vertex to a mean; returns false if it had three vertices already.
+inline bool add_weight(int v, double weight, AddedVertex& mean) {
+  for (int k = 0; k < 3; ++k) {
+    if (mean.corners[k] >= 0 && mean.corners[k] != v) continue;
+    mean.corners[k] = v;
+    mean.weights[k] += weight;
+    return true;
+  }
+  return false;
+}
+
+/// Returns each of n vertices, and of those added to them, as a mean of the first n; less if a
+/// corner does not exist, or more than three are needed.
+inline Array<AddedVertex> means_of_vertices(int n, const std::vector<AddedVertex>& added) {
+  Array<AddedVertex> means;
+  for (int v = 0; v < n; ++v) means.push_back(copy_of(v));
+  for (const AddedVertex& p : added) {
+    AddedVertex mean;
+    for (int k = 0; k < 3 && p.corners[k] != -1; ++k) {
+      if (p.corners[k] < 0 || p.corners[k] >= means.size()) return means;
+      const AddedVertex corner = means[p.corners[k]];
+      for (int i = 0; i < 3 && corner.corners[i] >= 0; ++i)
+        if (!add_weight(corner.corners[i], p.weights[k] * corner.weights[i], mean)) return means;
+    }
+    means.push_back(mean);
+  }
+  return means;
+}
+
+/// Finds the triangle of a mesh that contains a piece, and its corners' barycentric coordinates;
+/// returns -1 if there is none.
+inline int find_piece(const HalfEdgeMesh& m, const std::array<AddedVertex, 3>& corner,
+                      std::array<Vec3, 3>& weights) {
+  AddedVertex all;
+  for (const AddedVertex& p : corner)
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
+      if (!add_weight(p.corners[k], 0, all)) return -1;
+  all.weights.setConstant(1.0 / 3);
+  const int h = all.corners[2] < 0 ? -1 : find_place(m, all);
+  for (std::size_t i = 0; i < 3 && h >= 0; ++i) {
+    weights[i] = {};
+    for (int k = 0; k < 3; ++k)
+      for (int j = 0; j < 3; ++j)
+        if (m.corner(h / 3, j) == corner[i].corners[k]) weights[i][j] += corner[i].weights[k];
+  }
+  return h < 0 || !(dot(weights[0], cross(weights[1], weights[2])) > 0) ? -1 : h / 3;
+}
+
+/// Places the triangles of a mesh to which vertices were added. Returns false if they are not
+/// those of such a mesh.
+inline bool find_pieces(const HalfEdgeMesh& m, const std::vector<AddedVertex>& added,
+                        const Triangles& fine, Pieces& pieces) {
+  constexpr double kRounding = 1e-6;
+  const Array<AddedVertex> means = means_of_vertices(m.n_vertices, added);
+  if (means.size() != m.n_vertices + static_cast<int>(added.size())) return false;
+  Array<double> share(m.n_faces, 0);
+  pieces = Pieces();
+  for (int f = 0; f < fine.rows(); ++f) {
+    std::array<AddedVertex, 3> corner;
+    std::array<Vec3, 3> weights;
+    for (int k = 0; k < 3; ++k) {
+      if (fine(f, k) < 0 || fine(f, k) >= means.size()) return false;
+      corner[static_cast<std::size_t>(k)] = means[fine(f, k)];
+    }
+    const int face = find_piece(m, corner, weights);
+    if (face < 0) return false;
+    share[face] += dot(weights[0], cross(weights[1], weights[2]));
+    pieces.face.push_back(face);
+    for (const Vec3& w : weights) pieces.corner_weights.push_back(w);
+  }
+  pieces.index(m.n_faces);
+  return std::all_of(share.begin(), share.end(),
+                     [](double whole) { return std::abs(whole - 1) < kRounding; });
+}
+
 // ---- given and embedded meshes ----
 
 /// Returns barycentric coordinates of the point closest to p on the sides of a triangle.
@@ -9648,46 +9862,18 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
 }
 
 /// Places the triangles and vertices of a prepared, cut and refined mesh in the given mesh.
-struct Origin {
+struct Origin : Pieces {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;         // of the prepared mesh, by given vertices
-  Array<int> face;             // per triangle, the given one that contains it,
-  Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
-  /// The parts of given triangle f are part[first[f]] to part[first[f + 1] - 1].
-  Array<int> first, part;
+  Triangles triangles;    // of the prepared mesh, by given vertices
   Array<int> vertex;      // per given vertex, its embedded one, or -1
   Array<int> original;    // per embedded vertex, itself or, across a cut, the one it is a copy of
   Array<int> next_copy;   // per embedded vertex, another one of the same given one, or -1
   std::vector<int> same;  // see MetaMesh::same_a
   Array<EdgeUse> edges;   // of the given triangles
 
-  SurfacePoint to_given(const SurfacePoint& p) const {
-    Vec3 weights;
-    for (int k = 0; k < 3; ++k) weights += p.barycentric[k] * corner_weights[3 * p.face + k];
-    return surface_point(face[p.face], weights);
-  }
-
-  /// Returns a point with face -1 if the triangle does not exist or was dropped.
-  SurfacePoint from_given(const SurfacePoint& p) const {
-    constexpr double kRounding = 1e-12, kBeside = 1e-6;
-    if (p.face < 0 || p.face + 1 >= first.size()) return {};
-    const Vec3 at = weights_of(p);
-    const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
-    const auto is_unit = [](const Vec3& w) { return (std::max)({w.x, w.y, w.z}) == 1; };
-    SurfacePoint best;
-    double least = -kBeside;  // deeper outside, it is in a dropped part
-    for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
-      const Vec3* const corner = &corner_weights[3 * part[i]];
-      Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
-      if (std::all_of(corner, corner + 3, is_unit)) return surface_point(part[i], weights);
-      weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
-      const double depth = (std::min)({weights.x, weights.y, weights.z});
-      if (!(depth > least)) continue;
-      least = depth;
-      for (int k = 0; k < 3; ++k) weights[k] = weights[k] < kRounding ? 0 : weights[k];
-      best = surface_point(part[i], 1 / (weights.x + weights.y + weights.z) * weights);
-    }
-    return best;
+  void index() {
+    Pieces::index(static_cast<int>(given->triangles.rows()));
+    edges = sorted_edges(given->triangles);
   }
 
   /// Returns the half-edges along the given edge from u to v, in order; ~h if one runs from v to u.
@@ -9703,7 +9889,7 @@ struct Origin {
     Array<int> along, ordered;
     Array<double> start;
     for (int i = first[f]; i < first[f + 1]; ++i)
-      for (int h = 3 * part[i]; h < 3 * part[i] + 3; ++h) {
+      for (int h = 3 * piece[i]; h < 3 * piece[i] + 3; ++h) {
         const Vec3 &tail = corner_weights[h], &tip = corner_weights[next(h)];
         if (tail[opposite] != 0 || tip[opposite] != 0) continue;
         along.push_back(tail[to] < tip[to] ? h : ~h);
@@ -9714,17 +9900,6 @@ struct Origin {
   }
 };
 
-inline void index_parts(Origin& o) {
-  const int n = static_cast<int>(o.given->triangles.rows());
-  o.first.assign(n + 1, 0);
-  for (int f : o.face) ++o.first[f + 1];
-  for (int f = 0; f < n; ++f) o.first[f + 1] += o.first[f];
-  o.part.resize(o.face.size());
-  Array<int> fill = o.first;
-  for (int i = 0; i < o.face.size(); ++i) o.part[fill[o.face[i]]++] = i;
-  o.edges = sorted_edges(o.given->triangles);
-}
-
 /// Returns, per vertex of an embedded mesh, itself or the one of which it is a copy.
 inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
   Array<int> original = numbers_below(n);
@@ -9733,46 +9908,6 @@ inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
     if (const AddedVertex& p = added.data()[v - first]; is_copy(p) && p.corners[0] >= 0)
       original[v] = p.corners[0];
   return original;
-}
-
-/// Adds vertices again to a prepared mesh, and to its origin. Returns false if an edge or triangle
-/// is missing, or the triangles are not those of the embedded mesh.
-inline bool add_again(const Prepared& prepared, const std::vector<AddedVertex>& added,
-                      const TriangleMesh& embedded, Origin& o) {
-  const int n = static_cast<int>(prepared.mesh->vertices.rows());
-  HalfEdgeMesh m = build_half_edges(n, prepared.mesh->triangles);
-  Array<int> vertex = numbers_below(n);  // of m, which is not cut
-  for (AddedVertex p : added) {
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-      if (p.corners[k] >= vertex.size()) return false;
-      p.corners[k] = vertex[p.corners[k]];
-    }
-    vertex.push_back(is_copy(p) ? p.corners[0] : m.n_vertices);
-    if (is_copy(p)) continue;
-    const int h = find_place(m, p);
-    if (h < 0) return false;
-    const int sides[2] = {h, is_on_edge(p) ? m.twin[h] : -1};
-    Vec3 middle[2];
-    for (int i = 0; i < 2 && sides[i] >= 0; ++i)
-      for (int corner : {sides[i], next(sides[i]), prev(sides[i])})
-        for (int k = 0; k < 3; ++k)
-          if (m.tail[corner] == p.corners[k]) middle[i] += p.weights[k] * o.corner_weights[corner];
-    add_vertex(m, h, p);
-    for (int i = 0; i < 2 && sides[i] >= 0; ++i) {  // as split_face() and split_triangle() cut
-      const int side = sides[i];
-      const auto add = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
-        o.face.push_back(o.face[side / 3]);
-        for (const Vec3& corner : {a, b, c}) o.corner_weights.push_back(corner);
-      };
-      const Vec3 tail = o.corner_weights[side], tip = o.corner_weights[next(side)];
-      add(middle[i], tip, o.corner_weights[prev(side)]);
-      o.corner_weights[next(side)] = middle[i];
-      if (!is_on_edge(p)) add(tail, tip, middle[i]);
-    }
-  }
-  return vertex.size() == embedded.vertices.rows() && m.n_faces == embedded.triangles.rows() &&
-         std::equal(m.tail.begin(), m.tail.end(), embedded.triangles.data(),
-                    [&](int v, int w) { return w >= 0 && w < vertex.size() && vertex[w] == v; });
 }
 
 inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added = {}) {
@@ -9785,7 +9920,7 @@ inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>
   o.next_copy.assign(n_vertices, -1);
   o.face = numbers_below(static_cast<int>(mesh->triangles.rows()));
   for (int h = 0; h < mesh->triangles.size(); ++h) o.corner_weights.push_back(unit3(h % 3));
-  index_parts(o);
+  o.index();
   return o;
 }
 
@@ -9796,6 +9931,27 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   if (given / 3 == f) return unit3(given % 3);
   const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
   return closest_on_sides(at, corners_of(*p.given, f, unit));
+}
+
+/// Goes on to the triangles of an embedded mesh, a prepared one with vertices added; returns false
+/// if it is something else.
+inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& added,
+                   const TriangleMesh& embedded, Origin& o) {
+  const int n = static_cast<int>(prepared.mesh->vertices.rows());
+  Pieces pieces;
+  if (embedded.vertices.rows() != n + static_cast<int>(added.size()) ||
+      !find_pieces(build_half_edges(n, prepared.mesh->triangles), added, embedded.triangles,
+                   pieces))
+    return false;
+  Pieces whole;
+  for (int h = 0; h < pieces.corner_weights.size(); ++h) {
+    const int f = pieces.face[h / 3];
+    const SurfacePoint corner = o.to_mesh(surface_point(f, pieces.corner_weights[h]));
+    whole.corner_weights.push_back(weights_of(corner));
+    if (h % 3 == 0) whole.face.push_back(corner.face);
+  }
+  static_cast<Pieces&>(o) = std::move(whole);
+  return true;
 }
 
 /// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
@@ -9815,7 +9971,7 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
     o.vertex.push_back(v);
     o.same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
   }
-  if ((!added.empty() || embedded != p.mesh) && !add_again(p, added, *embedded, o))
+  if ((!added.empty() || embedded != p.mesh) && !refine(p, added, *embedded, o))
     return same_origin(embedded, added);
   const int n = static_cast<int>(embedded->vertices.rows()),
             n_prepared = static_cast<int>(p.given_vertex.size());
@@ -9828,7 +9984,7 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
     o.next_copy[v] = o.next_copy[first];
     o.next_copy[first] = v;
   }
-  index_parts(o);
+  o.index();
   return o;
 }
 
@@ -9856,11 +10012,11 @@ struct MapData : Outcome {                                 // kDone if the pair 
     if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
     p.face -= first_face(side);
-    return origin(side).to_given(p);
+    return origin(side).to_mesh(p);
   }
 
   SurfacePoint map(const SurfacePoint& point, Side from) const {
-    SurfacePoint p = ok() ? origin(from).from_given(point) : SurfacePoint();
+    SurfacePoint p = ok() ? origin(from).from_mesh(point) : SurfacePoint();
     if (!p.exists()) return p;
     p.face += first_face(from);
     return own(pair.map(p));
@@ -10016,8 +10172,8 @@ class MetaMeshBuilder {
     for (int i = 0; i < corners_.size(); ++i) {
       const Corner& c = corners_[i];
       const bool is_given = ids == Ids::kGiven;
-      set_row(mesh.corner_a, i, weights_of(is_given ? data_.origin_a.to_given(c.on_a) : c.on_a));
-      set_row(mesh.corner_b, i, weights_of(is_given ? data_.origin_b.to_given(c.on_b) : c.on_b));
+      set_row(mesh.corner_a, i, weights_of(is_given ? data_.origin_a.to_mesh(c.on_a) : c.on_a));
+      set_row(mesh.corner_b, i, weights_of(is_given ? data_.origin_b.to_mesh(c.on_b) : c.on_b));
     }
     if (ids == Ids::kEmbedded) return mesh;
     speak_of_given(data_.origin_a, mesh.a, mesh.same_a, mesh.face_a);
@@ -10434,21 +10590,6 @@ class EarClipper {
   Array<int> queue_;  // with all past entries
   BoxTree tree_;      // of the remaining vertices
 };
-
-/// Replaces the edge a → b between the triangles abc and bad by the one between c and d.
-inline void flip(HalfEdgeMesh& m, int h) {
-  const int t = m.twin[h], first = 3 * (h / 3), second = 3 * (t / 3);
-  const int a = m.tail[h], b = m.tail[t], c = m.tail[prev(h)], d = m.tail[prev(t)];
-  const int bc = m.twin[next(h)], ca = m.twin[prev(h)];
-  const int ad = m.twin[next(t)], db = m.twin[prev(t)];
-  const auto set = [&](int half_edge, int tail, int twin) {
-    m.tail[half_edge] = tail;
-    m.twin[half_edge] = twin;
-    if (twin >= 0) m.twin[twin] = half_edge;
-  };
-  set(first, a, ad), set(first + 1, d, second + 2), set(first + 2, c, ca);
-  set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
-}
 
 /// Returns true if a flip of an edge is valid and the angles opposite it add up to more than π.
 inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
@@ -12788,7 +12929,7 @@ class LandmarkPlacer {
     const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
     SurfacePoint point;
     if (is_point(p) && origin_.face.empty()) origin_ = origin_of(prepared_, {}, prepared_.mesh);
-    if (is_point(p)) point = origin_.from_given(p.point);
+    if (is_point(p)) point = origin_.from_mesh(p.point);
     place.corners = Eigen::Vector3i(vertex, -1, -1);
     place.weights = Eigen::Vector3d(1, 0, 0);
     if (vertex < 0 && point.face < 0 && !find_nearest(p, point)) return false;
@@ -12978,28 +13119,53 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   }
 }
 
+/// Halves edges of one surface, see EdgeHalver. Landmarks stay where they are.
+inline void refine(double longest, double largest, int most, Side side, SurfacePair& pair,
+                   Array<PlacedLandmark>& landmarks) {
+  Surface& s = side == Side::kA ? pair.a : pair.b;
+  const HalfEdgeMesh before = s.mesh;
+  const std::size_t n_before = s.added.size();
+  halve_edges(longest, largest, most, s);
+  const std::vector<AddedVertex> added(s.added.data() + n_before, s.added.data() + s.added.size());
+  Pieces pieces;
+  if (added.empty() || !find_pieces(before, added, triangles_from(s.mesh.tail), pieces)) return;
+  for (PlacedLandmark& l : landmarks) {
+    Place& p = side == Side::kA ? l.a : l.b;
+    if (vertex_at(p) >= 0) continue;
+    const int f = find_place(before, p) / 3;
+    Vec3 weights;
+    for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 3; ++i)
+        if (before.corner(f, k) == p.corners[i]) weights[k] = p.weights[i];
+    const SurfacePoint at = pieces.from_mesh(surface_point(f, weights));
+    for (int k = 0; k < 3; ++k) p.corners[k] = s.mesh.corner(at.face, k);
+    p.weights = at.barycentric;
+    tidy(p);
+  }
+}
+
 /// Halves the edges of large triangles, see Options::refine.
 inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
   constexpr int kLeast = 64;  // vertices of closed surfaces: paths pass between four cones
-  for (Surface* s : {&pair.a, &pair.b})
-    if (are_closed(pair))
-      halve_edges(1e-9 * std::sqrt(s->total_area), 0, kLeast - s->mesh.n_vertices, *s);
-  landmarks = located(landmarks, pair);
+  const auto halve = [&](double longest, double largest, int vertices, int triangles) {
+    for (Side side : {Side::kA, Side::kB}) {
+      const HalfEdgeMesh& m = side == Side::kA ? pair.a.mesh : pair.b.mesh;
+      const int most = (std::max)(vertices - m.n_vertices, (triangles - m.n_faces) / 2);
+      refine(longest, largest, most, side, pair, landmarks);
+    }
+  };
+  const double diameter = std::sqrt((std::max)(pair.a.total_area, pair.b.total_area));
+  if (are_closed(pair)) halve(1e-9 * diameter, 0, kLeast, 0);
   if (options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
       options.initial_g.size() > 0)
     return;
-  constexpr double kUneven = 4;  // times as many triangles as an even mesh has
   const int finest = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
-  const double enough = kUneven * finest / power(options.refine, 2);
-  const int most =
-      enough > finest ? static_cast<int>((std::min)(enough, kUneven * finest)) : finest;
   double area = kInfinity;  // of a triangle of the finer surface
   for (const Surface* s : {&pair.a, &pair.b})
     area = (std::min)(area, s->total_area / s->mesh.n_faces);
+  constexpr int kMost = 4;  // times as many triangles as the finer surface has
   const double edge = std::sqrt(4 / std::sqrt(3.0) * area);
-  for (Surface* s : {&pair.a, &pair.b})
-    halve_edges(options.refine * edge, area, (most - s->mesh.n_faces) / 2, *s);
-  landmarks = located(landmarks, pair);
+  halve(options.refine * edge, area / (std::max)(1.0, options.refine), 0, kMost * finest);
 }
 
 /// Checks that Options::outer_a (outer_b) is on a boundary, and that only disks hold theirs.
