@@ -13545,101 +13545,12 @@ class LandmarkPuller {
   bool was_stopped_ = false;  // during the last step
 };
 
-// ---- candidates ----
-//
-// Purpose:    the right start, where the landmarks given do not tell it.
-// Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
-//             alone, and with them pairs of points from alignments in space, as many as are tried
-//             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
-//             iterations from each. Where the first two lead to one map, or one of them has little
-//             distortion, the others are not tried; else the better ones of those that lead to
-//             different maps go on. The map with the
-//             least distortion for its coverage wins. Where it leaves the tip of a limb near to
-//             another one, new starts bring both together, and win if that is better. The levels go
-//             on from the map itself; where a closed surface is cut open, before it is decimated,
-//             from points spread over it. A start of two closed surfaces has its own cones.
-// Invariants: results do not depend on pauses.
-// Fails:      by finding nothing, where no start can be mapped.
+// ---- compute_map() in steps ----
 
 /// What a run is to compute: the initial embedding, a coarse map to choose from, or the map.
 enum class Goal { kStart, kCandidate, kMap };
 
-class Run;
-
-/// Tips of A and B that may correspond, and by how much a map misses that.
-struct TipPair {
-  int a = -1, b = -1;
-  double miss = kInfinity;
-};
-
-class StartFinder {
- public:
-  StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
-              const Options& options, const Executor& executor);
-  ~StartFinder();
-
-  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
-  /// it anew.
-  bool step();
-
-  const Array<PlacedLandmark>& guides() const { return guides_; }
-  std::vector<StartCandidate> candidates() const;  // best first
-  OpeningPair opening() const { return opening_; }
-  /// The map itself; null where surfaces were opened for it, which is done before they are
-  /// decimated.
-  std::unique_ptr<MappedLevel> take_level() { return std::move(level_); }
-
- private:
-  struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
-    std::string name;
-    int alignment = -1;  // -1: the landmarks alone
-    std::vector<Landmark> landmarks;
-    std::unique_ptr<Run> run;
-    double value = kInfinity;
-    bool has_more = true;
-    bool has_tried_tips = false;
-  };
-
-  void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
-                std::unique_ptr<Level>& level) const;
-  void find_candidates();
-  void find_leading_landmarks(const SurfacePair& pair);
-  void add_candidate(const Array<Alignment>& alignments, int which, int most);
-  void improve(Candidate& candidate, int iterations) const;
-  double missed_landmarks(const Candidate& candidate) const;
-  void drop_worst();
-  bool is_different(const Candidate& candidate, int n) const;
-  double difference(const Candidate& one, const Candidate& other) const;
-  bool add_tips();
-  Array<TipPair> match_tips(const SurfaceMap& map) const;
-  Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
-                              const Array<TipPair>& tips) const;
-  void take_best();
-
-  const SurfacePair& whole_;
-  const Array<PlacedLandmark>& landmarks_;
-  Options options_;  // of all candidates
-  const double landmark_weight_;
-  const int coarsest_;
-  const Executor& executor_;
-  std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
-  std::unique_ptr<Level> a_, b_;
-  SharedPrepared coarse_a_, coarse_b_;
-  Array<VertexPair> leading_;  // landmarks
-  Tips tips_a_, tips_b_;
-  SamplePair samples_;
-  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
-  static constexpr int kFirst = 2;                   // of two that lead to one map, it is taken
-  static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
-  Array<Candidate> candidates_;
-  int running_ = 0;  // the first ones
-  int next_ = 0;     // to take a step
-  int round_ = 0;
-  Array<PlacedLandmark> guides_;
-  OpeningPair opening_;
-};
-
-// ---- compute_map() in steps ----
+class StartFinder;
 
 class Run {
   static constexpr double kMostDistortion = 6;  // as if all were stretched 2.4 times
@@ -13907,20 +13818,7 @@ class Run {
     return (options_.candidates && !options_.as_published) || !has_cones;
   }
 
-  void find_start() {
-    if (!finder_)
-      finder_ = std::make_unique<StartFinder>(whole_, placed_, given_options_, executor_);
-    Timer timer;
-    const bool has_more = finder_->step();
-    finder_seconds_ += timer.lap();
-    if (has_more) return;
-    has_start_ = true;
-    guides_ = finder_->guides();
-    mapped_ = finder_->take_level();
-    result_.candidates = finder_->candidates();
-    if (!is_bound(finder_->opening())) opening_ = finder_->opening();
-    finder_.reset();
-  }
+  void find_start();
 
   void begin_embedding() {
     constexpr int kFewest = 300;
@@ -14211,7 +14109,7 @@ class Run {
   SurfacePair cut_;               // and then cut open
   Array<PlacedLandmark> placed_;  // the landmarks on whole_,
   Array<PlacedLandmark> opened_;  // and after opening
-  std::unique_ptr<StartFinder> finder_;
+  std::shared_ptr<StartFinder> finder_;
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
   std::unique_ptr<MappedLevel> mapped_;
@@ -14238,359 +14136,437 @@ class Run {
   bool is_judged_ = false;   // judge() was called for the final map
 };
 
-// ---- candidates, defined ----
+// ---- candidates ----
+//
+// Purpose:    the right start, where the landmarks given do not tell it.
+// Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
+//             alone, and with them pairs of points from alignments in space, as many as are tried
+//             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
+//             iterations from each. Where the first two lead to one map, or one of them has little
+//             distortion, the others are not tried; else the better ones of those that lead to
+//             different maps go on. The map with the least distortion for its coverage wins. Where
+//             it leaves the tip of a limb near to another one, new starts bring both together, and
+//             win if that is better. The levels go on from the map itself; where a closed surface
+//             is cut open, before it is decimated, from points spread over it. A start of two
+//             closed surfaces has its own cones.
+// Invariants: results do not depend on pauses.
+// Fails:      by finding nothing, where no start can be mapped.
 
-inline StartFinder::StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
-                                const Options& options, const Executor& executor)
-    : whole_(whole),
-      landmarks_(landmarks),
-      options_(options),
-      landmark_weight_(options.exact_landmarks ? 100 : 1),
-      coarsest_(options.coarsest > 0 ? options.coarsest : Options().coarsest),
-      executor_(executor) {
-  options_.keep_scale = true;
-  options_.progress = nullptr;
-  options_.stop = nullptr;
-  options_.parallel_for = [&executor](int n, const std::function<void(int)>& task) {
-    executor.run(n, [&](int i) { task(i); });  // on one thread where candidates run side by side
-  };
-  options_.max_iterations = 200;
-  options_.tolerance = 1e-3;
-  options_.max_seconds = kInfinity;
-  options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
-  options_.exact_landmarks = options_.candidates = false;
-  options_.curves.clear();
-  options_.boundary = Boundary::kFree;
-  options_.outer_a = options_.outer_b = -1;
-  options_.coarsest = 0;
-  options_.refine = 0;
-}
+/// Tips of A and B that may correspond, and by how much a map misses that.
+struct TipPair {
+  int a = -1, b = -1;
+  double miss = kInfinity;
+};
 
-inline StartFinder::~StartFinder() = default;
+class StartFinder {
+ public:
+  StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
+              const Options& options, const Executor& executor)
+      : whole_(whole),
+        landmarks_(landmarks),
+        options_(options),
+        landmark_weight_(options.exact_landmarks ? 100 : 1),
+        coarsest_(options.coarsest > 0 ? options.coarsest : Options().coarsest),
+        executor_(executor) {
+    options_.keep_scale = true;
+    options_.progress = nullptr;
+    options_.stop = nullptr;
+    options_.parallel_for = [&executor](int n, const std::function<void(int)>& task) {
+      executor.run(n, [&](int i) { task(i); });  // on one thread where candidates run side by side
+    };
+    options_.max_iterations = 200;
+    options_.tolerance = 1e-3;
+    options_.max_seconds = kInfinity;
+    options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
+    options_.exact_landmarks = options_.candidates = false;
+    options_.curves.clear();
+    options_.boundary = Boundary::kFree;
+    options_.outer_a = options_.outer_b = -1;
+    options_.coarsest = 0;
+    options_.refine = 0;
+  }
 
-inline bool StartFinder::step() {
-  constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
-  constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
-  if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
-  if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
-  if (candidates_.empty()) return find_candidates(), true;
-  executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
-  const int first = next_, n = (std::min)(int{kAtOnce}, running_ - first);
-  const bool are_first = round_ == 0 && running_ == kFirst && candidates_.size() > kFirst;
-  const int most = kIterations[are_first ? 1 : round_];
-  executor_.run(n, [&](int i) { improve(candidates_[first + i], most); });
-  next_ = first + n < running_ ? first + n : 0;
-  if (next_ > 0) return true;
-  for (int i = 0; i < running_; ++i)
-    if (candidates_[i].has_more) return true;
-  const double least = (std::min)(candidates_[0].value, candidates_[running_ - 1].value);
-  if (are_first && is_different(candidates_[1], 1) && !(least < kGood))
-    return running_ = candidates_.size(), true;
-  if (round_ == kLast) return take_best(), false;
-  drop_worst();
-  const bool is_good = candidates_[0].value < kGood;
-  if (++round_ < kWithTips && !is_good) return true;
-  if (round_ == kLast || is_good || !add_tips()) round_ = kLast, running_ = 1;
-  return true;
-}
+  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
+  /// it anew.
+  bool step() {
+    constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
+    constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
+    if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
+    if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
+    if (candidates_.empty()) return find_candidates(), true;
+    executor_.tell(true, 0, {"trying ", running_, " starts"}, nullptr);
+    const int first = next_, n = (std::min)(int{kAtOnce}, running_ - first);
+    const bool are_first = round_ == 0 && running_ == kFirst && candidates_.size() > kFirst;
+    const int most = kIterations[are_first ? 1 : round_];
+    executor_.run(n, [&](int i) { improve(candidates_[first + i], most); });
+    next_ = first + n < running_ ? first + n : 0;
+    if (next_ > 0) return true;
+    for (int i = 0; i < running_; ++i)
+      if (candidates_[i].has_more) return true;
+    const double least = (std::min)(candidates_[0].value, candidates_[running_ - 1].value);
+    if (are_first && is_different(candidates_[1], 1) && !(least < kGood))
+      return running_ = candidates_.size(), true;
+    if (round_ == kLast) return take_best(), false;
+    drop_worst();
+    const bool is_good = candidates_[0].value < kGood;
+    if (++round_ < kWithTips && !is_good) return true;
+    if (round_ == kLast || is_good || !add_tips()) round_ = kLast, running_ = 1;
+    return true;
+  }
 
-inline void StartFinder::decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
-                                  std::unique_ptr<Level>& level) const {
-  executor_.tell(true, 0, {"decimating ", letter(side)}, nullptr);
-  Array<char> keep(s.mesh.n_vertices, 0);
-  for (const PlacedLandmark& l : landmarks_)
-    for (int v : (side == Side::kA ? l.a : l.b).corners)
-      if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
-  constexpr int kFewest = 100, kRatio = 2;
-  const int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
-  h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
-  if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
-}
-
-inline void StartFinder::find_candidates() {
-  constexpr int kAlignments = 3, kPairs = 24;
-  const auto prepared_from = [](const Surface& s) {
-    return std::make_shared<const Prepared>(prepared(
-        std::make_shared<const TriangleMesh>(TriangleMesh{s.vertices, triangles_from(s.mesh.tail)}),
-        {}, false));
-  };
-  coarse_a_ = prepared_from(a_->surface);
-  coarse_b_ = prepared_from(b_->surface);
-  tips_a_ = find_tips(a_->surface);
-  tips_b_ = find_tips(b_->surface);
-  constexpr int kFew = 120, kMany = 480;
-  const SurfacePair pair = {a_->surface, b_->surface};
-  find_leading_landmarks(pair);
-  samples_ = sampled(pair, leading_, kMany);
-  const Array<Alignment> alignments =
-      find_alignments(sampled(pair, leading_, kFew), samples_, kAlignments, executor_);
-  if (executor_.is_stopped()) return;
-  if (leading_.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
-  for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
-  for (int n : {12, 16, 32, 48})
-    if (!alignments.empty()) add_candidate(alignments, 0, n);
-  running_ = (std::min)(candidates_.size(), int{kFirst});
-}
-
-/// The landmarks given, at vertices that are left; of many, those that agree.
-inline void StartFinder::find_leading_landmarks(const SurfacePair& pair) {
-  const bool are_many = landmarks_.size() > kMostLeading;
-  Array<VertexPair> found;
-  Array<char> is_used_a(a_->vertex.size(), 0), is_used_b(b_->vertex.size(), 0);
-  for (PlacedLandmark l : landmarks_) {
-    if (are_many) {
-      l.a = copy_of(nearest_vertex(pair.a, position(whole_.a, l.a)));
-      l.b = copy_of(nearest_vertex(pair.b, position(whole_.b, l.b)));
-    } else if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) {
-      continue;
+  const Array<PlacedLandmark>& guides() const { return guides_; }
+  std::vector<StartCandidate> candidates() const {
+    std::vector<StartCandidate> result;
+    for (const Candidate& c : candidates_) {
+      const int iterations = static_cast<int>(c.run->result().log.size());
+      if (c.has_more) continue;  // not tried
+      result.push_back({c.name, c.value, iterations, difference(candidates_[0], c)});
     }
-    const int v = l.a.corners[0], w = l.b.corners[0];
-    if (is_used_a[v]++ || (is_used_b[w]++ && !are_many)) continue;
-    found.push_back({v, w, l.given});
+    return result;
   }
-  leading_ = are_many ? consistent(pair, found, kMostLeading) : found;
-}
 
-/// `which`: the alignment that gives at most `most` pairs; -1: none.
-inline void StartFinder::add_candidate(const Array<Alignment>& alignments, int which, int most) {
-  Candidate candidate;
-  candidate.name = "landmarks";
-  candidate.alignment = which;
-  for (const VertexPair& l : leading_) candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
-  if (which >= 0) {
-    candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
-    const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
-    const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
-    const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
-    Array<double> nearest(pairs.size(), kInfinity);
-    for (int i = 0; i < pairs.size(); ++i)
-      for (const VertexPair& l : leading_)
-        nearest[i] = (std::min)(nearest[i], norm(point(i) - row3(a_->surface.vertices, l.a)));
-    for (int i : farthest_items(most, nearest, distance))
-      candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
+  /// The root of the mean squared distance between images of vertices of A that both maps cover, in
+  /// roots of the area; infinite where there are none.
+  OpeningPair opening() const { return opening_; }
+  /// The map itself; null where surfaces were opened for it, which is done before they are
+  /// decimated.
+  std::unique_ptr<MappedLevel> take_level() { return std::move(level_); }
+
+ private:
+  struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
+    std::string name;
+    int alignment = -1;  // -1: the landmarks alone
+    std::vector<Landmark> landmarks;
+    std::unique_ptr<Run> run;
+    double value = kInfinity;
+    bool has_more = true;
+    bool has_tried_tips = false;
+  };
+
+  void decimate(const Surface& s, Side side, std::unique_ptr<Hierarchy>& h,
+                std::unique_ptr<Level>& level) const {
+    executor_.tell(true, 0, {"decimating ", letter(side)}, nullptr);
+    Array<char> keep(s.mesh.n_vertices, 0);
+    for (const PlacedLandmark& l : landmarks_)
+      for (int v : (side == Side::kA ? l.a : l.b).corners)
+        if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
+    constexpr int kFewest = 100, kRatio = 2;
+    const int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
+    h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
+    if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
   }
-  candidate.run =
-      std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_, Goal::kCandidate);
-  candidates_.push_back(std::move(candidate));
-}
 
-/// Takes a step, up to a number of iterations.
-inline void StartFinder::improve(Candidate& candidate, int iterations) const {
-  const Result& result = candidate.run->result();
-  const int done = static_cast<int>(result.log.size());
-  candidate.has_more = done < iterations && candidate.run->step();
-  constexpr double kMissed = 1;  // how much all landmarks weigh
-  const IterationLog& last = candidate.run->result().final_state();
-  if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
-  const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
-  const double most = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
-  candidate.value = last.mean_distortion * most / (last.coverage_a + last.coverage_b);
-  candidate.value *= 1 + kMissed * missed_landmarks(candidate);
-}
+  void find_candidates() {
+    constexpr int kAlignments = 3, kPairs = 24;
+    const auto prepared_from = [](const Surface& s) {
+      return std::make_shared<const Prepared>(
+          prepared(std::make_shared<const TriangleMesh>(
+                       TriangleMesh{s.vertices, triangles_from(s.mesh.tail)}),
+                   {}, false));
+    };
+    coarse_a_ = prepared_from(a_->surface);
+    coarse_b_ = prepared_from(b_->surface);
+    tips_a_ = find_tips(a_->surface);
+    tips_b_ = find_tips(b_->surface);
+    constexpr int kFew = 120, kMany = 480;
+    const SurfacePair pair = {a_->surface, b_->surface};
+    find_leading_landmarks(pair);
+    samples_ = sampled(pair, leading_, kMany);
+    const Array<Alignment> alignments =
+        find_alignments(sampled(pair, leading_, kFew), samples_, kAlignments, executor_);
+    if (executor_.is_stopped()) return;
+    if (leading_.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
+    for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
+    for (int n : {12, 16, 32, 48})
+      if (!alignments.empty()) add_candidate(alignments, 0, n);
+    running_ = (std::min)(candidates_.size(), int{kFirst});
+  }
 
-/// The share of the landmarks given that a map misses; one that it does not cover counts half.
-inline double StartFinder::missed_landmarks(const Candidate& candidate) const {
-  constexpr double kFar = 0.5;  // in roots of the area
-  if (leading_.empty()) return 0;
-  const SurfaceMap map(candidate.run->result());
-  if (map.status() != Status::kDone) return 1;
-  double sum = 0;
-  for (const VertexPair& l : leading_) {
-    const SurfacePoint image = map.forward_vertex(l.a);
-    if (!image.exists()) {
-      sum += 0.5;
-      continue;
+  /// The landmarks given, at vertices that are left; of many, those that agree.
+  void find_leading_landmarks(const SurfacePair& pair) {
+    const bool are_many = landmarks_.size() > kMostLeading;
+    Array<VertexPair> found;
+    Array<char> is_used_a(a_->vertex.size(), 0), is_used_b(b_->vertex.size(), 0);
+    for (PlacedLandmark l : landmarks_) {
+      if (are_many) {
+        l.a = copy_of(nearest_vertex(pair.a, position(whole_.a, l.a)));
+        l.b = copy_of(nearest_vertex(pair.b, position(whole_.b, l.b)));
+      } else if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) {
+        continue;
+      }
+      const int v = l.a.corners[0], w = l.b.corners[0];
+      if (is_used_a[v]++ || (is_used_b[w]++ && !are_many)) continue;
+      found.push_back({v, w, l.given});
     }
-    const Eigen::Vector3d at = map.position_on_b(image);
-    const double distance =
-        norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
-    sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
+    leading_ = are_many ? consistent(pair, found, kMostLeading) : found;
   }
-  return sum / leading_.size();
-}
 
-/// Keeps the best of those that lead to different maps, and until tips were tried the landmarks
-/// alone: they tell other maps.
-inline void StartFinder::drop_worst() {
-  const auto first = candidates_.begin(), last = first + running_;
-  std::stable_sort(first, last,
-                   [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
-  int n = 0;
-  for (int i = 0; i < running_; ++i)
-    if (is_different(candidates_[i], n)) std::swap(candidates_[n++], candidates_[i]);
-  running_ = (std::min)(n, round_ == 0 ? 4 : 2);
-  if (round_ >= kWithTips) return;
-  const auto other =
-      std::find_if(first + running_, first + n, [](const Candidate& c) { return c.alignment < 0; });
-  if (other != first + n) std::iter_swap(first + running_ - 1, other);
-}
-
-/// Whether the map of a candidate is none of those of the first n.
-inline bool StartFinder::is_different(const Candidate& candidate, int n) const {
-  constexpr double kSame = 0.05;  // root of the mean squared distance of images
-  for (int i = 0; i < n; ++i)
-    if (difference(candidates_[i], candidate) < kSame) return false;
-  return true;
-}
-
-inline std::vector<StartCandidate> StartFinder::candidates() const {
-  std::vector<StartCandidate> result;
-  for (const Candidate& c : candidates_) {
-    const int iterations = static_cast<int>(c.run->result().log.size());
-    if (c.has_more) continue;  // not tried
-    result.push_back({c.name, c.value, iterations, difference(candidates_[0], c)});
-  }
-  return result;
-}
-
-/// The root of the mean squared distance between images of vertices of A that both maps cover, in
-/// roots of the area; infinite where there are none.
-inline double StartFinder::difference(const Candidate& one, const Candidate& other) const {
-  if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
-  const SurfaceMap f(one.run->result()), g(other.run->result());
-  double sum = 0;
-  int both = 0;
-  for (int v = 0; v < a_->vertex.size(); ++v) {
-    const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
-    if (!p.exists() || !q.exists()) continue;
-    sum += (f.position_on_b(p) - g.position_on_b(q)).squaredNorm();
-    ++both;
-  }
-  return both > 0 ? std::sqrt(sum / both / b_->surface.total_area) : kInfinity;
-}
-
-/// Starts that lead tips of A to those tips of B to which the maps so far bring them closest; false
-/// if that leaves nothing to try.
-inline bool StartFinder::add_tips() {
-  constexpr double kReach = 0.6;
-  Array<Candidate> next;
-  for (int i = 0; i < running_; ++i) {
+  /// `which`: the alignment that gives at most `most` pairs; -1: none.
+  void add_candidate(const Array<Alignment>& alignments, int which, int most) {
     Candidate candidate;
-    if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
-    candidates_[i].has_tried_tips = true;
-    const SurfaceMap map(candidates_[i].run->result());
-    if (map.status() != Status::kDone) continue;
-    Array<TipPair> tips;
-    for (const TipPair& tip : match_tips(map))
-      if (tip.miss < kReach) tips.push_back(tip);
-    if (tips.empty()) continue;
-    candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
-    candidate.alignment = candidates_[i].alignment;
+    candidate.name = "landmarks";
+    candidate.alignment = which;
     for (const VertexPair& l : leading_)
       candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
-    for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
-    for (const Landmark& l : spread_over(candidates_[i], map, tips))
-      candidate.landmarks.push_back(l);
+    if (which >= 0) {
+      candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
+      const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
+      const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
+      const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
+      Array<double> nearest(pairs.size(), kInfinity);
+      for (int i = 0; i < pairs.size(); ++i)
+        for (const VertexPair& l : leading_)
+          nearest[i] = (std::min)(nearest[i], norm(point(i) - row3(a_->surface.vertices, l.a)));
+      for (int i : farthest_items(most, nearest, distance))
+        candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
+    }
     candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_,
                                           Goal::kCandidate);
-    next.push_back(std::move(candidate));
+    candidates_.push_back(std::move(candidate));
   }
-  const bool has_more = !next.empty();
-  next.push_back(std::move(candidates_[0]));
-  running_ = next.size();
-  for (int i = 1; i < candidates_.size(); ++i) next.push_back(std::move(candidates_[i]));
-  candidates_.swap(next);
-  return has_more;
-}
 
-/// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to its
-/// image, if both are of one mind.
-inline Array<TipPair> StartFinder::match_tips(const SurfaceMap& map) const {
-  const auto distance = [](const Surface& s, const Array<double>& to, const SurfacePoint& p) {
-    double d = 0;
-    for (int k = 0; k < 3; ++k) d += p.barycentric[k] * to[s.mesh.corner(p.face, k)];
-    return d;
-  };
-  Array<TipPair> of_a(tips_a_.vertex.size(), TipPair()), of_b(tips_b_.vertex.size(), TipPair());
-  for (int i = 0; i < of_a.size(); ++i) {
-    const SurfacePoint p = map.forward_vertex(tips_a_.vertex[i]);
-    for (int j = 0; j < of_b.size(); ++j) {
-      const SurfacePoint q = map.backward_vertex(tips_b_.vertex[j]);
+  /// Takes a step, up to a number of iterations.
+  void improve(Candidate& candidate, int iterations) const {
+    const Result& result = candidate.run->result();
+    const int done = static_cast<int>(result.log.size());
+    candidate.has_more = done < iterations && candidate.run->step();
+    constexpr double kMissed = 1;  // how much all landmarks weigh
+    const IterationLog& last = candidate.run->result().final_state();
+    if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
+    const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
+    const double most = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
+    candidate.value = last.mean_distortion * most / (last.coverage_a + last.coverage_b);
+    candidate.value *= 1 + kMissed * missed_landmarks(candidate);
+  }
+
+  /// The share of the landmarks given that a map misses; one that it does not cover counts half.
+  double missed_landmarks(const Candidate& candidate) const {
+    constexpr double kFar = 0.5;  // in roots of the area
+    if (leading_.empty()) return 0;
+    const SurfaceMap map(candidate.run->result());
+    if (map.status() != Status::kDone) return 1;
+    double sum = 0;
+    for (const VertexPair& l : leading_) {
+      const SurfacePoint image = map.forward_vertex(l.a);
+      if (!image.exists()) {
+        sum += 0.5;
+        continue;
+      }
+      const Eigen::Vector3d at = map.position_on_b(image);
+      const double distance =
+          norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
+      sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
+    }
+    return sum / leading_.size();
+  }
+
+  /// Keeps the best of those that lead to different maps, and until tips were tried the landmarks
+  /// alone: they tell other maps.
+  void drop_worst() {
+    const auto first = candidates_.begin(), last = first + running_;
+    std::stable_sort(first, last,
+                     [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
+    int n = 0;
+    for (int i = 0; i < running_; ++i)
+      if (is_different(candidates_[i], n)) std::swap(candidates_[n++], candidates_[i]);
+    running_ = (std::min)(n, round_ == 0 ? 4 : 2);
+    if (round_ >= kWithTips) return;
+    const auto other = std::find_if(first + running_, first + n,
+                                    [](const Candidate& c) { return c.alignment < 0; });
+    if (other != first + n) std::iter_swap(first + running_ - 1, other);
+  }
+
+  /// Whether the map of a candidate is none of those of the first n.
+  bool is_different(const Candidate& candidate, int n) const {
+    constexpr double kSame = 0.05;  // root of the mean squared distance of images
+    for (int i = 0; i < n; ++i)
+      if (difference(candidates_[i], candidate) < kSame) return false;
+    return true;
+  }
+
+  double difference(const Candidate& one, const Candidate& other) const {
+    if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
+    const SurfaceMap f(one.run->result()), g(other.run->result());
+    double sum = 0;
+    int both = 0;
+    for (int v = 0; v < a_->vertex.size(); ++v) {
+      const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
       if (!p.exists() || !q.exists()) continue;
-      const double miss = (std::max)(distance(b_->surface, tips_b_.distance[j], p),
-                                     distance(a_->surface, tips_a_.distance[i], q));
-      if (miss < of_a[i].miss) of_a[i] = {i, j, miss};
-      if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
+      sum += (f.position_on_b(p) - g.position_on_b(q)).squaredNorm();
+      ++both;
     }
+    return both > 0 ? std::sqrt(sum / both / b_->surface.total_area) : kInfinity;
   }
-  constexpr double kClear = 0.1;  // of landmarks, which tell enough
-  Array<TipPair> pairs;
-  for (const TipPair& p : of_a) {
-    bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
-    for (const VertexPair& l : leading_)
-      is_free =
-          is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
-    if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
-  }
-  return pairs;
-}
 
-/// Pairs of a map spread over A, but for the surroundings of tips that it misses.
-inline Array<Landmark> StartFinder::spread_over(const Candidate& candidate, const SurfaceMap& map,
-                                                const Array<TipPair>& tips) const {
-  constexpr double kClear = 0.15;  // of an opening
-  const std::vector<SurfacePoint> images = map.forward_vertices();
-  const Surface& a = a_->surface;
-  const auto distance = [&](int v, int w) {
-    return norm(row3(a.vertices, w) - row3(a.vertices, v));
-  };
-  Array<double> nearest(a.mesh.n_vertices, kInfinity);
-  const auto spread = [&](int from, double offset) {
+  /// Starts that lead tips of A to those tips of B to which the maps so far bring them closest;
+  /// false if that leaves nothing to try.
+  bool add_tips() {
+    constexpr double kReach = 0.6;
+    Array<Candidate> next;
+    for (int i = 0; i < running_; ++i) {
+      Candidate candidate;
+      if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
+      candidates_[i].has_tried_tips = true;
+      const SurfaceMap map(candidates_[i].run->result());
+      if (map.status() != Status::kDone) continue;
+      Array<TipPair> tips;
+      for (const TipPair& tip : match_tips(map))
+        if (tip.miss < kReach) tips.push_back(tip);
+      if (tips.empty()) continue;
+      candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
+      candidate.alignment = candidates_[i].alignment;
+      for (const VertexPair& l : leading_)
+        candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
+      for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
+      for (const Landmark& l : spread_over(candidates_[i], map, tips))
+        candidate.landmarks.push_back(l);
+      candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_,
+                                            Goal::kCandidate);
+      next.push_back(std::move(candidate));
+    }
+    const bool has_more = !next.empty();
+    next.push_back(std::move(candidates_[0]));
+    running_ = next.size();
+    for (int i = 1; i < candidates_.size(); ++i) next.push_back(std::move(candidates_[i]));
+    candidates_.swap(next);
+    return has_more;
+  }
+
+  /// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to
+  /// its image, if both are of one mind.
+  Array<TipPair> match_tips(const SurfaceMap& map) const {
+    const auto distance = [](const Surface& s, const Array<double>& to, const SurfacePoint& p) {
+      double d = 0;
+      for (int k = 0; k < 3; ++k) d += p.barycentric[k] * to[s.mesh.corner(p.face, k)];
+      return d;
+    };
+    Array<TipPair> of_a(tips_a_.vertex.size(), TipPair()), of_b(tips_b_.vertex.size(), TipPair());
+    for (int i = 0; i < of_a.size(); ++i) {
+      const SurfacePoint p = map.forward_vertex(tips_a_.vertex[i]);
+      for (int j = 0; j < of_b.size(); ++j) {
+        const SurfacePoint q = map.backward_vertex(tips_b_.vertex[j]);
+        if (!p.exists() || !q.exists()) continue;
+        const double miss = (std::max)(distance(b_->surface, tips_b_.distance[j], p),
+                                       distance(a_->surface, tips_a_.distance[i], q));
+        if (miss < of_a[i].miss) of_a[i] = {i, j, miss};
+        if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
+      }
+    }
+    constexpr double kClear = 0.1;  // of landmarks, which tell enough
+    Array<TipPair> pairs;
+    for (const TipPair& p : of_a) {
+      bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
+      for (const VertexPair& l : leading_)
+        is_free =
+            is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
+      if (is_free) pairs.push_back({tips_a_.vertex[p.a], tips_b_.vertex[p.b], p.miss});
+    }
+    return pairs;
+  }
+
+  /// Pairs of a map spread over A, but for the surroundings of tips that it misses.
+  Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
+                              const Array<TipPair>& tips) const {
+    constexpr double kClear = 0.15;  // of an opening
+    const std::vector<SurfacePoint> images = map.forward_vertices();
+    const Surface& a = a_->surface;
+    const auto distance = [&](int v, int w) {
+      return norm(row3(a.vertices, w) - row3(a.vertices, v));
+    };
+    Array<double> nearest(a.mesh.n_vertices, kInfinity);
+    const auto spread = [&](int from, double offset) {
+      for (int v = 0; v < a.mesh.n_vertices; ++v)
+        nearest[v] = (std::min)(nearest[v], distance(from, v) - offset);
+    };
     for (int v = 0; v < a.mesh.n_vertices; ++v)
-      nearest[v] = (std::min)(nearest[v], distance(from, v) - offset);
-  };
-  for (int v = 0; v < a.mesh.n_vertices; ++v)
-    if (!images.data()[v].exists()) nearest[v] = -kInfinity;
-  const int opening = candidate.run->result().start.opening_a;
-  if (opening >= 0) spread(opening, kClear);
-  for (const TipPair& tip : tips) {
-    spread(tip.a, tip.miss);
-    const Vec3 end = row3(b_->surface.vertices, tip.b);
-    for (int v = 0; v < a.mesh.n_vertices; ++v) {
-      if (!images.data()[v].exists()) continue;
-      const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
-      if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) nearest[v] = -kInfinity;
+      if (!images.data()[v].exists()) nearest[v] = -kInfinity;
+    const int opening = candidate.run->result().start.opening_a;
+    if (opening >= 0) spread(opening, kClear);
+    for (const TipPair& tip : tips) {
+      spread(tip.a, tip.miss);
+      const Vec3 end = row3(b_->surface.vertices, tip.b);
+      for (int v = 0; v < a.mesh.n_vertices; ++v) {
+        if (!images.data()[v].exists()) continue;
+        const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
+        if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) nearest[v] = -kInfinity;
+      }
     }
+    for (const VertexPair& l : leading_) spread(l.a, 0);
+    Array<Landmark> pairs;
+    for (int v : farthest_items(kGuides, nearest, distance))
+      pairs.push_back({v, images.data()[v], 0});
+    return pairs;
   }
-  for (const VertexPair& l : leading_) spread(l.a, 0);
-  Array<Landmark> pairs;
-  for (int v : farthest_items(kGuides, nearest, distance))
-    pairs.push_back({v, images.data()[v], 0});
-  return pairs;
-}
 
-inline void StartFinder::take_best() {
-  constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
-  if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return level_.reset();
-  const Result& best = candidates_[0].run->result();
-  const SurfacePair& pair = candidates_[0].run->surfaces();
-  const Points2 x = candidates_[0].run->positions();
-  const int n_a = pair.a.mesh.n_vertices;
-  const bool is_same = n_a == a_->vertex.size() && rows_of(x) - n_a == b_->vertex.size();
-  if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
-  if (level_) {
-    level_->f = rows_between(x, 0, n_a), level_->g = rows_between(x, n_a, rows_of(x));
-    if (!pair.a.mesh.pillow.is_empty()) {
-      level_->a->set_pillow(*a_, pair.a.mesh.pillow);
-      level_->b->set_pillow(*b_, pair.b.mesh.pillow);
+  void take_best() {
+    constexpr double kWeight = 0.1;  // of a guide; that of a landmark is 1
+    if (candidates_.empty() || !(candidates_[0].value < kInfinity)) return level_.reset();
+    const Result& best = candidates_[0].run->result();
+    const SurfacePair& pair = candidates_[0].run->surfaces();
+    const Points2 x = candidates_[0].run->positions();
+    const int n_a = pair.a.mesh.n_vertices;
+    const bool is_same = n_a == a_->vertex.size() && rows_of(x) - n_a == b_->vertex.size();
+    if (!is_same || best.start.opening_a >= 0 || best.start.opening_b >= 0) level_.reset();
+    if (level_) {
+      level_->f = rows_between(x, 0, n_a), level_->g = rows_between(x, n_a, rows_of(x));
+      if (!pair.a.mesh.pillow.is_empty()) {
+        level_->a->set_pillow(*a_, pair.a.mesh.pillow);
+        level_->b->set_pillow(*b_, pair.b.mesh.pillow);
+      }
+      level_->log = best.final_state();
+      for (const Candidate& c : candidates_)
+        if (c.alignment < 0 && c.name == "landmarks")
+          level_->warnings = c.run->result().start.warnings;
     }
-    level_->log = best.final_state();
-    for (const Candidate& c : candidates_)
-      if (c.alignment < 0 && c.name == "landmarks")
-        level_->warnings = c.run->result().start.warnings;
+    if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
+    if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
+    const SurfaceMap map(best);
+    if (map.status() != Status::kDone) return;
+    for (const Landmark& l : spread_over(candidates_[0], map, {})) {
+      PlacedLandmark guide;
+      guide.weight = kWeight;
+      guide.a = copy_of(a_->vertex[l.a.vertex]);
+      const Eigen::Vector3d at = map.position_on_b(l.b.point);
+      guide.b = nearest_place(whole_.b, {at.x(), at.y(), at.z()});
+      guides_.push_back(guide);
+    }
   }
-  if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
-  if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
-  const SurfaceMap map(best);
-  if (map.status() != Status::kDone) return;
-  for (const Landmark& l : spread_over(candidates_[0], map, {})) {
-    PlacedLandmark guide;
-    guide.weight = kWeight;
-    guide.a = copy_of(a_->vertex[l.a.vertex]);
-    const Eigen::Vector3d at = map.position_on_b(l.b.point);
-    guide.b = nearest_place(whole_.b, {at.x(), at.y(), at.z()});
-    guides_.push_back(guide);
-  }
+
+  const SurfacePair& whole_;
+  const Array<PlacedLandmark>& landmarks_;
+  Options options_;  // of all candidates
+  const double landmark_weight_;
+  const int coarsest_;
+  const Executor& executor_;
+  std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
+  std::unique_ptr<Level> a_, b_;
+  SharedPrepared coarse_a_, coarse_b_;
+  Array<VertexPair> leading_;  // landmarks
+  Tips tips_a_, tips_b_;
+  SamplePair samples_;
+  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
+  static constexpr int kFirst = 2;                   // of two that lead to one map, it is taken
+  static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
+  Array<Candidate> candidates_;
+  int running_ = 0;  // the first ones
+  int next_ = 0;     // to take a step
+  int round_ = 0;
+  Array<PlacedLandmark> guides_;
+  OpeningPair opening_;
+};
+
+inline void Run::find_start() {
+  if (!finder_) finder_ = std::make_shared<StartFinder>(whole_, placed_, given_options_, executor_);
+  Timer timer;
+  const bool has_more = finder_->step();
+  finder_seconds_ += timer.lap();
+  if (has_more) return;
+  has_start_ = true;
+  guides_ = finder_->guides();
+  mapped_ = finder_->take_level();
+  result_.candidates = finder_->candidates();
+  if (!is_bound(finder_->opening())) opening_ = finder_->opening();
+  finder_.reset();
 }
 
 // ---- data of a SurfaceMap ----
