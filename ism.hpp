@@ -6774,68 +6774,11 @@ struct Collapse {
   Array<int> dead, changed;
 };
 
-/// The triangles at every vertex, in lists of their corners 3 f + k. One leaves a list of any
-/// length at once, and the others keep their order.
-class FaceLists {
- public:
-  FaceLists(int vertices, int faces) : list_(vertices), link_(3 * faces) {}
-
-  /// A list, to be walked along; it stays what it is meanwhile.
-  class Faces {
-   public:
-    struct Iterator {
-      const FaceLists* lists;
-      int corner;
-      int operator*() const { return corner / 3; }
-      Iterator& operator++() { return corner = lists->link_[corner].next, *this; }
-      bool operator!=(const Iterator& o) const { return corner != o.corner; }
-    };
-    Faces(const FaceLists& lists, int v) : lists_(&lists), vertex_(v) {}
-    Iterator begin() const { return {lists_, lists_->list_[vertex_].first}; }
-    Iterator end() const { return {lists_, -1}; }
-    int size() const { return lists_->list_[vertex_].size; }
-    bool empty() const { return size() == 0; }
-
-   private:
-    const FaceLists* lists_;
-    int vertex_;
-  };
-
-  Faces operator[](int v) const { return {*this, v}; }
-  int size() const { return list_.size(); }
-
-  void push_back(int v, int corner) {
-    List& list = list_[v];
-    link_[corner] = {list.last, -1};
-    (list.last < 0 ? list.first : link_[list.last].next) = corner;
-    list.last = corner;
-    ++list.size;
-  }
-
-  void remove(int v, int corner) {
-    List& list = list_[v];
-    const Link link = link_[corner];
-    (link.prev < 0 ? list.first : link_[link.prev].next) = link.next;
-    (link.next < 0 ? list.last : link_[link.next].prev) = link.prev;
-    --list.size;
-  }
-
- private:
-  struct List {
-    int first = -1, last = -1, size = 0;
-  };
-  struct Link {
-    int prev = -1, next = -1;
-  };
-  Array<List> list_;  // per vertex
-  Array<Link> link_;  // per corner
-};
-
 /// A triangle mesh under decimation: faces keep their ids, dead faces keep their corners.
 struct DynamicMesh {
   Array<std::array<int, 3>> face;
   Array<char> alive;                        // per face
-  FaceLists faces_of;                       // per vertex, living faces
+  Array<Array<int>> faces_of;               // per vertex, living faces
   Array<int> boundary;                      // its vertices, loop by loop, also those that are gone
   Array<int> boundary_next, boundary_prev;  // per vertex, -1 off the boundary
   Array<int> boundary_place;                // per vertex, where it is in `boundary`
@@ -6843,13 +6786,13 @@ struct DynamicMesh {
   explicit DynamicMesh(const HalfEdgeMesh& m)
       : face(m.n_faces),
         alive(m.n_faces, 1),
-        faces_of(m.n_vertices, m.n_faces),
+        faces_of(m.n_vertices),
         boundary_next(m.n_vertices, -1),
         boundary_prev(m.n_vertices, -1),
         boundary_place(m.n_vertices, -1) {
     for (int f = 0; f < m.n_faces; ++f) {
       face[f] = {m.corner(f, 0), m.corner(f, 1), m.corner(f, 2)};
-      for (int k = 0; k < 3; ++k) faces_of.push_back(m.corner(f, k), 3 * f + k);
+      for (int v : face[f]) faces_of[v].push_back(f);
     }
     for (int h : m.boundary) {
       boundary_place[m.tail[h]] = boundary.size();
@@ -6893,7 +6836,7 @@ struct DynamicMesh {
     for (int f : faces_of[u]) (has(f, v) ? c.dead : c.changed).push_back(f);
     for (int f : c.dead) {
       alive[f] = 0;
-      for (int k = 0; k < 3; ++k) faces_of.remove(corner(f, k), 3 * f + k);
+      for (int w : face[f]) leave(f, w);
     }
     for (int f : c.changed) give(f, u, v);
     if (on_boundary(u)) link(boundary_prev[u], boundary_next[u]);
@@ -6904,7 +6847,7 @@ struct DynamicMesh {
     for (int f : c.changed) give(f, c.v, c.u);
     for (int f : c.dead) {
       alive[f] = 1;
-      for (int k = 0; k < 3; ++k) faces_of.push_back(corner(f, k), 3 * f + k);
+      for (int v : face[f]) faces_of[v].push_back(f);
     }
     if (!on_boundary(c.u)) return;
     link(boundary_prev[c.u], c.u);
@@ -6912,14 +6855,18 @@ struct DynamicMesh {
   }
 
  private:
-  int& corner(int f, int k) { return face[f][static_cast<std::size_t>(k)]; }
+  void leave(int f, int v) {
+    Array<int>& faces = faces_of[v];
+    int* const at = std::find(faces.begin(), faces.end(), f);
+    std::copy(at + 1, faces.end(), at);
+    faces.pop_back();
+  }
 
   /// Puts `to` in the place of a corner of f.
   void give(int f, int from, int to) {
-    const int k = corner(f, 0) == from ? 0 : corner(f, 1) == from ? 1 : 2;
-    corner(f, k) = to;
-    faces_of.remove(from, 3 * f + k);
-    faces_of.push_back(to, 3 * f + k);
+    std::replace(face[f].begin(), face[f].end(), from, to);
+    leave(f, from);
+    faces_of[to].push_back(f);
   }
 
   void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
