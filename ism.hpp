@@ -6696,6 +6696,14 @@ inline double misfit(const Points2& from, const Points2& to) {
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
 }
 
+/// The loop of every boundary vertex; -1 for others.
+inline Array<int> boundary_loops(const HalfEdgeMesh& m) {
+  Array<int> loop(m.n_vertices, -1);
+  for (int i = 0; i < m.loops(); ++i)
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) loop[m.tail[m.boundary[k]]] = i;
+  return loop;
+}
+
 /// The loop around a surface: the one through a vertex, or, if that is -1, the longest.
 inline int outer_loop(const Surface& s, int vertex) {
   const HalfEdgeMesh& m = s.mesh;
@@ -7466,37 +7474,53 @@ inline bool make_pillow(const std::array<int, 4>& cones, double side, Surface& s
   return true;
 }
 
-/// Embeds a surface on its pillow: every vertex but the cones is the mean of its neighbours
-/// [Aigerman and Lipman 2015]. False if rounding turns a triangle over.
-inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Points2& x) {
-  const std::array<Vec2, 4> corner = pillow_corners(m.pillow.side);
-  x = Points2::Zero(m.n_vertices, 2);
-  Array<Vec2> right(m.n_vertices);
-  for (int i = 0; i < 4; ++i) {
-    right[m.pillow.cones[i]] = corner.data()[i];
-    set_row(x, m.pillow.cones[i], corner.data()[i]);
-  }
+/// Puts every vertex that is not fixed, by a row of its own, where it is the mean of its neighbours
+/// [Tutte 1963], on a pillow as seen from there [Aigerman and Lipman 2015]. In an opening, one more
+/// vertex is joined to all around it; these are the last rows of x. False if rounding turns a
+/// triangle over.
+inline bool tutte(const HalfEdgeMesh& m, const Array<char>& is_fixed, const Executor& executor,
+                  Points2& x) {
+  const int n = rows_of(x);
+  Array<Vec2> right(n);
   Array<Block> blocks;
-  for (int u = 0; u < m.n_vertices; ++u) {
-    blocks.push_back({u, u, diagonal(m.pillow.is_cone(u) ? 1 : 0)});
-    if (m.pillow.is_cone(u)) continue;
-    m.for_each_outgoing(u, [&](int h) {
-      const int v = m.tip(h);
-      const Motion g = inverse(m.pillow.place[h]) * m.pillow.place[next(h)];
-      const bool is_fixed = m.pillow.is_cone(v);
-      blocks.push_back({u, u, diagonal(1)});
-      if (!is_fixed && u < v) blocks.push_back({u, v, diagonal(-g.sign)});
-      right[u] += is_fixed ? g * row2(x, v) : g.shift;
-    });
+  for (int u = 0; u < n; ++u)
+    if (is_fixed[u]) right[u] = row2(x, u), blocks.push_back({u, u, diagonal(1)});
+  const auto pull = [&](int u, int v, const Motion& g) {
+    if (is_fixed[u]) return;
+    blocks.push_back({u, u, diagonal(1)});
+    right[u] += is_fixed[v] ? g * row2(x, v) : g.shift;
+    if (!is_fixed[v] && u < v) blocks.push_back({u, v, diagonal(-g.sign)});
+  };
+  const auto join = [&](int u, int v, const Motion& g) { pull(u, v, g), pull(v, u, inverse(g)); };
+  for (int h = 0; h < m.tail.size(); ++h) {
+    if (m.twin[h] > h) continue;
+    const Array<Motion>& place = m.pillow.place;
+    join(m.tail[h], m.tip(h), place.empty() ? Motion() : inverse(place[h]) * place[next(h)]);
   }
-  const BlockMatrix H = sum_of_blocks(m.n_vertices, blocks, executor);
+  for (int i = 0; i < m.loops(); ++i)
+    for (int k = m.loop[i]; k < m.loop[i + 1] && !is_fixed[m.n_vertices + i]; ++k)
+      join(m.tail[m.boundary[k]], m.n_vertices + i, {});
+  const BlockMatrix H = sum_of_blocks(n, blocks, executor);
   LdltFactor factor;
   ldlt_factorize({&H, nullptr, 0}, x, executor, factor);
   if (!factor.ok) return false;
   const Array<Vec2> solution = ldlt_solve(factor, right);
-  for (int v = 0; v < m.n_vertices; ++v)
-    if (!m.pillow.is_cone(v)) set_row(x, v, usable(m, solution[v]));
+  for (int v = 0; v < n; ++v)
+    if (!is_fixed[v]) set_row(x, v, usable(m, solution[v]));
+  x.conservativeResize(m.n_vertices, 2);
   return is_injective(m, x);
+}
+
+/// Embeds a surface on its pillow.
+inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Points2& x) {
+  const std::array<Vec2, 4> corner = pillow_corners(m.pillow.side);
+  x = Points2::Zero(m.n_vertices, 2);
+  Array<char> is_fixed(m.n_vertices, 0);
+  for (int i = 0; i < 4; ++i) {
+    set_row(x, m.pillow.cones[i], corner.data()[i]);
+    is_fixed[m.pillow.cones[i]] = 1;
+  }
+  return tutte(m, is_fixed, executor, x);
 }
 
 class Hierarchy {
@@ -7528,66 +7552,36 @@ class Hierarchy {
   bool has(int v) const { return mesh_.is_present(v); }
   bool is_full() const { return collapses_.empty(); }
 
-  /// Embeds the coarsest mesh by Tutte's theorem: the boundary on the square or on a circle, every
-  /// other vertex the mean of its neighbours; in an opening, one more vertex is joined to all
-  /// around it.
+  /// Embeds the coarsest mesh by Tutte's theorem: the boundary on the square or on a circle.
   bool embed_base() {
     const Level level = current();
     const HalfEdgeMesh& m = level.surface.mesh;
-    const int outer = outer_loop_of(level), n = m.n_vertices;
+    const int outer = outer_loop_of(level), rows = m.n_vertices + m.loops();
     const double radius = std::sqrt(s_.total_area / kPi);
-    Points2 x = Points2::Zero(n + m.loops(), 2);
-    Array<char> is_fixed(n + m.loops(), 0);
-    Array<Vec2> right(n + m.loops());
-    Array<Block> blocks;
-    const auto fix = [&](int u, Vec2 p) {
-      is_fixed[u] = 1;
-      right[u] = p;
-      set_row(x, u, p);
-      blocks.push_back({u, u, diagonal(1)});
-    };
-    const auto join = [&](int u, int v) {
-      for (int w : {u, v})
-        if (!is_fixed[w]) blocks.push_back({w, w, diagonal(1)});
-      if (!is_fixed[u] && !is_fixed[v])
-        blocks.push_back({(std::min)(u, v), (std::max)(u, v), diagonal(-1)});
-      else if (!is_fixed[u] || !is_fixed[v])
-        right[is_fixed[u] ? v : u] += row2(x, is_fixed[u] ? u : v);
-    };
+    Points2 x = Points2::Zero(rows, 2);
+    Array<char> is_fixed(rows, 0);
     const int begin = m.loop[outer], edges = m.loop[outer + 1] - begin;
     for (int i = 0; i < edges; ++i) {
       const int u = m.tail[m.boundary[begin + i]];
-      fix(u, border_ != nullptr ? border_->point(level.vertex[u])
-                                : radius * on_circle(2 * kPi * i / edges));
+      set_row(x, u,
+              border_ != nullptr ? border_->point(level.vertex[u])
+                                 : radius * on_circle(2 * kPi * i / edges));
+      is_fixed[u] = 1;
     }
-    fix(n + outer, {});
-    for (int h = 0; h < m.tail.size(); ++h)
-      if (m.twin[h] < h) join(m.tail[h], m.tip(h));
-    for (int i = 0; i < m.loops(); ++i)
-      for (int k = m.loop[i]; k < m.loop[i + 1] && i != outer; ++k)
-        join(m.tail[m.boundary[k]], n + i);
-    const BlockMatrix H = sum_of_blocks(n + m.loops(), blocks, executor_);
-    LdltFactor factor;
-    ldlt_factorize({&H, nullptr, 0}, x, executor_, factor);
-    if (!factor.ok) return false;
-    const Array<Vec2> solution = ldlt_solve(factor, right);
-    for (int v = 0; v < n; ++v) set_row(x, v, solution[v]);
-    x.conservativeResize(n, 2);
-    if (!is_injective(m, x)) return false;
+    is_fixed[m.n_vertices + outer] = 1;  // outside
+    if (!tutte(m, is_fixed, executor_, x)) return false;
     set(level, x);
     return true;
   }
 
   /// The loop of a level that becomes its outline.
   int outer_loop_of(const Level& level) const {
-    const HalfEdgeMesh &full = s_.mesh, &m = level.surface.mesh;
+    const HalfEdgeMesh& m = level.surface.mesh;
     if (m.loops() <= 1) return 0;
+    const Array<int> loop = boundary_loops(s_.mesh);
     const int outer = outer_loop(s_, outer_);
-    Array<char> is_outer(full.n_vertices, 0);
-    for (int k = full.loop[outer]; k < full.loop[outer + 1]; ++k)
-      is_outer[full.tail[full.boundary[k]]] = 1;
     int i = 0;
-    while (!is_outer[level.vertex[m.tail[m.boundary[m.loop[i]]]]]) ++i;
+    while (loop[level.vertex[m.tail[m.boundary[m.loop[i]]]]] != outer) ++i;
     return i;
   }
 
@@ -8085,14 +8079,6 @@ inline bool check_order(const Array<VertexPair>& sorted, const Array<double>& ar
               {"the landmarks on the boundaries are in different order on A and B:", names,
                "; is one mesh mirrored?"},
               ids);
-}
-
-/// The loop of every boundary vertex; -1 for others.
-inline Array<int> boundary_loops(const HalfEdgeMesh& m) {
-  Array<int> loop(m.n_vertices, -1);
-  for (int i = 0; i < m.loops(); ++i)
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) loop[m.tail[m.boundary[k]]] = i;
-  return loop;
 }
 
 /// True if the landmarks on the boundaries follow each other in the same order on A and on B,
