@@ -6030,22 +6030,6 @@ inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
   return found;
 }
 
-/// A follower and one of its masters that is a follower, too.
-struct Chain {
-  int row = -1, master = -1;
-};
-
-inline Chain find_chain(const JointSurface& s, const Array<Follower>& followers) {
-  Array<char> follows(s.mesh.n_vertices, 0);
-  for (const Follower& follower : followers) follows[follower.row] = 1;
-  Chain chain;
-  for (const Follower& follower : followers)
-    follower.for_each_master([&](int v, double) {
-      if (follows[v] && chain.row < 0) chain = {follower.row, v};
-    });
-  return chain;
-}
-
 // ---- vertices that are added, and cuts ----
 
 /// Cuts the triangle of h in two along the line from a vertex on its edge u → v to the corner
@@ -7603,12 +7587,11 @@ class Hierarchy {
     level.surface = build_surface(build_half_edges(level.vertex.size(), triangles_from(corners)),
                                   vertices, true);
     if (are_alike()) level.surface = softened(level.surface, 0, s_.total_area);
-    if (place_.empty()) return level;
     Pillow& pillow = level.surface.mesh.pillow;
-    for (int f = 0; f < mesh_.face.size(); ++f)
-      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) pillow.place.push_back(place_[3 * f + k]);
-    for (int v : cones_) pillow.cones.push_back(level.place[v]);
-    pillow.side = side_of_pillow_;
+    for (int h = 0; h < pillow_.place.size(); ++h)
+      if (mesh_.alive[h / 3]) pillow.place.push_back(pillow_.place[h]);
+    for (int v : pillow_.cones) pillow.cones.push_back(level.place[v]);
+    pillow.side = pillow_.side;
     return level;
   }
 
@@ -7626,17 +7609,16 @@ class Hierarchy {
     return true;
   }
 
+  /// Takes the pillow of a level.
   void set_pillow(const Level& level, const Pillow& pillow) {
-    side_of_pillow_ = pillow.side;
-    cones_.clear();
-    for (int v : pillow.cones) cones_.push_back(level.vertex[v]);
-    place_.assign(3 * mesh_.face.size(), Motion());
-    for (int f = 0, h = 0; f < mesh_.face.size(); ++f)
-      for (int k = 0; k < 3 && mesh_.alive[f]; ++k) place_[3 * f + k] = pillow.place[h++];
+    pillow_ = {Array<Motion>(3 * mesh_.face.size()), {}, pillow.side};
+    for (int v : pillow.cones) pillow_.cones.push_back(level.vertex[v]);
+    for (int h = 0, i = 0; h < pillow_.place.size(); ++h)
+      if (mesh_.alive[h / 3]) pillow_.place[h] = pillow.place[i++];
   }
 
   /// The pillow of the full mesh.
-  Pillow pillow() const { return {place_, cones_, side_of_pillow_}; }
+  const Pillow& pillow() const { return pillow_; }
 
   Points2 positions(const Level& level) const {
     Points2 x(level.vertex.size(), 2);
@@ -7685,14 +7667,14 @@ class Hierarchy {
     is_outline_known_ = true;
     local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
     Array<Motion> places;
-    for (int i = 0; i < 3 * c.changed.size() && !place_.empty(); ++i)
-      places.push_back(place_[3 * c.changed[i / 3] + i % 3]);
+    for (int i = 0; i < 3 * c.changed.size() && !pillow_.is_empty(); ++i)
+      places.push_back(pillow_.place[3 * c.changed[i / 3] + i % 3]);
     mesh_.undo(c);
     place_corners(c);
     const bool has_room = place(c);
     if (mesh_.on_boundary(c.u)) update_outline(c.u);
     if (has_room) return true;
-    for (int i = 0; i < places.size(); ++i) place_[3 * c.changed[i / 3] + i % 3] = places[i];
+    for (int i = 0; i < places.size(); ++i) pillow_.place[3 * c.changed[i / 3] + i % 3] = places[i];
     collapses_.push_back(mesh_.collapse(c.u, c.v));
     is_outline_known_ = false;
     return false;
@@ -7713,10 +7695,10 @@ class Hierarchy {
     const std::array<int, 3>& t = mesh_.face[f];
     const int k = corner_at(f, u), i = (k + 1) % 3, j = (k + 2) % 3;
     const int p = t.data()[i], q = t.data()[j];
-    if (place_.empty()) return {p, q, row2(x_, p), row2(x_, q)};
-    const Motion from_face = inverse(place_[3 * f + k]);
-    return {p, q, from_face * (place_[3 * f + i] * row2(x_, p)),
-            from_face * (place_[3 * f + j] * row2(x_, q))};
+    if (pillow_.is_empty()) return {p, q, row2(x_, p), row2(x_, q)};
+    const Motion from_face = inverse(pillow_.place[3 * f + k]);
+    return {p, q, from_face * (pillow_.place[3 * f + i] * row2(x_, p)),
+            from_face * (pillow_.place[3 * f + j] * row2(x_, q))};
   }
   int corner_at(int f, int v) const {
     const std::array<int, 3>& t = mesh_.face[f];
@@ -7726,10 +7708,10 @@ class Hierarchy {
   /// Places the corners of the triangles that u comes back to. It takes the place of v; as a cone
   /// has two in each triangle, these are found from triangle to triangle there.
   void place_corners(const Collapse& c) {
-    if (place_.empty()) return;
+    if (pillow_.is_empty()) return;
     Array<int> known(1, c.changed[0]), left;
     for (int f : c.changed)
-      if (f != c.changed[0]) (is_cone(c.v) ? left : known).push_back(f);
+      if (f != c.changed[0]) (pillow_.is_cone(c.v) ? left : known).push_back(f);
     while (!left.empty()) {
       int i = 0;
       while (!continue_plane(c.u, known, left[i])) ++i;  // the triangles around u are a fan
@@ -7756,8 +7738,7 @@ class Hierarchy {
     return false;
   }
 
-  Motion& place_at(int f, int v) { return place_[3 * f + corner_at(f, v)]; }
-  bool is_cone(int v) const { return std::find(cones_.begin(), cones_.end(), v) != cones_.end(); }
+  Motion& place_at(int f, int v) { return pillow_.place[3 * f + corner_at(f, v)]; }
 
   /// All triangles are alike on a circle, which leaves room everywhere.
   bool are_alike() const { return border_ != nullptr && border_->is_round; }
@@ -7806,8 +7787,10 @@ class Hierarchy {
   }
 
   /// Places a vertex; on a pillow, positions are multiples of 2^-50.
-  void put(int u, Vec2 p) { set_row(x_, u, place_.empty() ? p : usable(p)); }
-  Vec2 usable(Vec2 p) const { return place_.empty() ? flush_tiny(p) : on_grid(p, side_of_pillow_); }
+  void put(int u, Vec2 p) { set_row(x_, u, pillow_.is_empty() ? p : usable(p)); }
+  Vec2 usable(Vec2 p) const {
+    return pillow_.is_empty() ? flush_tiny(p) : on_grid(p, pillow_.side);
+  }
 
   Vec2 place_by_map(const Collapse& c) const {
     Vec2 sum;
@@ -7971,9 +7954,7 @@ class Hierarchy {
   PlanarOutline outline_;  // of x_
   bool is_outline_known_ = false;
   Array<Collapse> collapses_;
-  Array<Motion> place_;  // of corners, see Pillow
-  Array<int> cones_;
-  double side_of_pillow_ = kPillowSide;
+  Pillow pillow_;  // dead faces have places, too
   int goal_ = 0, active_at_set_ = 0;
   bool is_stuck_ = false;
   Mat2 local_metric_ = diagonal(1);  // around the next vertex
@@ -13393,12 +13374,17 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
 /// Checks that no pin lies in a triangle of a pinned vertex: chains of followers are not resolved.
 inline bool check_chains(const JointSurface& s, const Array<Follower>& followers,
                          Outcome& outcome) {
-  const Chain chain = find_chain(s, followers);
-  if (chain.row < 0) return true;
-  return fail(outcome, Status::kInvalidPins,
-              {"pin: vertex ", name_of(s, chain.row), " lies in a triangle of vertex ",
-               name_of(s, chain.master), ", which is pinned too"},
-              {element_id(s, chain.row), element_id(s, chain.master)});
+  Array<char> follows(s.mesh.n_vertices, 0);
+  for (const Follower& follower : followers) follows[follower.row] = 1;
+  int row = -1, master = -1;
+  for (const Follower& follower : followers)
+    follower.for_each_master([&](int v, double) {
+      if (follows[v] && row < 0) row = follower.row, master = v;
+    });
+  return row < 0 || fail(outcome, Status::kInvalidPins,
+                         {"pin: vertex ", name_of(s, row), " lies in a triangle of vertex ",
+                          name_of(s, master), ", which is pinned too"},
+                         {element_id(s, row), element_id(s, master)});
 }
 
 /// Collects the followers of Options::pins_a, pins_b and exact landmarks.
