@@ -6864,55 +6864,6 @@ struct DynamicMesh {
   void link(int u, int v) { boundary_next[u] = v, boundary_prev[v] = u; }
 };
 
-/// The boundary of a DynamicMesh in the plane; of what changes there, it has to be told.
-class PlanarOutline {
- public:
-  void build(const DynamicMesh& m, const Points2& x) {
-    edges_.reset(m.boundary.size());
-    for (int v : m.boundary)
-      if (m.is_present(v)) edges_.set(m.boundary_place[v], lo(m, x, v), hi(m, x, v));
-    edges_.join();
-  }
-
-  /// The edge that begins at a vertex of the boundary is another one, or gone with it.
-  void update(const DynamicMesh& m, const Points2& x, int v) {
-    if (m.is_present(v))
-      edges_.change(m.boundary_place[v], lo(m, x, v), hi(m, x, v));
-    else
-      edges_.remove(m.boundary_place[v]);
-  }
-
-  /// True if the segment between two vertices can be a boundary edge: it meets no other boundary
-  /// edge, but for its neighbours in their common vertices. What is between them now does not
-  /// count.
-  bool edge_fits(const DynamicMesh& m, const Points2& x, int from, int to) const {
-    const Vec2 p = row2(x, from), q = row2(x, to), least = lower(p, q), most = upper(p, q);
-    const bool is_there = m.boundary_next[from] == to;
-    const int between = is_there ? -1 : m.boundary_next[from];
-    const auto is_in_the_way = [&](int i) {
-      const int w = m.boundary[i], z = m.boundary_next[w];
-      if (w == from || w == between) return false;
-      const Vec2 s = row2(x, w), t = row2(x, z);
-      if (w == to && z == from) return true;
-      return w == to     ? turns_back(p, s, t)
-             : z == from ? turns_back(s, t, q)
-                         : segments_touch(p, q, s, t);
-    };
-    return !edges_.find([&](Vec2 lo, Vec2 hi) { return boxes_meet(least, most, lo, hi); },
-                        is_in_the_way);
-  }
-
- private:
-  static Vec2 lo(const DynamicMesh& m, const Points2& x, int v) {
-    return lower(row2(x, v), row2(x, m.boundary_next[v]));
-  }
-  static Vec2 hi(const DynamicMesh& m, const Points2& x, int v) {
-    return upper(row2(x, v), row2(x, m.boundary_next[v]));
-  }
-
-  BoxTree edges_;  // by the place of their first vertex
-};
-
 /// The squared distances of a point from weighted planes, summed.
 struct Quadric {
   double entry[4][4] = {};
@@ -7663,8 +7614,7 @@ class Hierarchy {
   bool grow_by_one() {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
-    if (!is_outline_known_) outline_.build(mesh_, x_);
-    is_outline_known_ = true;
+    if (!is_outline_known_) build_outline();
     local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
     Array<Motion> places;
     for (int i = 0; i < 3 * c.changed.size() && !pillow_.is_empty(); ++i)
@@ -7681,9 +7631,40 @@ class Hierarchy {
   }
 
  private:
+  void build_outline() {
+    outline_.reset(mesh_.boundary.size());
+    for (int v : mesh_.boundary) update_edge(v);
+    is_outline_known_ = true;
+  }
+
   /// The edges of the boundary at u have changed.
   void update_outline(int u) {
-    for (int v : {mesh_.boundary_prev[u], u}) outline_.update(mesh_, x_, v);
+    for (int v : {mesh_.boundary_prev[u], u}) update_edge(v);
+  }
+
+  /// The edge of the boundary that begins at v is another one, or gone with it.
+  void update_edge(int v) {
+    const int i = mesh_.boundary_place[v];
+    if (!mesh_.is_present(v)) return outline_.remove(i);
+    const Vec2 p = row2(x_, v), q = row2(x_, mesh_.boundary_next[v]);
+    outline_.change(i, lower(p, q), upper(p, q));
+  }
+
+  /// True if the segment between two vertices can be a boundary edge: it meets no other boundary
+  /// edge, but for its neighbours in their common vertices.
+  bool edge_fits(int from, int to) const {
+    const Vec2 p = row2(x_, from), q = row2(x_, to), least = lower(p, q), most = upper(p, q);
+    const auto is_in_the_way = [&](int i) {
+      const int w = mesh_.boundary[i], z = mesh_.boundary_next[w];
+      if (w == from) return false;
+      const Vec2 s = row2(x_, w), t = row2(x_, z);
+      if (w == to && z == from) return true;
+      return w == to     ? turns_back(p, s, t)
+             : z == from ? turns_back(s, t, q)
+                         : segments_touch(p, q, s, t);
+    };
+    return !outline_.find([&](Vec2 lo, Vec2 hi) { return boxes_meet(least, most, lo, hi); },
+                          is_in_the_way);
   }
 
   /// An edge p → q opposite a vertex u, and its ends as seen from u in the plane.
@@ -7885,7 +7866,7 @@ class Hierarchy {
   bool boundary_fits(int u) {
     const int before = mesh_.boundary_prev[u], after = mesh_.boundary_next[u];
     update_outline(u);
-    return outline_.edge_fits(mesh_, x_, before, u) && outline_.edge_fits(mesh_, x_, u, after);
+    return edge_fits(before, u) && edge_fits(u, after);
   }
 
   /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
@@ -7951,7 +7932,7 @@ class Hierarchy {
   const Executor& executor_;
   DynamicMesh mesh_;
   Points2 x_;
-  PlanarOutline outline_;  // of x_
+  BoxTree outline_;  // of x_: the edges of the boundary, by the place of their first vertex
   bool is_outline_known_ = false;
   Array<Collapse> collapses_;
   Pillow pillow_;  // dead faces have places, too
