@@ -8174,13 +8174,12 @@ class OutlineBuilder {
     int vertex;
   };
 
-  /// Arcs of boundary vertices in terms of B.
-  Array<double> arcs_in_b(bool of_a) const {
-    if (!of_a) return arc_b_;
+  /// Arcs of the boundary vertices of A in terms of B.
+  Array<double> arcs_of_a() const {
     Array<double> arcs = arc_a_;
     for (int h : pair_.a.mesh.boundary) {
-      const int v = pair_.a.mesh.tail[h];
-      arcs[v] = matching_arc(matches_, arc_a_[v]);
+      double& arc = arcs[pair_.a.mesh.tail[h]];
+      arc = matching_arc(matches_, arc);
     }
     return arcs;
   }
@@ -8207,45 +8206,32 @@ class OutlineBuilder {
   /// that match best. False if a mesh had no vertex there and got one.
   bool find_corner(int k, VertexPair& corner) {
     const double center = matches_[0].b + k / 4.0;
-    const Array<double> arcs_a = arcs_in_b(true), arcs_b = arcs_in_b(false);
+    const Array<double> arcs_a = arcs_of_a();
     const Array<Candidate> a = around(pair_.a.mesh, center, arcs_a);
-    const Array<Candidate> b = around(pair_.b.mesh, center, arcs_b);
+    const Array<Candidate> b = around(pair_.b.mesh, center, arc_b_);
     if (a.empty()) add_vertices({edge_at(pair_.a.mesh, center, arcs_a)}, pair_.a);
-    if (b.empty()) add_vertices({edge_at(pair_.b.mesh, center, arcs_b)}, pair_.b);
+    if (b.empty()) add_vertices({edge_at(pair_.b.mesh, center, arc_b_)}, pair_.b);
     if (a.empty() || b.empty()) return false;
-    if (!nearest_landmark(a, corner)) best_pair(a, b, corner);
-    return true;
-  }
-
-  bool nearest_landmark(const Array<Candidate>& a, VertexPair& corner) const {
-    double least = kInfinity;
-    for (const Candidate& c : a)
-      for (const VertexPair& l : landmarks_) {
-        if (l.a != c.vertex || std::abs(c.offset) >= least) continue;
-        least = std::abs(c.offset);
-        corner = l;
-      }
-    return least < kInfinity;
-  }
-
-  static void best_pair(const Array<Candidate>& a, const Array<Candidate>& b, VertexPair& corner) {
     constexpr double kCentred = 0.01;  // weight of the distance from the ideal place
     double least = kInfinity;
+    const auto consider = [&](double cost, int v, int w) {
+      if (cost < least) least = cost, corner = {v, w};
+    };
     for (const Candidate& c : a)
-      for (const Candidate& d : b) {
-        const double cost = std::abs(c.offset - d.offset) + kCentred * std::abs(d.offset);
-        if (cost >= least) continue;
-        least = cost;
-        corner = {c.vertex, d.vertex};
-      }
+      for (const VertexPair& l : landmarks_)
+        if (l.a == c.vertex) consider(std::abs(c.offset), l.a, l.b);
+    if (least < kInfinity) return true;
+    for (const Candidate& c : a)
+      for (const Candidate& d : b)
+        consider(std::abs(c.offset - d.offset) + kCentred * std::abs(d.offset), c.vertex, d.vertex);
+    return true;
   }
 
   /// Places all boundary vertices: those of B by arc length between the corners, those of A where
   /// their matches are.
   void place(Outline& a, Outline& b) {
     if (!has_landmarks()) matches_.clear();
-    for (int k = 0; k < 4; ++k)
-      if (!is_landmark(a.corner[k])) matches_.push_back({arc_a_[a.corner[k]], arc_b_[b.corner[k]]});
+    for (int k = 0; k < 4; ++k) matches_.push_back({arc_a_[a.corner[k]], arc_b_[b.corner[k]]});
     std::sort(matches_.begin(), matches_.end());
     const auto u_of = [&](double arc) {
       int k = 0;
@@ -8258,14 +8244,8 @@ class OutlineBuilder {
       outline.u.assign(m.n_vertices, -1);
       for (int h : m.boundary) outline.u[m.tail[h]] = u_of(arcs[m.tail[h]]);
     };
-    place_all(pair_.a.mesh, arcs_in_b(true), a);
-    place_all(pair_.b.mesh, arcs_in_b(false), b);
-  }
-
-  bool is_landmark(int a) const {
-    for (const VertexPair& l : landmarks_)
-      if (l.a == a) return true;
-    return false;
+    place_all(pair_.a.mesh, arcs_of_a(), a);
+    place_all(pair_.b.mesh, arc_b_, b);
   }
 
   /// Halves all inner edges between boundary vertices of one side, which would lie in the outline.
@@ -8420,27 +8400,22 @@ inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pair
     if (find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0) return 0.0;
     return (std::min)(on(pair.a, p.a, q.a), on(pair.b, p.b, q.b));
   };
-  Cones cones;
-  if (pairs.empty()) return cones;
-  Array<double> nearest(pairs.size(), kInfinity);
-  int next = attempt % pairs.size();
-  while (cones.size() < 4 && nearest[next] > 0) {
-    cones.push_back(pairs[next]);
-    for (int i = 0; i < pairs.size(); ++i)
-      nearest[i] = (std::min)(nearest[i], distance(pairs[next], pairs[i]));
-    next = static_cast<int>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-  }
+  if (pairs.empty()) return {};
+  Array<double> nearest(pairs.size(), (std::numeric_limits<double>::max)());
+  nearest[attempt % pairs.size()] = kInfinity;  // it comes first
+  const auto between = [&](int i, int j) { return distance(pairs[i], pairs[j]); };
+  const Array<int> cones = farthest_items(4, nearest, between);
   if (cones.size() < 4) return {};
   std::array<std::size_t, 4> order = {0, 1, 2, 3}, best = order;
   double least = kInfinity;
   do {
     double length = 0;
     for (std::size_t i = 0; i < 3; ++i)
-      length += distance(cones.data()[order[i]], cones.data()[order[i + 1]]);
+      length += between(cones.data()[order[i]], cones.data()[order[i + 1]]);
     if (length < least) least = length, best = order;
   } while (std::next_permutation(order.begin(), order.end()));
   Cones ordered;
-  for (std::size_t i : best) ordered.push_back(cones.data()[i]);
+  for (std::size_t i : best) ordered.push_back(pairs[cones.data()[i]]);
   return ordered;
 }
 
@@ -8527,7 +8502,7 @@ class PairEmbedder {
   bool coarse_map(SurfacePair& pair, Embedding& result) const {
     if (levels_.empty() || levels_.front().iteration == 0) return false;
     Hierarchy a = *a_, b = *b_;
-    if (optimizer_) take_positions(a, b);
+    if (optimizer_) give_back(optimizer_->positions(), a, b);
     for (Hierarchy* h : {&a, &b})
       while (!h->is_full())
         if (!h->grow_by_one()) return false;
@@ -8585,15 +8560,12 @@ class PairEmbedder {
   }
 
   void plan_to_meet_early() {
-    if (depth_ == 0) {
-      add_embed_alone(kTrial, Boundary::kFree);
-      if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
-      add_embed_alone(kCoarse, Boundary::kFree);
-    } else {
-      add([this] { return embed_alone(*a_, vertices_of(pair_.a, depth_), Boundary::kFree); });
-      add([this] { return embed_alone(*b_, vertices_of(pair_.b, depth_), Boundary::kFree); });
-      if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
-    }
+    if (depth_ > 0)
+      add_embed_alone(vertices_of(pair_.a, depth_), vertices_of(pair_.b, depth_));
+    else
+      add_embed_alone(kTrial, kTrial);
+    if (landmarks_.size() < 2 && cones_.empty()) add([this] { return align_by_trial(); });
+    if (depth_ == 0) add_embed_alone(kCoarse, kCoarse);
     add_bring_together();
     add([this] { return grow_by_levels(); });
   }
@@ -8641,20 +8613,16 @@ class PairEmbedder {
     const bool is_coarsest = level_ == depth_;
     level_options_.tolerance = (std::max)(options_.tolerance, is_coarsest ? 1e-3 : 4e-3);
     level_options_.tuning.window = is_coarsest ? 20 : 10;
-    level_a_ = a_->current(), level_b_ = b_->current();
+    const Points2 x = take_levels();
     joint_ = join({level_a_.surface, level_b_.surface});
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
     log_ = Result();
-    const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
-    Array<PlacedLandmark> there;
-    for (PlacedLandmark l : landmarks_)
-      if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, 0, l.b)) there.push_back(l);
     std::vector<Curve> curves = options_.curves;
     for (Curve& c : curves) {
       keep_there(level_a_, c.a);
       keep_there(level_b_, c.b);
     }
-    const LandmarkPull pull(joint_, there, curves);
+    const LandmarkPull pull(joint_, landmarks_here(0), curves);
     if (!pull.is_empty()) optimizer_->set_pull(pull);
     optimizer_->start(x, log_);
     if (rules_.least_area_a > 0)
@@ -8678,7 +8646,7 @@ class PairEmbedder {
     if (!levels_.empty()) levels_.back() = log_.final_state();
     tell({"optimising a coarse map, ", joint_.mesh.n_vertices, " vertices"});
     if (has_more || executor_.is_stopped()) return true;
-    take_positions(*a_, *b_);
+    give_back(optimizer_->positions(), *a_, *b_);
     optimizer_.reset();
     begin_next_level();
     return true;
@@ -8692,10 +8660,16 @@ class PairEmbedder {
     is_relaxed_ = false;
   }
 
-  void take_positions(Hierarchy& a, Hierarchy& b) const {
-    const Points2& x = optimizer_->positions();
-    a.set(level_a_, rows_between(x, 0, joint_.n_a));
-    b.set(level_b_, rows_between(x, joint_.n_a, joint_.mesh.n_vertices));
+  /// Looks at both surfaces as they are now; returns their positions.
+  Points2 take_levels() {
+    level_a_ = a_->current(), level_b_ = b_->current();
+    return stacked(a_->positions(level_a_), b_->positions(level_b_));
+  }
+
+  void give_back(const Points2& x, Hierarchy& a, Hierarchy& b) const {
+    const int n_a = level_a_.vertex.size();
+    a.set(level_a_, rows_between(x, 0, n_a));
+    b.set(level_b_, rows_between(x, n_a, rows_of(x)));
   }
 
   bool smooth_both() {
@@ -8744,8 +8718,7 @@ class PairEmbedder {
   }
 
   void plan_to_meet_last() {
-    const int all = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
-    add_embed_alone(all, Boundary::kFixed);
+    add_embed_alone(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     for (int i = 0; i <= kStages && !is_held_; ++i) {
       add([this, i] { return unfold(*a_, i); });
       add([this, i] { return unfold(*b_, i); });
@@ -8754,9 +8727,9 @@ class PairEmbedder {
     add_bring_together();
   }
 
-  void add_embed_alone(int target, Boundary boundary) {
-    add([this, target, boundary] { return embed_alone(*a_, target, boundary); });
-    add([this, target, boundary] { return embed_alone(*b_, target, boundary); });
+  void add_embed_alone(int most_a, int most_b) {
+    add([this, most_a] { return embed_alone(*a_, most_a); });
+    add([this, most_b] { return embed_alone(*b_, most_b); });
   }
 
   /// Moves the plane of A rigidly, then lets the landmarks pull, harder and harder.
@@ -8855,7 +8828,7 @@ class PairEmbedder {
   }
 
   /// Embeds one surface, without the other, up to a number of vertices: grows, or takes a step.
-  bool embed_alone(Hierarchy& h, int target, Boundary boundary) {
+  bool embed_alone(Hierarchy& h, int target) {
     tell({"embedding ", h.name(), ": ", h.active(), " vertices"});
     if (!h.has_grown()) return grow(h);
     if (!newton_) {
@@ -8868,6 +8841,7 @@ class PairEmbedder {
         return fail({"the boundary of mesh ", h.name(), " cannot be laid along a square"});
       }
       drags_ = 0;
+      const Boundary boundary = outlines_ != nullptr ? Boundary::kFixed : Boundary::kFree;
       newton_ = std::make_unique<FlatNewton>(FlatProblem{level_a_.surface, boundary}, x, executor_);
     }
     if (newton_->minimize(kMostSteps, kTolerance)) return true;
@@ -8893,12 +8867,12 @@ class PairEmbedder {
     return false;
   }
 
-  /// The landmarks on two levels, the rows of B behind those of A; decimation may take some if
+  /// The landmarks on the levels, the rows of B from `first_b` on; decimation may take some if
   /// there are many.
-  Array<PlacedLandmark> landmarks_on(const Level& level_a, const Level& level_b) const {
+  Array<PlacedLandmark> landmarks_here(int first_b) const {
     Array<PlacedLandmark> present;
     for (PlacedLandmark l : landmarks_)
-      if (move_to_level(level_a, 0, l.a) && move_to_level(level_b, level_a.vertex.size(), l.b))
+      if (move_to_level(level_a_, 0, l.a) && move_to_level(level_b_, first_b, l.b))
         present.push_back(l);
     return present;
   }
@@ -8917,10 +8891,9 @@ class PairEmbedder {
          {}});
   }
 
-  bool align_by_landmarks() const {
-    const Level level_a = a_->current(), level_b = b_->current();
-    const Points2 x = stacked(a_->positions(level_a), b_->positions(level_b));
-    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
+  bool align_by_landmarks() {
+    const Points2 x = take_levels();
+    const Array<PlacedLandmark> landmarks = landmarks_here(level_a_.vertex.size());
     if (landmarks.empty()) return false;
     Points2 from(landmarks.size(), 2), to(landmarks.size(), 2);
     for (int i = 0; i < landmarks.size(); ++i) {
@@ -8936,13 +8909,12 @@ class PairEmbedder {
 
   /// Turns the plane of A about the landmark, or about its centre, to where the map is least
   /// distorted for its coverage.
-  bool align_by_trial() const {
+  bool align_by_trial() {
     constexpr int kRotations = 24;
-    const Level level_a = a_->current(), level_b = b_->current();
-    const JointSurface s = join({level_a.surface, level_b.surface});
-    const Points2 f = a_->positions(level_a), g = b_->positions(level_b);
-    const Array<PlacedLandmark> landmarks = landmarks_on(level_a, level_b);
-    const Points2 x = stacked(f, g);
+    const Points2 x = take_levels();
+    const JointSurface s = join({level_a_.surface, level_b_.surface});
+    const Points2 f = rows_between(x, 0, s.n_a), g = rows_between(x, s.n_a, rows_of(x));
+    const Array<PlacedLandmark> landmarks = landmarks_here(s.n_a);
     const Vec2 from = landmarks.empty() ? centroid(f) : mean(landmarks[0].a, x);
     const Vec2 to = landmarks.empty() ? centroid(g) : mean(landmarks[0].b, x);
     RigidMotion best = rigid_motion({1, 0}, from, to);
@@ -8961,7 +8933,7 @@ class PairEmbedder {
   bool relax_both(double weight) {
     return relax([this, weight](FlatProblem& problem, const Points2& x) {
       problem.surface = join({level_a_.surface, level_b_.surface});
-      const Array<PlacedLandmark> landmarks = landmarks_on(level_a_, level_b_);
+      const Array<PlacedLandmark> landmarks = landmarks_here(level_a_.vertex.size());
       constexpr double kMostScale = 100;  // distances count as on the surface, within limits
       double total = 0;
       int given = 0;
@@ -8983,8 +8955,7 @@ class PairEmbedder {
   template <class State>
   bool relax(const State& state) {
     if (!newton_) {
-      level_a_ = a_->current(), level_b_ = b_->current();
-      const Points2 x = stacked(a_->positions(level_a_), b_->positions(level_b_));
+      const Points2 x = take_levels();
       FlatProblem problem = {};
       problem.boundary = boundary();
       state(problem, x);
@@ -8993,10 +8964,7 @@ class PairEmbedder {
     const bool is_last = depth_ == 0 && landmarks_.size() > 0 && landmarks_.back().weight < 1;
     const double tolerance = is_last ? 1e-2 * kTolerance : kTolerance;
     if (newton_->minimize(levels_.empty() ? kMostSteps : kMostSmoothing, tolerance)) return true;
-    const Points2& x = newton_->positions();
-    const int n_a = level_a_.vertex.size();
-    a_->set(level_a_, rows_between(x, 0, n_a));
-    b_->set(level_b_, rows_between(x, n_a, rows_of(x)));
+    give_back(newton_->positions(), *a_, *b_);
     newton_.reset();
     return false;
   }
@@ -9150,11 +9118,8 @@ class LandmarkJoiner {
       executor_.tell(true, 1, {"landmarks still apart: ", apart_.size()}, nullptr);
       FlatProblem problem = {s_, options_.boundary};
       for (const VertexPair& l : apart_)
-        problem.springs.push_back({l.a,
-                                   s_.n_a + l.b,
-                                   diagonal(weight_ / landmarks_.size()),
-                                   {},
-                                   nearest_motion(s_.mesh, row2(x_, l.a), row2(x_, s_.n_a + l.b))});
+        add_springs(s_.mesh, x_, copy_of(l.a), copy_of(s_.n_a + l.b),
+                    diagonal(weight_ / landmarks_.size()), problem.springs);
       for (const VertexPair& l : joined_) problem.followers.push_back(landmark_follower(s_, x_, l));
       newton_ = std::make_unique<FlatNewton>(std::move(problem), x_, executor_);
     }
@@ -9235,8 +9200,7 @@ class Embedder {
   bool step() {
     if (stage_ == Stage::kEnd) return false;
     Timer timer;
-    const bool is_running = stage_ == Stage::kBegin || run_stage();
-    if (!is_running || stage_ == Stage::kBegin) stage_ = next_stage();
+    if (!run_stage()) stage_ = next_stage();
     if (result_.status != Status::kDone && stage_ != Stage::kOnCircle) stage_ = Stage::kEnd;
     if (stage_ == Stage::kEnd && result_.status != Status::kDone) {
       result_.f.resize(0, 2);
@@ -9262,13 +9226,14 @@ class Embedder {
 
   /// A step of the stage; false after its last one.
   bool run_stage() {
+    if (stage_ == Stage::kBegin) return false;
     if (stage_ == Stage::kJoining) return joiner_->step(result_);
     return embedder_->step(stage_ == Stage::kOnCircle ? other_ : result_);
   }
 
   /// What follows on a stage.
   Stage next_stage() {
-    constexpr double kStrained = 100, kMostStrained = 1e4;  // of isometries: 4
+    constexpr double kStrained = 100;  // of isometries: 4
     switch (stage_) {
       case Stage::kBegin:
         if (!PairEmbedder::has_levels(options_)) mapped_.reset();
@@ -9280,13 +9245,8 @@ class Embedder {
       case Stage::kFree:
         if (!cones_.empty() && result_.status == Status::kDone)
           set_pillows(embedder_->hierarchy(Side::kA), embedder_->hierarchy(Side::kB), pair_);
-        if (mapped_ && (result_.status != Status::kDone ||
-                        (cones_.empty() && !(strain(pair_, result_) < kMostStrained)))) {
+        if (is_poor() && (mapped_ || next_cones_ < cones_.size())) {
           mapped_.reset();
-          static_cast<Outcome&>(result_) = Outcome();
-          return begin(Stage::kFree, nullptr);
-        }
-        if (!cones_.empty() && result_.status != Status::kDone && next_cones_ < cones_.size()) {
           static_cast<Outcome&>(result_) = Outcome();
           return begin(Stage::kFree, nullptr);
         }
@@ -9308,6 +9268,13 @@ class Embedder {
       default:
         return Stage::kEnd;
     }
+  }
+
+  /// True if the map that was given, or these cones, lead to nothing.
+  bool is_poor() const {
+    constexpr double kMostStrained = 1e4;
+    if (result_.status != Status::kDone) return true;
+    return mapped_ && cones_.empty() && !(strain(pair_, result_) < kMostStrained);
   }
 
   Array<PlacedLandmark> landmarks() const { return located(landmarks_, pair_); }
