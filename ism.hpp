@@ -13214,15 +13214,6 @@ inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s)
       TriangleMesh{with_added(given->vertices, s.added), triangles_from(s.mesh.tail)});
 }
 
-/// Stores the embedded meshes.
-inline void return_meshes(const SharedMesh& a, const SharedMesh& b, const SurfacePair& pair,
-                          Embedding& embedding) {
-  embedding.a = with_added_vertices(a, pair.a);
-  embedding.b = with_added_vertices(b, pair.b);
-  embedding.added_a = pair.a.added;
-  embedding.added_b = pair.b.added;
-}
-
 /// Checks that x is an injective embedding of m.
 inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char* name,
                             Outcome& outcome) {
@@ -13762,9 +13753,7 @@ class Run {
     Embedding& start = result_.start;
     is_embedding_ = false;
     return_input();
-    start_ = stacked(start.f, start.g);
-    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
-    return_meshes(a_->mesh, b_->mesh, cut_, start);
+    return_start();
     if (start.status != Status::kDone) {
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
@@ -13772,9 +13761,20 @@ class Run {
     }
     const JointSurface s = join(pair_);
     start.landmark_distance = largest_landmark_distance(s, start_, located(opened_, pair_));
-    return_positions(start_, start.f, start.g);
     result_.status = Status::kDone;
     if (goal_ != Goal::kStart) begin_loop();
+  }
+
+  /// Takes the positions of the start, which then has those of the embedded meshes.
+  void return_start() {
+    Embedding& start = result_.start;
+    start_ = stacked(start.f, start.g);
+    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
+    start.a = with_added_vertices(a_->mesh, cut_.a);
+    start.b = with_added_vertices(b_->mesh, cut_.b);
+    start.added_a = cut_.a.added;
+    start.added_b = cut_.b.added;
+    if (start.status == Status::kDone) return_positions(start_, start.f, start.g);
   }
 
   /// Begins Algorithm 1, at first with springs between landmarks to be pulled together.
@@ -13805,10 +13805,7 @@ class Run {
     if (!levels.coarse_map(pair_, start)) return;
     level_shown_ = level;
     static_cast<Outcome&>(start) = Outcome();
-    start_ = stacked(start.f, start.g);
-    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
-    return_meshes(a_->mesh, b_->mesh, cut_, start);
-    return_positions(start_, start.f, start.g);
+    return_start();
     result_.f = start.f, result_.g = start.g;
     result_.coarse = levels.levels();
     const JointSurface s = join(pair_);
@@ -13870,15 +13867,10 @@ class Run {
   void hand_over() {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
     if (!has_reason_) result_.message = words_of(result_.status).sentence;
-    if (is_usable(result_.status)) {
-      hand_over_positions();
-    } else {
-      result_.f.resize(0, 2);
-      result_.g.resize(0, 2);
-    }
+    if (is_usable(result_.status)) return return_positions(own_positions(), result_.f, result_.g);
+    result_.f.resize(0, 2);
+    result_.g.resize(0, 2);
   }
-
-  void hand_over_positions() { return_positions(own_positions(), result_.f, result_.g); }
 
   bool is_on_pillow() const { return !pair_.a.mesh.pillow.is_empty(); }
 
