@@ -13344,65 +13344,6 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
          check_chains(s, followers, outcome);
 }
 
-// ---- landmarks changed while a map exists ----
-//
-// Purpose:    pulls landmarks together with little loss of optimised quality.
-// Method:     Algorithm 1 continues with springs of growing stiffness between them. Exact landmarks
-//             are joined as soon as all can be; else LandmarkJoiner takes over, and most of the
-//             optimised quality is lost.
-// Invariants: every iterate is injective.
-
-class LandmarkPuller {
- public:
-  LandmarkPuller(const JointSurface& s, const Array<PlacedLandmark>& apart,
-                 const RunOptions& options, const Executor& executor, Optimizer& optimizer)
-      : s_(s),
-        apart_(apart),
-        stiffest_(options.exact_landmarks ? kHardest : kStiffest),
-        most_(options.exact_landmarks ? 4 : 2),
-        executor_(executor),
-        optimizer_(optimizer) {}
-
-  /// Runs an iteration; false after the last one. The next call repeats a stopped iteration.
-  bool step() {
-    if (iteration_ == 0) stiffen();
-    Result result;
-    result.status = Status::kUnfinished;
-    optimizer_.iterate(result);  // with its own log: E may rise, and no stopping rule applies
-    was_stopped_ = result.status == Status::kUnfinished && result.log.empty();
-    if (was_stopped_) return true;
-    executor_.tell(false, 0, {"bringing landmarks together: ", apart_.size()}, nullptr);
-    if (result.log.empty() || ++iteration_ == most_) {
-      iteration_ = 0;
-      weight_ *= 10;
-    }
-    return weight_ <= stiffest_;
-  }
-
-  bool was_stopped() const { return was_stopped_; }
-
- private:
-  static constexpr double kHardest = 1e10;
-
-  void stiffen() {
-    Array<Spring> springs;
-    for (const PlacedLandmark& l : apart_)
-      add_springs(s_.mesh, optimizer_.positions(), l.a, in_joint(s_, l.b),
-                  diagonal(weight_ / apart_.size()), springs);
-    optimizer_.set_springs(std::move(springs));
-  }
-
-  const JointSurface& s_;
-  const Array<PlacedLandmark> apart_;
-  const double stiffest_;
-  const int most_;  // iterations per stiffness
-  const Executor& executor_;
-  Optimizer& optimizer_;
-  double weight_ = 1;
-  int iteration_ = 0;
-  bool was_stopped_ = false;  // during the last step
-};
-
 // ---- compute_map() in steps ----
 
 /// What a run is to compute: the initial embedding, a coarse map to choose from, or the map.
@@ -13493,7 +13434,7 @@ class Run {
     Timer timer;
     if (is_embedding())
       embed();
-    else if (puller_)
+    else if (pull_)
       bring_together();
     else if (optimizer_)
       optimizer_->iterate(result_);
@@ -13517,6 +13458,10 @@ class Run {
 
  private:
   // ---- changes, and landmarks apart in given positions ----
+  //
+  // Algorithm 1 continues with springs of growing stiffness between the landmarks, which costs
+  // little of the optimised quality. Exact ones are joined as soon as all can be; else
+  // LandmarkJoiner takes over, and most of that quality is lost.
 
   /// Starts from the map of another run on the same surfaces.
   void go_on_from(const Run& before) {
@@ -13554,7 +13499,7 @@ class Run {
     const auto is_at_rest = [&](const Landmark& l) {
       for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
         const Landmark& old = landmarks_.data()[i];
-        if (is_same(old.a, l.a) && is_same(old.b, l.b)) return !puller_ || !is_pulled(i);
+        if (is_same(old.a, l.a) && is_same(old.b, l.b)) return !pull_ || !is_pulled(i);
       }
       return false;
     };
@@ -13585,14 +13530,42 @@ class Run {
     accept_start();
   }
 
+  struct Pull {
+    Array<PlacedLandmark> apart;
+    double weight = 1;
+    int iteration = 0;  // of this weight
+  };
+
+  /// Runs an iteration with springs between the landmarks that are apart; false if it was stopped,
+  /// and is to be repeated.
+  bool pull() {
+    if (pull_->iteration == 0) {
+      Array<Spring> springs;
+      for (const PlacedLandmark& l : pull_->apart)
+        add_springs(s_.mesh, optimizer_->positions(), l.a, in_joint(s_, l.b),
+                    diagonal(pull_->weight / pull_->apart.size()), springs);
+      optimizer_->set_springs(std::move(springs));
+    }
+    Result result;
+    result.status = Status::kUnfinished;
+    optimizer_->iterate(result);  // with its own log: E may rise, and no stopping rule applies
+    if (result.status == Status::kUnfinished && result.log.empty()) return false;
+    executor_.tell(false, 0, {"bringing landmarks together: ", pull_->apart.size()}, nullptr);
+    if (!result.log.empty() && ++pull_->iteration < (options_.exact_landmarks ? 4 : 2)) return true;
+    pull_->iteration = 0;
+    pull_->weight *= 10;
+    return true;
+  }
+
   /// Runs a step that pulls landmarks together.
   void bring_together() {
     if (joiner_) {
       if (!joiner_->step(joining_)) end_change();
       return;
     }
-    const bool is_last = !puller_->step();
-    if (puller_->was_stopped()) return;
+    if (!pull()) return;
+    constexpr double kHardest = 1e10;
+    const bool is_last = pull_->weight > (options_.exact_landmarks ? kHardest : kStiffest);
     Points2 x = optimizer_->positions();
     const Array<VertexPair> landmarks = vertex_pairs(located(opened_, pair_));
     Array<VertexPair> apart, joined;
@@ -13609,7 +13582,7 @@ class Run {
 
   /// Ends a change: continues from joined landmarks, or stalls if they could not be joined.
   void end_change() {
-    puller_.reset();
+    pull_.reset();
     joiner_.reset();
     pulled_.clear();
     if (joining_.status != Status::kDone) {
@@ -13790,7 +13763,7 @@ class Run {
     }
     begin(together);
     if (!apart.empty() && optimizer_ && result_.status == Status::kUnfinished)
-      puller_ = std::make_unique<LandmarkPuller>(s_, apart, options_, executor_, *optimizer_);
+      pull_ = std::make_unique<Pull>(Pull{apart});
   }
 
   bool is_stopped_at_end() const {
@@ -13985,7 +13958,7 @@ class Run {
   bool is_changed_ = false;          // continues from the map of another run,
   double omega_before_ = kInfinity;  // with this ω_L
   Array<int> pulled_;                // to be pulled together if apart
-  std::unique_ptr<LandmarkPuller> puller_;
+  std::unique_ptr<Pull> pull_;
   std::unique_ptr<LandmarkJoiner> joiner_;
   Embedding joining_;
   SurfacePair pair_before_;
@@ -14095,7 +14068,6 @@ class StartFinder {
   struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
     std::string name;
     int alignment = -1;  // -1: the landmarks alone
-    std::vector<Landmark> landmarks;
     std::unique_ptr<Run> run;
     double value = kInfinity;
     bool has_more = true;
@@ -14162,26 +14134,30 @@ class StartFinder {
 
   /// `which`: the alignment that gives at most `most` pairs; -1: none.
   void add_candidate(const Array<Alignment>& alignments, int which, int most) {
+    if (which < 0) return candidates_.push_back(begun("landmarks", which, {}));
+    const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
+    const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
+    const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
+    Array<double> nearest(pairs.size(), kInfinity);
+    for (int i = 0; i < pairs.size(); ++i)
+      for (const VertexPair& l : leading_)
+        nearest[i] = (std::min)(nearest[i], norm(point(i) - row3(a_->surface.vertices, l.a)));
+    Array<Landmark> guides;
+    for (int i : farthest_items(most, nearest, distance))
+      guides.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
+    const std::string name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
+    candidates_.push_back(begun(name, which, guides));
+  }
+
+  Candidate begun(const std::string& name, int alignment, const Array<Landmark>& guides) const {
+    std::vector<Landmark> all;
+    for (const VertexPair& l : leading_) all.push_back({l.a, l.b, landmark_weight_});
+    all.insert(all.end(), guides.begin(), guides.end());
     Candidate candidate;
-    candidate.name = "landmarks";
-    candidate.alignment = which;
-    for (const VertexPair& l : leading_)
-      candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
-    if (which >= 0) {
-      candidate.name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
-      const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
-      const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
-      const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
-      Array<double> nearest(pairs.size(), kInfinity);
-      for (int i = 0; i < pairs.size(); ++i)
-        for (const VertexPair& l : leading_)
-          nearest[i] = (std::min)(nearest[i], norm(point(i) - row3(a_->surface.vertices, l.a)));
-      for (int i : farthest_items(most, nearest, distance))
-        candidate.landmarks.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
-    }
-    candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_,
-                                          Goal::kCandidate);
-    candidates_.push_back(std::move(candidate));
+    candidate.name = name;
+    candidate.alignment = alignment;
+    candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, all, options_, Goal::kCandidate);
+    return candidate;
   }
 
   /// Takes a step, up to a number of iterations.
@@ -14263,7 +14239,6 @@ class StartFinder {
     constexpr double kReach = 0.6;
     Array<Candidate> next;
     for (int i = 0; i < running_; ++i) {
-      Candidate candidate;
       if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
       candidates_[i].has_tried_tips = true;
       const SurfaceMap map(candidates_[i].run->result());
@@ -14272,16 +14247,11 @@ class StartFinder {
       for (const TipPair& tip : match_tips(map))
         if (tip.miss < kReach) tips.push_back(tip);
       if (tips.empty()) continue;
-      candidate.name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
-      candidate.alignment = candidates_[i].alignment;
-      for (const VertexPair& l : leading_)
-        candidate.landmarks.push_back({l.a, l.b, landmark_weight_});
-      for (const TipPair& tip : tips) candidate.landmarks.push_back({tip.a, tip.b, 0});
-      for (const Landmark& l : spread_over(candidates_[i], map, tips))
-        candidate.landmarks.push_back(l);
-      candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, candidate.landmarks, options_,
-                                            Goal::kCandidate);
-      next.push_back(std::move(candidate));
+      Array<Landmark> guides;
+      for (const TipPair& tip : tips) guides.push_back({tip.a, tip.b, 0});
+      for (const Landmark& l : spread_over(candidates_[i], map, tips)) guides.push_back(l);
+      const std::string name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
+      next.push_back(begun(name, candidates_[i].alignment, guides));
     }
     const bool has_more = !next.empty();
     next.push_back(std::move(candidates_[0]));
