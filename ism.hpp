@@ -856,6 +856,7 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most = 5);
 #include <exception>
 #include <initializer_list>
 #include <iterator>
+#include <queue>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -6718,17 +6719,9 @@ struct Outline {
   Vec2 point(int v) const {
     if (is_round) return half_side * on_circle(0.5 * kPi * u[v]);
     const int side = static_cast<int>(u[v]);
-    const double along = half_side * (2 * (u[v] - side) - 1);
-    switch (side % 4) {
-      case 0:
-        return {along, -half_side};
-      case 1:
-        return {half_side, along};
-      case 2:
-        return {-along, half_side};
-      default:
-        return {-half_side, -along};
-    }
+    Vec2 p = {half_side * (2 * (u[v] - side) - 1), -half_side};
+    for (int k = 0; k < side % 4; ++k) p = -perp(p);  // a quarter turn
+    return p;
   }
 
   /// True for two boundary vertices on one side; corners are on two. An inner edge between them
@@ -6915,12 +6908,11 @@ class Decimation {
     int active = s_.mesh.n_vertices;
     for (bool keep_shape : {true, false}) {
       keep_shape_ = keep_shape;
-      heap_.clear();
+      heap_ = {};
       for (int v = 0; v < s_.mesh.n_vertices; ++v) push(v);
       while (active > target && !heap_.empty() && !executor_.is_stopped()) {
-        std::pop_heap(heap_.begin(), heap_.end());
-        const Candidate c = heap_.back();
-        heap_.pop_back();
+        const Candidate c = heap_.top();
+        heap_.pop();
         if (c.version != version_[c.u]) continue;
         const Array<int> ring = mesh_.neighbours(c.u);
         if (!may_collapse(c.u, c.v, ring)) {  // the ring of v has changed since, or the boundary
@@ -6974,9 +6966,7 @@ class Decimation {
         best.v = v;
       }
     }
-    if (best.v < 0) return;
-    heap_.push_back(best);
-    std::push_heap(heap_.begin(), heap_.end());
+    if (best.v >= 0) heap_.push(best);
   }
 
   /// A vertex of very many triangles waits until its neighbours have gone, so that the cost of a
@@ -6995,13 +6985,11 @@ class Decimation {
     return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
-  /// True if w follows on u along the boundary, on the other side of v.
+  /// True if v and w follow each other along the boundary, or only u is between them there.
   bool continues_side(int u, int v, int w) const {
-    return (mesh_.boundary_next[u] == v && mesh_.boundary_prev[u] == w) ||
-           (mesh_.boundary_next[u] == w && mesh_.boundary_prev[u] == v) || are_linked(v, w);
-  }
-  bool are_linked(int v, int w) const {
-    return mesh_.boundary_next[v] == w || mesh_.boundary_prev[v] == w;
+    const auto follows = [&](int p, int q) { return mesh_.boundary_next[q] == p; };
+    return follows(v, w) || follows(w, v) || (follows(u, v) && follows(w, u)) ||
+           (follows(u, w) && follows(v, u));
   }
 
   bool are_alike() const { return outline_ != nullptr && outline_->is_round; }
@@ -7059,7 +7047,7 @@ class Decimation {
   Array<Quadric> quadric_;
   Array<int> version_;
   Array<int> merged_;  // per vertex, those it stands for
-  Array<Candidate> heap_;
+  std::priority_queue<Candidate> heap_;
   bool keep_shape_ = true;
 };
 
@@ -7352,21 +7340,18 @@ inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_f
   };
   const HalfEdgeMesh& m = s.mesh;
   Array<int> to(m.n_vertices, -1), path;
-  Array<Reached> heap;
+  std::priority_queue<Reached> heap;
   const auto leave = [&](int w, double distance) {
     is_free[w] = 0;
     m.for_each_outgoing(w, [&](int h) {
-      if (!is_free[m.tip(h)]) return;
-      heap.push_back({distance + s.edge_length(h), h});
-      std::push_heap(heap.begin(), heap.end());
+      if (is_free[m.tip(h)]) heap.push({distance + s.edge_length(h), h});
     });
   };
   is_free[v] = 1;
   leave(u, 0);
   while (!heap.empty() && to[v] < 0) {
-    std::pop_heap(heap.begin(), heap.end());
-    const Reached at = heap.back();
-    heap.pop_back();
+    const Reached at = heap.top();
+    heap.pop();
     const int w = m.tip(at.half_edge);
     if (!is_free[w]) continue;
     to[w] = at.half_edge;
@@ -8101,27 +8086,16 @@ class OutlineBuilder {
   /// embeddings closest to each other.
   void match_closest(const Points2& f, const Points2& g) {
     const Points2 on_a = sample(pair_.a.mesh, arc_a_, first_a_, f, 0);
-    const Points2 on_b = sample(pair_.b.mesh, arc_b_, first_b_, g, 0);
-    const auto distance = [&](const Points2& y, int shift) {
-      double sum = 0;
-      for (int i = 0; i < kSamples; ++i)
-        sum += squared_norm(row2(on_a, i) - row2(y, (i + shift) % kSamples));
-      return sum;
-    };
     double shift = 0, least = kInfinity;
-    for (int k = 0; k < kSamples; ++k) {
-      const double sum = distance(on_b, k);
-      if (sum >= least) continue;
-      least = sum;
-      shift = k / double{kSamples};
-    }
+    const auto consider = [&](double candidate) {
+      const Points2 on_b = sample(pair_.b.mesh, arc_b_, first_b_, g, candidate);
+      double sum = 0;
+      for (int i = 0; i < kSamples; ++i) sum += squared_norm(row2(on_a, i) - row2(on_b, i));
+      if (sum < least) least = sum, shift = candidate;
+    };
+    for (int k = 0; k < kSamples; ++k) consider(k / double{kSamples});
     for (double step = 0.5 / kSamples; step > 1e-6; step *= 0.5)
-      for (const double candidate : {shift - step, shift + step}) {
-        const double sum = distance(sample(pair_.b.mesh, arc_b_, first_b_, g, candidate), 0);
-        if (sum >= least) continue;
-        least = sum;
-        shift = candidate;
-      }
+      for (const double candidate : {shift - step, shift + step}) consider(candidate);
     matches_.assign(1, {0, fraction(shift)});
   }
 
@@ -8449,11 +8423,6 @@ struct MappedLevel {
   std::vector<Warning> warnings;
 };
 
-inline void set_pillows(const Hierarchy& a, const Hierarchy& b, SurfacePair& pair) {
-  pair.a.mesh.pillow = a.pillow();
-  pair.b.mesh.pillow = b.pillow();
-}
-
 class PairEmbedder {
  public:
   /// `outlines`: null if boundaries are free. `mapped`: the coarsest level, or null.
@@ -8508,7 +8477,8 @@ class PairEmbedder {
         if (!h->grow_by_one()) return false;
     result.f = a.positions();
     result.g = b.positions();
-    if (!a.pillow().is_empty()) set_pillows(a, b, pair);
+    pair.a.mesh.pillow = a.pillow();
+    pair.b.mesh.pillow = b.pillow();
     return true;
   }
 
@@ -8761,10 +8731,8 @@ class PairEmbedder {
     }
     if (is_held_)
       for (int v : outline(side)->corner) keep[v] = Decimation::kCorner;
-    Array<int> bases;
-    if (!cones_.empty()) bases.push_back(Hierarchy::kPillowBase);
-    for (int base : {Hierarchy::kBase, Hierarchy::kSmallBase}) bases.push_back(base);
-    if (!cones_.empty()) bases.push_back(s.mesh.n_vertices);
+    std::vector<int> bases = {Hierarchy::kBase, Hierarchy::kSmallBase};
+    if (!cones_.empty()) bases = {Hierarchy::kPillowBase, bases[0], bases[1], s.mesh.n_vertices};
     for (int base : bases) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
       h = std::make_unique<Hierarchy>(s, side, keep, base, outline(side), outer, executor_);
@@ -9139,7 +9107,7 @@ class LandmarkJoiner {
 
   /// Halves the inner edges of the triangles around some vertices, in the plane, too.
   static void halve_edges_at(const Array<int>& vertices, Surface& s, Points2& x) {
-    std::vector<std::array<int, 2>> edges;
+    Array<std::array<int, 2>> edges;
     for (int v : vertices)
       s.mesh.for_each_outgoing(v, [&](int spoke) {
         for (int h : {spoke, next(spoke), prev(spoke)})
@@ -9147,8 +9115,7 @@ class LandmarkJoiner {
             edges.push_back({(std::min)(s.mesh.tail[h], s.mesh.tip(h)),
                              (std::max)(s.mesh.tail[h], s.mesh.tip(h))});
       });
-    std::sort(edges.begin(), edges.end());
-    edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+    sort_unique(edges);
     std::vector<AddedVertex> added;
     for (const std::array<int, 2>& edge : edges) added.emplace_back(edge[0], edge[1]);
     add_vertices(added, s, x);
@@ -9243,14 +9210,16 @@ class Embedder {
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kFree, nullptr);
       case Stage::kFree:
-        if (!cones_.empty() && result_.status == Status::kDone)
-          set_pillows(embedder_->hierarchy(Side::kA), embedder_->hierarchy(Side::kB), pair_);
         if (is_poor() && (mapped_ || next_cones_ < cones_.size())) {
           mapped_.reset();
           static_cast<Outcome&>(result_) = Outcome();
           return begin(Stage::kFree, nullptr);
         }
-        if (result_.status == Status::kDone) levels_ = embedder_->levels();
+        if (result_.status == Status::kDone) {
+          pair_.a.mesh.pillow = embedder_->hierarchy(Side::kA).pillow();
+          pair_.b.mesh.pillow = embedder_->hierarchy(Side::kB).pillow();
+          levels_ = embedder_->levels();
+        }
         if (!cones_.empty()) return after_embedding();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
         outlines_.a = circle_for(pair_.a, outer_loop(pair_.a, options_.outer_a));
