@@ -6013,7 +6013,6 @@ inline Array<int> sorted_by(const Array<double>& key) {
   return order;
 }
 
-/// Triangles from a list of their corners.
 inline Triangles triangles_from(const Array<int>& corners) {
   Triangles triangles(corners.size() / 3, 3);
   std::copy(corners.begin(), corners.end(), triangles.data());
@@ -6528,7 +6527,6 @@ inline Place in_joint(const JointSurface& s, Place p) {
   return p;
 }
 
-/// Where a place lies in space.
 inline Vec3 position(const Surface& s, const Place& p) {
   Vec3 sum;
   for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
@@ -6715,7 +6713,6 @@ struct Outline {
   int corner[4];    // of a square: the vertices at u = 0, 1, 2 and 3
   Array<double> u;  // per vertex, -1 off the boundary
 
-  /// The place of a boundary vertex.
   Vec2 point(int v) const {
     if (is_round) return half_side * on_circle(0.5 * kPi * u[v]);
     const int side = static_cast<int>(u[v]);
@@ -7431,7 +7428,6 @@ inline bool tutte(const HalfEdgeMesh& m, const Array<char>& is_fixed, const Exec
   return is_injective(m, x);
 }
 
-/// Embeds a surface on its pillow.
 inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Points2& x) {
   const std::array<Vec2, 4> corner = pillow_corners(m.pillow.side);
   x = Points2::Zero(m.n_vertices, 2);
@@ -7545,7 +7541,6 @@ class Hierarchy {
     return true;
   }
 
-  /// Takes the pillow of a level.
   void set_pillow(const Level& level, const Pillow& pillow) {
     pillow_ = {Array<Motion>(3 * mesh_.face.size()), {}, pillow.side};
     for (int v : pillow.cones) pillow_.cones.push_back(level.vertex[v]);
@@ -7933,7 +7928,6 @@ class Hierarchy {
 //             corners; no inner edge lies in a side.
 // Fails:      never; vertices are added in the middle of edges where a mesh has none for a corner.
 
-/// The outlines of A and B.
 struct OutlinePair {
   Outline a, b;
 };
@@ -7965,7 +7959,6 @@ inline Array<double> boundary_arcs(const Surface& s, int first) {
   return arc;
 }
 
-/// The vertex at which a boundary begins.
 inline int first_on_boundary(const HalfEdgeMesh& m) { return m.tail[m.boundary[0]]; }
 
 /// The landmarks with both vertices on the boundaries, sorted along that of A.
@@ -7973,18 +7966,13 @@ inline Array<VertexPair> boundary_landmarks(const SurfacePair& pair,
                                             const Array<PlacedLandmark>& landmarks) {
   const Array<double> arc = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
   Array<VertexPair> found;
-  Array<double> along;
-  for (const VertexPair& l : vertex_pairs(landmarks)) {
-    if (!pair.a.mesh.on_boundary(l.a) || !pair.b.mesh.on_boundary(l.b)) continue;
-    found.push_back(l);
-    along.push_back(arc[l.a]);
-  }
-  Array<VertexPair> sorted;
-  for (int i : sorted_by(along)) sorted.push_back(found[i]);
-  return sorted;
+  for (const VertexPair& l : vertex_pairs(landmarks))
+    if (pair.a.mesh.on_boundary(l.a) && pair.b.mesh.on_boundary(l.b)) found.push_back(l);
+  std::stable_sort(found.begin(), found.end(),
+                   [&](const VertexPair& l, const VertexPair& r) { return arc[l.a] < arc[r.a]; });
+  return found;
 }
 
-/// What the caller gave.
 inline ElementId element_id(Side side, const LandmarkPoint& p) {
   return {side, is_point(p) ? Element::kFace : Element::kVertex, id_of(p)};
 }
@@ -8782,7 +8770,6 @@ class PairEmbedder {
     return true;
   }
 
-  /// Brings vertices back.
   bool grow_both() {
     is_relaxed_ = false;
     return grow(a_->has_grown() ? *b_ : *a_);
@@ -9191,14 +9178,12 @@ class Embedder {
 
   bool is_held() const { return options_.boundary != Boundary::kFree; }
 
-  /// A step of the stage; false after its last one.
   bool run_stage() {
     if (stage_ == Stage::kBegin) return false;
     if (stage_ == Stage::kJoining) return joiner_->step(result_);
     return embedder_->step(stage_ == Stage::kOnCircle ? other_ : result_);
   }
 
-  /// What follows on a stage.
   Stage next_stage() {
     constexpr double kStrained = 100;  // of isometries: 4
     switch (stage_) {
@@ -12920,7 +12905,6 @@ inline std::string units_sentence(double ratio) {
                    " units of ", is_more ? "B" : "A"});
 }
 
-/// Scales a surface.
 inline void rescale(double factor, Surface& s) {
   for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
   s.scale *= factor;
@@ -13095,7 +13079,6 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
          claim(prepared_b, Side::kB, "pinned", options.pins_b, bonds_b, outcome);
 }
 
-/// Copies and prepares an input mesh.
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
   const SharedMesh given = shared(mesh);
@@ -13183,7 +13166,6 @@ inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s)
       TriangleMesh{with_added(given->vertices, s.added), triangles_from(s.mesh.tail)});
 }
 
-/// Checks that x is an injective embedding of m.
 inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char* name,
                             Outcome& outcome) {
   if (!check_arithmetic(outcome)) return false;
@@ -13192,14 +13174,6 @@ inline bool check_positions(const HalfEdgeMesh& m, const Points2& x, const char*
                 {name, " has ", rows_of(x), " rows, the mesh has ", m.n_vertices, " vertices"});
   return is_injective(m, x) ||
          fail(outcome, Status::kInvalidPositions, {name, " is not an injective embedding"});
-}
-
-/// Takes the start from Options and checks it.
-inline void take_positions(const SurfacePair& pair, const RunOptions& options, Embedding& start) {
-  start.f = options.initial_f;
-  start.g = options.initial_g;
-  if (!check_positions(pair.a.mesh, start.f, "initial_f", start)) return;
-  check_positions(pair.b.mesh, start.g, "initial_g", start);
 }
 
 /// Returns the power of two that makes two given planes about as large as their surfaces: Φ does
@@ -13221,13 +13195,12 @@ inline Points2 scaled(double factor, Points2 x) {
 }
 
 /// The id, side and name ("5 of A") of a vertex of A ⊔ B in its own mesh.
-inline int own_id(const JointSurface& s, int v) { return s.own_id[v]; }
 inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
-  return sentence({own_id(s, v), " of ", letter(side_of(s, v))});
+  return sentence({s.own_id[v], " of ", letter(side_of(s, v))});
 }
 inline ElementId element_id(const JointSurface& s, int v) {
-  return vertex_id(side_of(s, v), own_id(s, v));
+  return vertex_id(side_of(s, v), s.own_id[v]);
 }
 
 /// Name and default message of a status; kWords has the order of the enum.
@@ -13595,11 +13568,12 @@ class Run {
       if (finds_start() && !has_start_) return find_start();
       return begin_embedding();
     }
-    if (embedder_ && (embedder_->step() || is_stopped_at_end())) return;
+    if (embedder_ && embedder_->step()) return;
+    if (embedder_ && executor_.is_stopped() && embedder_->result().status == Status::kDone) return;
     Embedding& start = result_.start;
     const bool is_given = !embedder_;
     if (is_given)
-      take_positions(pair_, options_, start);
+      take_positions();
     else
       take_start();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
@@ -13684,6 +13658,14 @@ class Run {
     return landmarks;
   }
 
+  void take_positions() {
+    Embedding& start = result_.start;
+    start.f = options_.initial_f;
+    start.g = options_.initial_g;
+    if (check_positions(pair_.a.mesh, start.f, "initial_f", start))
+      check_positions(pair_.b.mesh, start.g, "initial_g", start);
+  }
+
   void take_start() {
     result_.coarse = embedder_->levels();
     result_.start = std::move(embedder_->result());
@@ -13733,10 +13715,6 @@ class Run {
     begin(together);
     if (!apart.empty() && optimizer_ && result_.status == Status::kUnfinished)
       pull_ = std::make_unique<Pull>(Pull{apart});
-  }
-
-  bool is_stopped_at_end() const {
-    return executor_.is_stopped() && embedder_->result().status == Status::kDone;
   }
 
   /// Sets positions to those of a coarse map, unless they are of its level already.
