@@ -7328,31 +7328,24 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 /// The half-edges of the shortest path from u to v through vertices that are free; empty if there
 /// is none.
 inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
-  struct Reached {
-    double distance;
-    int half_edge;  // to the vertex
-    bool operator<(const Reached& o) const {
-      return distance != o.distance ? distance > o.distance : half_edge > o.half_edge;
-    }
-  };
   const HalfEdgeMesh& m = s.mesh;
   Array<int> to(m.n_vertices, -1), path;
-  std::priority_queue<Reached> heap;
+  std::priority_queue<std::pair<double, int>> heap;  // minus distance and half-edge to a vertex
   const auto leave = [&](int w, double distance) {
     is_free[w] = 0;
     m.for_each_outgoing(w, [&](int h) {
-      if (is_free[m.tip(h)]) heap.push({distance + s.edge_length(h), h});
+      if (is_free[m.tip(h)]) heap.push({-(distance + s.edge_length(h)), -h});
     });
   };
   is_free[v] = 1;
   leave(u, 0);
   while (!heap.empty() && to[v] < 0) {
-    const Reached at = heap.top();
+    const auto [distance, h] = heap.top();
     heap.pop();
-    const int w = m.tip(at.half_edge);
+    const int w = m.tip(-h);
     if (!is_free[w]) continue;
-    to[w] = at.half_edge;
-    leave(w, at.distance);
+    to[w] = -h;
+    leave(w, -distance);
   }
   for (int w = v; w != u && to[w] >= 0; w = m.tail[to[w]]) path.push_back(to[w]);
   std::reverse(path.begin(), path.end());
@@ -7595,16 +7588,12 @@ class Hierarchy {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
     if (!is_outline_known_) build_outline();
-    local_metric_ = c.changed.empty() ? local_metric(mesh_.faces_of[c.v]) : local_metric(c.changed);
-    Array<Motion> places;
-    for (int i = 0; i < 3 * c.changed.size() && !pillow_.is_empty(); ++i)
-      places.push_back(pillow_.place[3 * c.changed[i / 3] + i % 3]);
+    local_metric_ = local_metric(c.changed.empty() ? mesh_.faces_of[c.v] : c.changed);
     mesh_.undo(c);
     place_corners(c);
     const bool has_room = place(c);
     if (mesh_.on_boundary(c.u)) update_outline(c.u);
     if (has_room) return true;
-    for (int i = 0; i < places.size(); ++i) pillow_.place[3 * c.changed[i / 3] + i % 3] = places[i];
     collapses_.push_back(mesh_.collapse(c.u, c.v));
     is_outline_known_ = false;
     return false;
@@ -7710,8 +7699,7 @@ class Hierarchy {
 
   /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
   /// isometric: what returns between them is to fit in, however strained the embedding is there.
-  template <class Faces>
-  Mat2 local_metric(const Faces& faces) const {
+  Mat2 local_metric(const Array<int>& faces) const {
     Mat2 S;
     double total = 0;
     for (int f : faces) {
@@ -8431,14 +8419,8 @@ class PairEmbedder {
                : outlines == nullptr && has_levels(options) ? depth_of(pair)
                                                             : 0),
         level_(depth_) {
-    level_options_.initial_f.resize(0, 2);
-    level_options_.initial_g.resize(0, 2);
     level_options_.max_iterations = 500;
-    level_options_.exact_landmarks = false;
-    level_options_.boundary = Boundary::kFree;
-    for (std::vector<int>* ids : {&level_options_.pins_a, &level_options_.pins_b,
-                                  &level_options_.fixed_a, &level_options_.fixed_b})
-      ids->clear();
+    level_options_.fixed_a = level_options_.fixed_b = {};
     if (mapped != nullptr)
       plan_from(*mapped);
     else
@@ -8509,10 +8491,6 @@ class PairEmbedder {
     a_->set(level_a_, mapped.f);
     b_->set(level_b_, mapped.g);
     begin_next_level();
-    add([this, warnings = std::move(mapped.warnings)] {
-      result_->warnings.insert(result_->warnings.end(), warnings.begin(), warnings.end());
-      return false;
-    });
     add([this] { return grow_by_levels(); });
     add([this] { return finish(); });
   }
@@ -9204,6 +9182,7 @@ class Embedder {
           pair_.a.mesh.pillow = embedder_->hierarchy(Side::kA).pillow();
           pair_.b.mesh.pillow = embedder_->hierarchy(Side::kB).pillow();
           levels_ = embedder_->levels();
+          if (mapped_) result_.warnings = mapped_->warnings;
         }
         if (!cones_.empty()) return after_embedding();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
