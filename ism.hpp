@@ -7362,13 +7362,10 @@ inline std::array<Vec2, 4> pillow_corners(double side) {
 /// around a cone is a half-turn. False without such a path.
 inline bool make_pillow(const std::array<int, 4>& cones, double side, Surface& s) {
   HalfEdgeMesh& m = s.mesh;
-  m.pillow.side = side;
   const std::array<Vec2, 4> corner = pillow_corners(side);
   Array<char> is_free(m.n_vertices, 1);
   for (int v : cones) is_free[v] = 0;
-  m.pillow.place.assign(m.tail.size(), Motion());
-  m.pillow.cones.clear();
-  for (int v : cones) m.pillow.cones.push_back(v);
+  m.pillow = {Array<Motion>(m.tail.size()), std::vector<int>(cones.begin(), cones.end()), side};
   Motion g = half_turn(corner[0]);
   int before = -1;  // the half-edge to the tail of the next one
   for (std::size_t i = 0; i < 3; ++i) {
@@ -8415,9 +8412,8 @@ class PairEmbedder {
         cones_(cones),
         coarsest_(mapped == nullptr ? options.coarsest
                                     : (std::max)(mapped->a->active(), mapped->b->active())),
-        depth_(mapped != nullptr                            ? (std::max)(1, depth_of(pair))
-               : outlines == nullptr && has_levels(options) ? depth_of(pair)
-                                                            : 0),
+        depth_((std::max)(mapped != nullptr ? 1 : 0,
+                          outlines == nullptr && has_levels(options) ? depth_of(pair) : 0)),
         level_(depth_) {
     level_options_.max_iterations = 500;
     level_options_.fixed_a = level_options_.fixed_b = {};
@@ -8456,8 +8452,11 @@ class PairEmbedder {
   bool step(Embedding& result) {
     result_ = &result;
     if (next_ < steps_.size() && !steps_[next_]()) ++next_;
-    if (result.status != Status::kDone) next_ = steps_.size();
-    return next_ < steps_.size();
+    if (result.status != Status::kDone) return next_ = steps_.size(), false;
+    if (next_ < steps_.size()) return true;
+    result.f = a_->positions();
+    result.g = b_->positions();
+    return false;
   }
 
  private:
@@ -8481,7 +8480,6 @@ class PairEmbedder {
       plan_to_meet_last();
     else
       plan_to_meet_early();
-    add([this] { return finish(); });
   }
 
   void plan_from(MappedLevel& mapped) {
@@ -8492,7 +8490,6 @@ class PairEmbedder {
     b_->set(level_b_, mapped.g);
     begin_next_level();
     add([this] { return grow_by_levels(); });
-    add([this] { return finish(); });
   }
 
   void plan_to_meet_early() {
@@ -8530,7 +8527,10 @@ class PairEmbedder {
   /// Maps the level, if levels are mapped, then brings back what the next finer one has.
   bool grow_by_levels() {
     if (optimizer_) return optimize_level();
-    if (!a_->has_grown() || !b_->has_grown()) return grow_both();
+    if (!a_->has_grown() || !b_->has_grown()) {
+      is_relaxed_ = false;
+      return grow(a_->has_grown() ? *b_ : *a_);
+    }
     if (!is_relaxed_) {
       tell({"embedding both: ", a_->active(), " + ", b_->active(), " vertices"});
       is_relaxed_ = !(levels_.empty() ? relax_both(kStiffest) : smooth_both());
@@ -8711,21 +8711,12 @@ class PairEmbedder {
     return fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
   }
 
-  bool finish() {
-    result_->f = a_->positions();
-    result_->g = b_->positions();
-    return false;
-  }
-
   /// The vertices that are there tell how far the embedding is.
   void tell(Words what) const {
     const int n = pair_.a.mesh.n_vertices + pair_.b.mesh.n_vertices;
     const int active = (a_ ? a_->active() : 0) + (b_ ? b_->active() : 0);
     executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
-
-  /// What the boundaries may do once the planes meet.
-  Boundary boundary() const { return is_held_ ? options_.boundary : Boundary::kFree; }
 
   /// Drags the boundary of a surface towards its places on the square; true if more is to come.
   bool drag(const Outline& outline, Points2& x) const {
@@ -8748,10 +8739,6 @@ class PairEmbedder {
     return true;
   }
 
-  bool grow_both() {
-    is_relaxed_ = false;
-    return grow(a_->has_grown() ? *b_ : *a_);
-  }
   bool grow(Hierarchy& h) const {
     const int stuck = h.grow();
     if (stuck < 0) return true;
@@ -8819,8 +8806,7 @@ class PairEmbedder {
     if (!(rows_of(from) >= 4 && rest < kGood && own > kWorse * rest + kClearly)) return;
     result_->warnings.push_back(
         {"the landmarks fit the mirror image of A better than A: were left and right exchanged on "
-         "one "
-         "mesh, or is one inside out?",
+         "one mesh, or is one inside out?",
          {}});
   }
 
@@ -8890,7 +8876,7 @@ class PairEmbedder {
     if (!newton_) {
       const Points2 x = take_levels();
       FlatProblem problem = {};
-      problem.boundary = boundary();
+      problem.boundary = is_held_ ? options_.boundary : Boundary::kFree;
       state(problem, x);
       newton_ = std::make_unique<FlatNewton>(std::move(problem), x, executor_);
     }
@@ -13282,7 +13268,6 @@ class Run {
       const Options& options, Goal goal, const SurfacePair* sized = nullptr)
       : a_(std::move(a)),
         b_(std::move(b)),
-        landmarks_(landmarks),
         given_options_(options),
         options_(options),
         goal_(goal),
@@ -13294,9 +13279,7 @@ class Run {
       options_.initial_f.resize(0, 2);
       options_.initial_g.resize(0, 2);
     }
-    if (build_pair(*a_, *b_, landmarks_, options_, pair_, placed_, result_)) {
-      landmarks_.clear();
-      for (const PlacedLandmark& l : placed_) landmarks_.push_back(l.given);
+    if (build_pair(*a_, *b_, landmarks, options_, pair_, placed_, result_)) {
       if (sized == nullptr) {
         fit_sizes(placed_, options_, pair_, result_);
       } else {
@@ -13403,7 +13386,7 @@ class Run {
     start.seconds = before.result_.start.seconds;
     result_.seconds = before.result_.seconds;
     is_changed_ = true;
-    pulled_ = before.landmarks_to_pull(landmarks_, options_.exact_landmarks);
+    pulled_ = before.landmarks_to_pull(placed_, options_.exact_landmarks);
     begin_at_positions();
     if (optimizer_) hand_over();
   }
@@ -13412,22 +13395,19 @@ class Run {
   Points2 own_positions() const { return scaled(1 / scale_, optimizer_->positions()); }
 
   /// Returns the landmarks to pull: all exact ones; guiding ones that are new or being pulled.
-  Array<int> landmarks_to_pull(const std::vector<Landmark>& landmarks, bool are_exact) const {
+  Array<int> landmarks_to_pull(const Array<PlacedLandmark>& landmarks, bool are_exact) const {
     const auto is_same = [](const LandmarkPoint& p, const LandmarkPoint& q) {
       return p.vertex == q.vertex && p.point.face == q.point.face &&
              p.point.barycentric == q.point.barycentric;
     };
     const auto is_at_rest = [&](const Landmark& l) {
-      for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
-        const Landmark& old = landmarks_.data()[i];
-        if (is_same(old.a, l.a) && is_same(old.b, l.b)) return !pull_ || !is_pulled(i);
-      }
+      for (int i = 0; i < placed_.size(); ++i)
+        if (is_same(placed_[i].given.a, l.a) && is_same(placed_[i].given.b, l.b))
+          return !pull_ || !is_pulled(i);
       return false;
     };
-    Array<int> pulled;
-    for (int i = 0; i < static_cast<int>(landmarks.size()); ++i)
-      if (are_exact || !is_at_rest(landmarks.data()[i])) pulled.push_back(i);
-    return pulled;
+    return numbers_where(landmarks.size(),
+                         [&](int i) { return are_exact || !is_at_rest(landmarks[i].given); });
   }
 
   bool is_pulled(int landmark) const {
@@ -13557,7 +13537,7 @@ class Run {
       take_start();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
-    for (int i = 0; i < placed_.size() && is_given; ++i) pulled_.push_back(i);
+    if (is_given) pulled_ = numbers_below(placed_.size());
     if (!result_.coarse.empty()) omega_before_ = kNextOmega;
     if (is_given && start.status == Status::kDone)
       begin_at_positions();
@@ -13857,7 +13837,6 @@ class Run {
   }
 
   const SharedPrepared a_, b_;
-  std::vector<Landmark> landmarks_;  // without skipped ones
   const Options given_options_;
   RunOptions options_;  // with ids of the prepared meshes
   const Goal goal_;
