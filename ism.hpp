@@ -7124,19 +7124,15 @@ class FlatNewton {
   /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
   /// the boundary, a scaffold keeps it away.
   bool step() {
+    constexpr double kWeight = 1e-2;  // of all triangles of the scaffold, per area of the surface
     const LinearSystem system = assemble();
-    if (is_scaffolded_) build_scaffold_here();
-    bool collided = false;
-    if (descend(system, collided)) return true;
-    if (is_scaffolded_ || !collided || executor_.is_stopped()) return false;
-    is_scaffolded_ = true;
-    build_scaffold_here();
-    return descend(system, collided);
-  }
-
-  void build_scaffold_here() {
-    constexpr double kWeight = 1e-2;  // of all its triangles, per area of the surface
-    scaffold_ = build_scaffold(m_, x_, kWeight * problem_.surface.total_area);
+    while (true) {
+      bool collided = false;
+      if (is_scaffolded_) scaffold_ = build_scaffold(m_, x_, kWeight * problem_.surface.total_area);
+      if (descend(system, collided)) return true;
+      if (is_scaffolded_ || !collided || executor_.is_stopped()) return false;
+      is_scaffolded_ = true;
+    }
   }
 
   bool descend(LinearSystem system, bool& collided) {
@@ -8007,7 +8003,6 @@ inline bool check_order(const SurfacePair& pair, const Array<PlacedLandmark>& la
                         Outcome& outcome) {
   if (pair.a.mesh.boundary.empty() || pair.b.mesh.boundary.empty()) return true;
   Array<VertexPair> left = boundary_landmarks(pair, landmarks);
-  if (left.empty()) return true;
   const Array<double> arc_a = boundary_arcs(pair.a, first_on_boundary(pair.a.mesh));
   const Array<double> arc_b = boundary_arcs(pair.b, first_on_boundary(pair.b.mesh));
   const Array<int> loop_a = boundary_loops(pair.a.mesh), loop_b = boundary_loops(pair.b.mesh);
@@ -8369,14 +8364,16 @@ inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pair
 /// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
 inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
   constexpr int kMost = 16;
-  const auto centred = [](const Surface& s, int v) {
+  const auto centred = [](const Surface& s) {
+    const int n = s.mesh.n_vertices;
     Vec3 sum;
-    for (int w = 0; w < s.mesh.n_vertices; ++w) sum += row3(s.vertices, w);
-    return 1 / std::sqrt(s.total_area) * (row3(s.vertices, v) - 1.0 / s.mesh.n_vertices * sum);
+    Array<Vec3> x;
+    for (int v = 0; v < n; ++v) sum += row3(s.vertices, v);
+    for (int v = 0; v < n; ++v)
+      x.push_back(1 / std::sqrt(s.total_area) * (row3(s.vertices, v) - 1.0 / n * sum));
+    return x;
   };
-  Array<Vec3> a, b;
-  for (int v = 0; v < pair.a.mesh.n_vertices; ++v) a.push_back(centred(pair.a, v));
-  for (int v = 0; v < pair.b.mesh.n_vertices; ++v) b.push_back(centred(pair.b, v));
+  const Array<Vec3> a = centred(pair.a), b = centred(pair.b);
   Array<VertexPair> pairs;
   const auto distance = [&](int v, int w) { return norm(a[v] - a[w]); };
   for (int v : farthest_items(kMost, Array<double>(a.size(), kInfinity), distance)) {
@@ -8999,15 +8996,11 @@ class LandmarkJoiner {
     if (!newton_ && weight_ == 0) begin(result);
     if (pull()) return true;
     weight_ = 0;
+    if (!apart_.empty() && refinements_ < kMostRefinements)
+      return refine(refinements_++ == 0 ? apart_ : landmarks_, result), true;
     result.f = rows_between(x_, 0, s_.n_a);
     result.g = rows_between(x_, s_.n_a, s_.mesh.n_vertices);
     if (apart_.empty()) return false;
-    if (refinements_ < kMostRefinements) {
-      result.f = f_;
-      result.g = g_;
-      refine(refinements_++ == 0 ? apart_ : landmarks_, result);
-      return true;
-    }
     std::vector<ElementId> ids;
     const std::string names = names_of(apart_, ids);
     return fail(result, Status::kInvalidLandmarks, {"these landmarks could not be joined:", names},
@@ -9019,12 +9012,10 @@ class LandmarkJoiner {
 
   /// A round: all are apart, and pulled harder and harder.
   void begin(const Embedding& result) {
-    f_ = result.f;
-    g_ = result.g;
     apart_ = landmarks_;
     joined_.clear();
     s_ = join(pair_);
-    x_ = stacked(f_, g_);
+    x_ = stacked(result.f, result.g);
     weight_ = kSoftest;
   }
 
@@ -9078,7 +9069,7 @@ class LandmarkJoiner {
   const Array<VertexPair> landmarks_;
   Array<VertexPair> apart_, joined_;
   JointSurface s_;
-  Points2 f_, g_, x_;  // before the round, and now
+  Points2 x_;
   double weight_ = 0;  // of the pull; 0 before a round
   int refinements_ = 0;
   std::unique_ptr<FlatNewton> newton_;
@@ -9119,8 +9110,8 @@ class Embedder {
     if (stage_ == Stage::kEnd) return false;
     Timer timer;
     if (!run_stage()) stage_ = next_stage();
-    if (result_.status != Status::kDone && stage_ != Stage::kOnCircle) stage_ = Stage::kEnd;
-    if (stage_ == Stage::kEnd && result_.status != Status::kDone) {
+    if (result_.status != Status::kDone && stage_ != Stage::kOnCircle) {
+      stage_ = Stage::kEnd;
       result_.f.resize(0, 2);
       result_.g.resize(0, 2);
     }
