@@ -12698,17 +12698,16 @@ class LandmarkPlacer {
 
   /// Locates an end, on a dropped element at the nearest point of the surface; false if too far.
   bool find(const LandmarkPoint& p, Place& place) {
-    const int vertex = is_point(p) ? -1 : prepared_.new_vertex.data()[p.vertex];
     SurfacePoint point;
-    if (is_point(p) && origin_.face.empty()) origin_ = origin_of(prepared_, {}, prepared_.mesh);
-    if (is_point(p)) point = origin_.from_mesh(p.point);
-    place.corners = Eigen::Vector3i(vertex, -1, -1);
-    place.weights = Eigen::Vector3d(1, 0, 0);
-    if (vertex < 0 && point.face < 0 && !find_nearest(p, point)) return false;
-    if (point.face >= 0) {
-      place.corners = prepared_.mesh->triangles.row(point.face);
-      place.weights = point.barycentric;
+    if (is_point(p)) {
+      if (origin_.face.empty()) origin_ = origin_of(prepared_, {}, prepared_.mesh);
+      point = origin_.from_mesh(p.point);
+    } else if (prepared_.new_vertex.data()[p.vertex] >= 0) {
+      return place = copy_of(prepared_.new_vertex.data()[p.vertex]), true;
     }
+    if (point.face < 0 && !find_nearest(p, point)) return false;
+    place.corners = prepared_.mesh->triangles.row(point.face);
+    place.weights = point.barycentric;
     return tidy(place);
   }
 
@@ -12724,15 +12723,12 @@ class LandmarkPlacer {
     constexpr double kNear = 0.01;  // of the diagonal of the box around the mesh
     const TriangleMesh &given = *prepared_.given, &mesh = *prepared_.mesh;
     const double unit = unit_scale(mesh.vertices);
-    const auto corner = [&](int k) {
-      return unit * row3(given.vertices, given.triangles(p.point.face, k));
-    };
-    Vec3 at = is_point(p) ? Vec3() : unit * row3(given.vertices, p.vertex);
-    for (int k = 0; k < 3 && is_point(p); ++k) at += p.point.barycentric[k] * corner(k);
-    Vec3 extent;
-    for (int c = 0; c < 3; ++c)
-      extent[c] = mesh.vertices.col(c).maxCoeff() - mesh.vertices.col(c).minCoeff();
-    const double diagonal = unit * norm(extent);
+    Vec3 at;
+    for (int k = 0; k < 3 && is_point(p); ++k)
+      at += p.point.barycentric[k] * corners_of(given, p.point.face, unit).data()[k];
+    if (!is_point(p)) at = unit * row3(given.vertices, p.vertex);
+    const double diagonal =
+        unit * (mesh.vertices.colwise().maxCoeff() - mesh.vertices.colwise().minCoeff()).norm();
     double least = kNear * diagonal;
     for (int f = 0; f < mesh.triangles.rows(); ++f) {
       const std::array<Vec3, 3> corners = corners_of(mesh, f, unit);
@@ -13986,10 +13982,9 @@ class StartFinder {
   void find_candidates() {
     constexpr int kAlignments = 3, kPairs = 24;
     const auto prepared_from = [](const Surface& s) {
+      const TriangleMesh mesh = {s.vertices, triangles_from(s.mesh.tail)};
       return std::make_shared<const Prepared>(
-          prepared(std::make_shared<const TriangleMesh>(
-                       TriangleMesh{s.vertices, triangles_from(s.mesh.tail)}),
-                   {}, false));
+          prepared(std::make_shared<const TriangleMesh>(mesh), {}, false));
     };
     coarse_a_ = prepared_from(a_->surface);
     coarse_b_ = prepared_from(b_->surface);
@@ -14061,9 +14056,9 @@ class StartFinder {
     const Result& result = candidate.run->result();
     const int done = static_cast<int>(result.log.size());
     candidate.has_more = done < iterations && candidate.run->step();
+    if (candidate.has_more || !is_usable(result.status)) return;
     constexpr double kMissed = 1;  // how much all landmarks weigh
-    const IterationLog& last = candidate.run->result().final_state();
-    if (candidate.has_more || !is_usable(candidate.run->result().status)) return;
+    const IterationLog& last = result.final_state();
     const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
     const double most = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
     candidate.value = last.mean_distortion * most / (last.coverage_a + last.coverage_b);
@@ -14132,16 +14127,13 @@ class StartFinder {
   /// Starts that lead tips of A to those tips of B to which the maps so far bring them closest;
   /// false if that leaves nothing to try.
   bool add_tips() {
-    constexpr double kReach = 0.6;
     Array<Candidate> next;
     for (int i = 0; i < running_; ++i) {
       if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
       candidates_[i].has_tried_tips = true;
       const SurfaceMap map(candidates_[i].run->result());
       if (map.status() != Status::kDone) continue;
-      Array<TipPair> tips;
-      for (const TipPair& tip : match_tips(map))
-        if (tip.miss < kReach) tips.push_back(tip);
+      const Array<TipPair> tips = match_tips(map);
       if (tips.empty()) continue;
       Array<Landmark> guides;
       for (const TipPair& tip : tips) guides.push_back({tip.a, tip.b, 0});
@@ -14177,10 +14169,10 @@ class StartFinder {
         if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
       }
     }
-    constexpr double kClear = 0.1;  // of landmarks, which tell enough
+    constexpr double kReach = 0.6, kClear = 0.1;  // and of landmarks, which tell enough
     Array<TipPair> pairs;
     for (const TipPair& p : of_a) {
-      bool is_free = p.b >= 0 && of_b[p.b].a == p.a;
+      bool is_free = p.miss < kReach && of_b[p.b].a == p.a;
       for (const VertexPair& l : leading_)
         is_free =
             is_free && tips_a_.distance[p.a][l.a] > kClear && tips_b_.distance[p.b][l.b] > kClear;
