@@ -8234,11 +8234,6 @@ inline double distance_to_segment(Vec2 p, Vec2 u, Vec2 v) {
   return norm(p - u - t * edge);
 }
 
-/// At most what p is away from any point of a box, but for rounding.
-inline double distance_to_box(Vec2 p, Vec2 lo, Vec2 hi) {
-  return norm(upper(upper(lo - p, p - hi), Vec2()));
-}
-
 /// The centre of that triangle which lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   constexpr double kRounding = 1 - 1e-12;
@@ -8252,7 +8247,8 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
         1.0 / 3 * (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2)));
     double depth = kInfinity;
     const auto may_be_nearer = [&](Vec2 lo, Vec2 hi) {
-      return kRounding * distance_to_box(p, lo, hi) <= depth;
+      const double distance_to_box = norm(upper(upper(lo - p, p - hi), Vec2()));
+      return kRounding * distance_to_box <= depth;
     };
     const auto is_too_near = [&](int i) {
       const int h = m.boundary[i];
@@ -8283,6 +8279,14 @@ inline bool move_to_level(const Level& level, int first, Place& p) {
   for (int k = 0; k < 3; ++k)
     if (!is_whole && !level.surface.mesh.pillow.is_empty() && k != heaviest) p.corners[k] = -1;
   return tidy(p);
+}
+
+/// The new ids of those vertices that have one.
+inline std::vector<int> kept(const std::vector<int>& vertices, const std::vector<int>& new_id) {
+  std::vector<int> ids;
+  for (int v : vertices)
+    if (new_id.data()[v] >= 0) ids.push_back(new_id.data()[v]);
+  return ids;
 }
 
 /// Mean distortion divided by coverage; infinite without an overlap.
@@ -8551,10 +8555,7 @@ class PairEmbedder {
     optimizer_ = std::make_unique<Optimizer>(joint_, level_options_, no_followers_, executor_);
     log_ = Result();
     std::vector<Curve> curves = options_.curves;
-    for (Curve& c : curves) {
-      keep_there(level_a_, c.a);
-      keep_there(level_b_, c.b);
-    }
+    for (Curve& c : curves) c.a = kept(c.a, level_a_.place), c.b = kept(c.b, level_b_.place);
     const LandmarkPull pull(joint_, landmarks_here(0), curves);
     if (!pull.is_empty()) optimizer_->set_pull(pull);
     optimizer_->start(x, log_);
@@ -8564,14 +8565,6 @@ class PairEmbedder {
       rules_ = optimizer_->rules();
     if (!levels_.empty()) optimizer_->lower_omega(kNextOmega);
     if (log_.status == Status::kUnfinished) levels_.push_back(log_.log_begin);
-  }
-
-  /// Leaves those vertices that a level has.
-  static void keep_there(const Level& level, std::vector<int>& vertices) {
-    std::vector<int> there;
-    for (int v : vertices)
-      if (level.place[v] >= 0) there.push_back(level.place[v]);
-    vertices.swap(there);
   }
 
   bool optimize_level() {
@@ -13066,16 +13059,13 @@ inline bool take_curves(const Prepared& a, const Prepared& b, std::vector<Curve>
     for (Side side : {Side::kA, Side::kB}) {
       const std::vector<int>& ids = side == Side::kA ? a.new_vertex : b.new_vertex;
       std::vector<int>& line = side == Side::kA ? curve.a : curve.b;
-      std::vector<int> there;
-      for (int v : line) {
+      for (int v : line)
         if (v < 0 || v >= static_cast<int>(ids.size()))
           return fail(outcome, Status::kInvalidLandmarks,
                       {"curve ", static_cast<int>(&curve - curves.data()), ": mesh ", letter(side),
                        " has no vertex ", v},
                       {vertex_id(side, v)});
-        if (ids.data()[v] >= 0) there.push_back(ids.data()[v]);
-      }
-      line.swap(there);
+      line = kept(line, ids);
     }
   return true;
 }
