@@ -6667,11 +6667,6 @@ inline Vec2 correlation(const Points2& from, const Points2& to) {
   return {along, across};
 }
 
-/// The motion that brings the rows of `from` closest to those of `to`.
-inline RigidMotion rigid_fit(const Points2& from, const Points2& to) {
-  return rigid_motion(correlation(from, to), centroid(from), centroid(to));
-}
-
 /// The part of the second moment that the best similarity between two sets of points does not
 /// explain: 0 if it fits, at most 1.
 inline double misfit(const Points2& from, const Points2& to) {
@@ -8812,7 +8807,7 @@ class PairEmbedder {
     int given = 0;
     while (given < landmarks.size() && landmarks[given].weight == 1) ++given;
     warn_if_mirrored(rows_between(from, 0, given), rows_between(to, 0, given));
-    a_->move(rigid_fit(from, to));
+    a_->move(rigid_motion(correlation(from, to), centroid(from), centroid(to)));
     return false;
   }
 
@@ -12971,12 +12966,10 @@ inline bool check_options(const Options& o, Outcome& outcome) {
   return true;
 }
 
-/// Per vertex of one mesh, its constraint in words, or null.
-using Bonds = Array<const char*>;
-
 /// Binds pinned or fixed vertices, which must exist and be free; given ids become prepared ones.
+/// `bonds`: per vertex, its constraint in words, or null.
 inline bool claim(const Prepared& prepared, Side side, const char* how, std::vector<int>& vertices,
-                  Bonds& bonds, Outcome& outcome) {
+                  Array<const char*>& bonds, Outcome& outcome) {
   const int n = static_cast<int>(prepared.new_vertex.size());
   for (int& v : vertices) {
     const std::string what =
@@ -13002,7 +12995,7 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
                               const Array<PlacedLandmark>& landmarks, RunOptions& options,
                               Outcome& outcome) {
   const bool is_held = options.boundary != Boundary::kFree;
-  Bonds bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
+  Array<const char*> bonds_a(a.n_vertices, nullptr), bonds_b(b.n_vertices, nullptr);
   for (const PlacedLandmark& l : landmarks) {
     if (!options.exact_landmarks) break;
     if (vertex_at(l.a) >= 0) bonds_a[vertex_at(l.a)] = "in an exact landmark";
