@@ -8671,10 +8671,8 @@ class PairEmbedder {
     const bool are_many = landmarks_.size() > kMostLeading;
     Array<char> keep(s.mesh.n_vertices, 0);
     for (const PlacedLandmark& l : landmarks_)
-      for (int k = 0; k < 3; ++k) {
-        const int v = (side == Side::kA ? l.a : l.b).corners[k];
+      for (int v : (side == Side::kA ? l.a : l.b).corners)
         if (v >= 0 && (l.weight < 1 || options_.exact_landmarks || !are_many)) keep[v] = 1;
-      }
     std::array<int, 4> cones;
     for (int i = 0; i < cones_.size(); ++i) {
       const int v = cones.data()[i] = side == Side::kA ? cones_[i].a : cones_[i].b;
