@@ -9079,8 +9079,7 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 class Embedder {
  public:
   /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
-  /// which are never exact.
-  /// `mapped`: a coarse map of the pair, or null.
+  /// which are never exact. `mapped`: a coarse map of the pair, or null.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
            const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
            const RunOptions& options, const Executor& executor)
@@ -9223,7 +9222,7 @@ class Embedder {
     Cones cones;
     if (!cones_.empty() && !mapped_) cones = cones_[next_cones_++];
     embedder_ = std::make_unique<PairEmbedder>(pair_, all, options_, executor_, outlines, cones,
-                                               stage == Stage::kFree ? mapped_.get() : nullptr);
+                                               mapped_.get());
     return stage;
   }
 
@@ -13205,11 +13204,9 @@ inline bool check_chains(const JointSurface& s, const Array<Follower>& followers
 inline bool find_followers(const JointSurface& s, const Points2& x,
                            const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                            Array<Follower>& followers, Outcome& outcome) {
-  for (const PlacedLandmark& l : landmarks) {
-    if (!options.exact_landmarks) break;
-    const VertexPair at = {vertex_at(l.a), vertex_at(l.b), l.given};
-    followers.push_back(landmark_follower(s, x, at));
-  }
+  if (options.exact_landmarks)
+    for (const VertexPair& l : vertex_pairs(landmarks))
+      followers.push_back(landmark_follower(s, x, l));
   if (options.pins_a.empty() && options.pins_b.empty()) return true;
   const EmbeddedPair pair(s, x);
   if (pair.overlay.is_too_large)
@@ -13693,9 +13690,9 @@ class Run {
     if (!find_followers(s_, x, together, options_, followers_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     if (!options_.as_published) {
-      Array<PlacedLandmark> apart;
-      if (!options_.exact_landmarks) apart = located(opened_, pair_);
-      const LandmarkPull pull(s_, apart, options_.curves);
+      const Array<PlacedLandmark> none;
+      const LandmarkPull pull(s_, options_.exact_landmarks ? none : located(opened_, pair_),
+                              options_.curves);
       if (!pull.is_empty()) optimizer_->set_pull(pull);
     }
     optimizer_->start(x, result_);
