@@ -248,6 +248,113 @@ TEST_CASE("halved edges are none longer than asked, and leave the shape and the 
   }
 }
 
+/// Two needles that share a long edge, bent along it.
+ism::TriangleMesh needles() {
+  ism::TriangleMesh mesh;
+  mesh.vertices.resize(4, 3);
+  mesh.vertices << 0, 0, 0, 8, 0, 0, 8, 0.1, 0, 8, 0, 0.1;
+  mesh.triangles.resize(2, 3);
+  mesh.triangles << 0, 1, 2, 1, 0, 3;
+  return mesh;
+}
+
+TEST_CASE("what halved edges leave of a needle is Delaunay, and lies in it") {
+  const Surface before = build_surface(needles(), true);
+  Surface s = before;
+  halve_edges(0.25, 0, 100000, s);
+  Pieces pieces;
+  REQUIRE(find_pieces(before.mesh, s.added, triangles_from(s.mesh.tail), pieces));
+  const HalfEdgeMesh& m = s.mesh;
+  const auto corner = [&](int h) { return row3(s.vertices, m.tail[h]); };
+  int flippable = 0, longest_fan = 0;
+  for (int h = 0; h < m.tail.size(); ++h) {
+    const int t = m.twin[h];
+    if (t < 0) CHECK(m.out[m.tail[h]] == h);
+    if (t < h || pieces.face[h / 3] != pieces.face[t / 3]) continue;
+    ++flippable;
+    double cotangents = 0;
+    for (int side : {h, t}) {
+      const Vec3 c = corner(prev(side)), u = corner(h) - c, v = corner(next(h)) - c;
+      cotangents += dot(u, v) / norm(cross(u, v));
+    }
+    CHECK(cotangents > -1e-6);
+  }
+  for (int v = 0; v < m.n_vertices; ++v) {
+    int edges = 0;
+    m.for_each_outgoing(v, [&](int) { ++edges; });
+    longest_fan = std::max(longest_fan, edges);
+  }
+  CHECK(flippable > 100);
+  CHECK(longest_fan <= 8);
+  for (int h = 0; h < m.tail.size(); ++h) {
+    const ism::SurfacePoint p = pieces.to_mesh({h / 3, Eigen::Vector3d::Unit(h % 3)});
+    Vec3 at;
+    for (int k = 0; k < 3; ++k)
+      at += p.barycentric[k] * row3(before.vertices, before.mesh.corner(p.face, k));
+    CHECK(norm(at - corner(h)) < 1e-14);
+  }
+  Rng rng(58);
+  for (int i = 0; i < 200; ++i) {  // there and back
+    Eigen::Vector3d weights(rng.uniform(), rng.uniform(), rng.uniform());
+    weights /= weights.sum();
+    const ism::SurfacePoint here = {rng.below(2), weights};
+    const ism::SurfacePoint back = pieces.to_mesh(pieces.from_mesh(here));
+    CHECK(back.face == here.face);
+    CHECK((back.barycentric - weights).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("a list of vertices that does not lead to a mesh places nothing") {
+  const Surface before = build_surface(needles(), true);
+  Surface s = before;
+  halve_edges(1, 0, 100000, s);
+  const ism::Triangles fine = triangles_from(s.mesh.tail);
+  Pieces pieces;
+  CHECK(find_pieces(before.mesh, s.added, fine, pieces));
+  for (const int spoilt : {-7, -1, 100000, 2}) {
+    std::vector<ism::AddedVertex> added = s.added;
+    added[1].corners[0] = spoilt;
+    CHECK_FALSE(find_pieces(before.mesh, added, fine, pieces));
+  }
+  CHECK_FALSE(find_pieces(before.mesh, {}, fine, pieces));
+  CHECK_FALSE(find_pieces(before.mesh, s.added, fine.topRows(fine.rows() - 1), pieces));
+  ism::Triangles turned = fine;
+  std::swap(turned(0, 0), turned(0, 1));
+  CHECK_FALSE(find_pieces(before.mesh, s.added, turned, pieces));
+}
+
+TEST_CASE("landmarks in triangles stay where they are when edges are halved") {
+  const Surface before = build_surface(needles(), true);
+  SurfacePair pair = {before, before};
+  Array<PlacedLandmark> landmarks;
+  Rng rng(59);
+  for (int i = 0; i < 100; ++i) {
+    PlacedLandmark l;
+    for (int k = 0; k < 3; ++k) {
+      l.a.corners[k] = before.mesh.corner(i % 2, k);
+      l.a.weights[k] = k == i % 4 ? 0 : rng.uniform() + 0.01;  // some lie on edges
+    }
+    tidy(l.a);
+    l.b = l.a;
+    landmarks.push_back(l);
+  }
+  const auto position = [](const Surface& s, const Place& p) {
+    Vec3 at;
+    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
+      at += p.weights[k] * row3(s.vertices, p.corners[k]);
+    return at;
+  };
+  const Array<PlacedLandmark> given = landmarks;
+  refine(0.25, 0, 100000, Side::kA, pair, landmarks);
+  for (int i = 0; i < landmarks.size(); ++i) {
+    const Place& p = landmarks[i].a;
+    REQUIRE((vertex_at(p) >= 0 || find_place(pair.a.mesh, p) >= 0));
+    CHECK(norm(position(pair.a, p) - position(before, given[i].a)) < 1e-9);
+    CHECK(landmarks[i].b.corners == given[i].b.corners);
+  }
+  CHECK(located(landmarks, pair)[7].a.corners == landmarks[7].a.corners);
+}
+
 TEST_CASE("a coarse surface gets the vertices that the map needs") {
   const ism::TriangleMesh octahedron = shapes::sphere(0), ball = shapes::sphere(4);
   for (const bool is_refined : {true, false}) {

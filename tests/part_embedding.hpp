@@ -205,10 +205,10 @@ void check_embeds(const TriangleMesh& a, const TriangleMesh& b,
   CAPTURE(e.message);
   CHECK(e.status == Status::kDone);
   if (e.status != Status::kDone) return;
-  REQUIRE(e.f.rows() == a.vertices.rows());
-  REQUIRE(e.g.rows() == b.vertices.rows());
-  CHECK(is_injective(half_edges(a), e.f));
-  CHECK(is_injective(half_edges(b), e.g));
+  REQUIRE(e.f.rows() == a.vertices.rows() + static_cast<int>(e.added_a.size()));
+  REQUIRE(e.g.rows() == b.vertices.rows() + static_cast<int>(e.added_b.size()));
+  CHECK(is_injective(half_edges(*e.a), e.f));
+  CHECK(is_injective(half_edges(*e.b), e.g));
   CHECK(std::isfinite(e.landmark_distance));
 }
 
