@@ -502,11 +502,11 @@ struct Options {
   int coarsest = 400;
   /// > 0: first halves edges longer than this many edges of the finer surface, the longest first,
   /// until no triangle is larger than 1 / refine of its triangles (at most: than these), or there
-  /// are four times as many. What is within a given triangle becomes Delaunay. The shape and the
+  /// are twice as many. What is within a given triangle becomes Delaunay. The shape and the
   /// ids of given vertices stay, see Embedding::added_a. 8 changes what is too coarse for the
   /// other, or has long needles; 1 makes both finer, which helps where both have about a thousand
   /// triangles. 0: off, as for given positions and as_published.
-  double refine = 8;
+  double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -12915,7 +12915,7 @@ inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLan
   double area = kInfinity;  // of a triangle of the finer surface
   for (const Surface* s : {&pair.a, &pair.b})
     area = (std::min)(area, s->total_area / s->mesh.n_faces);
-  constexpr int kMost = 4;  // times as many triangles as the finer surface has
+  constexpr int kMost = 2;  // times as many triangles as the finer surface has
   const double edge = std::sqrt(4 / std::sqrt(3.0) * area);
   halve(options.refine * edge, area / (std::max)(1.0, options.refine), 0, kMost * finest);
 }
