@@ -501,11 +501,11 @@ struct Options {
   /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
   int coarsest = 400;
   /// > 0: first halves edges longer than this many edges of the finer surface, the longest first,
-  /// until no triangle is larger than 1 / refine of its triangles (at most: than these), or there
-  /// are twice as many. What is within a given triangle becomes Delaunay. The shape and the
-  /// ids of given vertices stay, see Embedding::added_a. 8 changes what is too coarse for the
-  /// other, or has long needles; 1 makes both finer, which helps where both have about a thousand
-  /// triangles. 0: off, as for given positions and as_published.
+  /// at triangles larger than its mean triangle divided by refine (by 1, if refine is less), up to
+  /// twice the number of its triangles. What is within a given triangle becomes Delaunay. The shape
+  /// and the ids of given vertices stay, see Embedding::added_a. 8 suits coarse and CAD meshes; 1
+  /// makes both finer, which helps where both have about a thousand triangles. 0: off, as for given
+  /// positions and as_published.
   double refine = 0;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
