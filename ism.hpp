@@ -500,13 +500,13 @@ struct Options {
   /// up; each has about a quarter of the next one's. 0 is the paper's method. Exact landmarks, held
   /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
   int coarsest = 400;
-  /// > 0: first halves edges longer than this many edges of the finer surface, the longest first,
-  /// at triangles larger than its mean triangle divided by refine (by 1, if refine is less), up to
-  /// twice the number of its triangles. What is within a given triangle becomes Delaunay. The shape
-  /// and the ids of given vertices stay, see Embedding::added_a. 8 suits coarse and CAD meshes; 1
-  /// makes both finer, which helps where both have about a thousand triangles. 0: off, as for given
-  /// positions and as_published.
-  double refine = 0;
+  /// > 0: a surface half of which lies in triangles larger than this many mean ones of the finer
+  /// surface has edges halved that are longer than this many edges, the longest first, at triangles
+  /// larger than its mean one divided by refine (by 1, if refine is less), up to twice the number
+  /// of its triangles. What is within a given triangle becomes Delaunay. The shape and the ids of
+  /// given vertices stay, see Embedding::added_a. 1 makes both finer, which helps where both have
+  /// about a thousand triangles. 0: off, as for given positions and as_published.
+  double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
   int history_length = 6;
@@ -12896,28 +12896,32 @@ inline void refine(double longest, double largest, int most, Side side, SurfaceP
   }
 }
 
-/// Halves the edges of large triangles, see Options::refine.
+/// Returns true if half of a surface or more lies in triangles larger than `area`.
+inline bool is_coarse(double area, const Surface& s) {
+  double sum = 0;
+  for (double of_triangle : s.area)
+    if (of_triangle > area) sum += of_triangle;
+  return sum >= 0.5 * s.total_area;
+}
+
+/// Halves long edges of a surface that is too coarse for the other one, see Options::refine.
 inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLandmark>& landmarks) {
   constexpr int kLeast = 64;  // vertices of closed surfaces: paths pass between four cones
-  const auto halve = [&](double longest, double largest, int vertices, int triangles) {
-    for (Side side : {Side::kA, Side::kB}) {
-      const HalfEdgeMesh& m = side == Side::kA ? pair.a.mesh : pair.b.mesh;
-      const int most = (std::max)(vertices - m.n_vertices, (triangles - m.n_faces) / 2);
-      refine(longest, largest, most, side, pair, landmarks);
-    }
-  };
-  const double diameter = std::sqrt((std::max)(pair.a.total_area, pair.b.total_area));
-  if (are_closed(pair)) halve(1e-9 * diameter, 0, kLeast, 0);
-  if (options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
-      options.initial_g.size() > 0)
-    return;
+  constexpr int kMost = 2;    // times as many triangles as the finer surface has
   const int finest = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
-  double area = kInfinity;  // of a triangle of the finer surface
+  double mean = kInfinity;  // area of a triangle of the finer surface
   for (const Surface* s : {&pair.a, &pair.b})
-    area = (std::min)(area, s->total_area / s->mesh.n_faces);
-  constexpr int kMost = 2;  // times as many triangles as the finer surface has
-  const double edge = std::sqrt(4 / std::sqrt(3.0) * area);
-  halve(options.refine * edge, area / (std::max)(1.0, options.refine), 0, kMost * finest);
+    mean = (std::min)(mean, s->total_area / s->mesh.n_faces);
+  const double edge = std::sqrt(4 / std::sqrt(3.0) * mean);
+  const bool is_off = options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
+                      options.initial_g.size() > 0;
+  for (Side side : {Side::kA, Side::kB}) {
+    const Surface& s = side == Side::kA ? pair.a : pair.b;
+    if (are_closed(pair)) refine(1e-9 * edge, 0, kLeast - s.mesh.n_vertices, side, pair, landmarks);
+    if (is_off || !is_coarse(options.refine * mean, s)) continue;
+    refine(options.refine * edge, mean / (std::max)(1.0, options.refine),
+           (kMost * finest - s.mesh.n_faces) / 2, side, pair, landmarks);
+  }
 }
 
 /// Checks that Options::outer_a (outer_b) is on a boundary, and that only disks hold theirs.
