@@ -14035,15 +14035,18 @@ class StartFinder {
 
   /// Takes a step, up to a number of iterations.
   void improve(Candidate& candidate, int iterations) const {
+    constexpr int kMany = 8000;  // polygons; fans of needles over each other have the square
     const Result& result = candidate.run->result();
+    const int polygons = (std::max)(result.final_state().polygons, int{kMany});
+    const int most = (std::max)(1, static_cast<int>(std::int64_t{iterations} * kMany / polygons));
     const int done = static_cast<int>(result.log.size());
-    candidate.has_more = done < iterations && candidate.run->step();
+    candidate.has_more = done < most && candidate.run->step();
     if (candidate.has_more || !is_usable(result.status)) return;
     constexpr double kMissed = 1;  // how much all landmarks weigh
     const IterationLog& last = result.final_state();
     const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
-    const double most = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
-    candidate.value = last.mean_distortion * most / (last.coverage_a + last.coverage_b);
+    const double most_coverage = 1 + (std::min)(area_a, area_b) / (std::max)(area_a, area_b);
+    candidate.value = last.mean_distortion * most_coverage / (last.coverage_a + last.coverage_b);
     candidate.value *= 1 + kMissed * missed_landmarks(candidate);
   }
 
