@@ -3500,82 +3500,60 @@ inline void evaluate(const JointSurface& s, const Weights& weights, Iterate& x,
 
 // ---- block matrices, row by row ----
 
-/// Rows of a block matrix. Summands are added twice: first to find columns, then to sum blocks.
-class RowWriter {
- public:
-  explicit RowWriter(int columns = 0) : place_(columns, -1) {}
-
-  void add(int column, const Mat2& block) {
-    int& place = place_[column];
-    if (is_ordered_) {
-      value_[place] += block;
-    } else if (place < row_) {
-      place = column_.size();
-      column_.push_back(column);
-    }
-  }
-
-  template <class Fill>
-  void write_row(int r, const Fill& fill) {
-    is_ordered_ = false;
-    fill(r, *this);
-    std::sort(column_.begin() + row_, column_.end());
-    for (int i = row_; i < column_.size(); ++i) {
-      place_[column_[i]] = i;
-      value_.push_back({});
-    }
-    is_ordered_ = true;
-    fill(r, *this);
-    row_ = column_.size();
-    end_.push_back(row_);
-  }
-
-  int blocks() const { return column_.size(); }
-  void append_to(BlockMatrix& matrix) const {
-    const int shift = matrix.blocks();
-    for (int end : end_) matrix.start.push_back(shift + end);
-    matrix.column.append(column_.data(), column_.size());
-    matrix.value.append(value_.data(), value_.size());
-  }
-
- private:
-  int row_ = 0;  // start of the current row
-  bool is_ordered_ = false;
-  Array<int> column_, end_;
-  Array<Mat2> value_;
-  Array<int> place_;  // per column: its block, if at least row_
-};
-
-/// Builds a matrix: fill(r, row) adds the summands of row r, the same ones at every call.
-inline BlockMatrix build_rows(int rows, const Executor& executor,
-                              const std::function<void(int, RowWriter&)>& fill) {
-  constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
-  const int block = (std::max)(kLeast, (rows + kMostTasks - 1) / kMostTasks);
-  Array<RowWriter> part((rows + block - 1) / block);
-  executor.run_blocks(rows, block, [&](int begin, int end) {
-    RowWriter& writer = part[begin / block];
-    writer = RowWriter(rows);
-    for (int r = begin; r < end; ++r) writer.write_row(r, fill);
-  });
-  int blocks = 0;
-  for (const RowWriter& writer : part) blocks += writer.blocks();
-  BlockMatrix matrix;
-  matrix.start.reserve(rows + 1);
-  matrix.column.reserve(blocks);
-  matrix.value.reserve(blocks);
-  matrix.start.push_back(0);
-  for (RowWriter& writer : part) {
-    writer.append_to(matrix);
-    writer = RowWriter();
-  }
-  return matrix;
-}
-
-/// A block (row, column), row <= column, to be added to a matrix.
+/// A block (row, column), row <= column, of a matrix or to be added to it.
 struct Block {
   int row, column;
   Mat2 value;
 };
+
+/// Sums blocks to the rows of a matrix, one row after the other.
+struct RowWriter {
+  int row = 0, first = 0;  // the current row, and its first block
+  Array<Block> blocks;
+  Array<int> place;  // per column: its block, if at least `first`
+
+  void add(int column, const Mat2& value) {
+    int& at = place[column];
+    if (at < first) {
+      at = blocks.size();
+      blocks.push_back({row, column, {}});
+    }
+    blocks[at].value += value;
+  }
+};
+
+/// Builds a matrix: fill(r, row) adds the summands of row r.
+inline BlockMatrix build_rows(int rows, const Executor& executor,
+                              const std::function<void(int, RowWriter&)>& fill) {
+  constexpr int kLeast = 64, kMostTasks = 64;  // rows per task; each has an array as long as a row
+  const int height = (std::max)(kLeast, (rows + kMostTasks - 1) / kMostTasks);
+  Array<RowWriter> part((rows + height - 1) / height);
+  BlockMatrix matrix;
+  matrix.start.assign(rows + 1, 0);
+  executor.run_blocks(rows, height, [&](int begin, int end) {
+    RowWriter& writer = part[begin / height];
+    writer.place.assign(rows, -1);
+    for (int r = begin; r < end; ++r) {
+      writer.row = r;
+      writer.first = writer.blocks.size();
+      fill(r, writer);
+      std::sort(writer.blocks.begin() + writer.first, writer.blocks.end(),
+                [](const Block& b, const Block& c) { return b.column < c.column; });
+      matrix.start[r + 1] = writer.blocks.size() - writer.first;
+    }
+  });
+  for (int r = 0; r < rows; ++r) matrix.start[r + 1] += matrix.start[r];
+  matrix.column.reserve(matrix.start[rows]);
+  matrix.value.reserve(matrix.start[rows]);
+  for (RowWriter& writer : part) {
+    for (const Block& block : writer.blocks) {
+      matrix.column.push_back(block.column);
+      matrix.value.push_back(block.value);
+    }
+    writer = RowWriter();
+  }
+  return matrix;
+}
 
 inline BlockMatrix sum_of_blocks(int rows, const Array<Block>& blocks, const Executor& executor) {
   Array<int> first(rows, -1), next(blocks.size());
