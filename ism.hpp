@@ -3582,9 +3582,11 @@ inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& execut
   });
 }
 
-inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executor& executor) {
+/// Returns A + weight B.
+inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executor& executor,
+                       double weight = 1) {
   Array<Term> terms(1, Term{&A, 1});
-  terms.push_back({&B, 1});
+  terms.push_back({&B, weight});
   return weighted_sum(terms, executor);
 }
 
@@ -3896,20 +3898,6 @@ inline void scale_diagonal(double factor, BlockMatrix& matrix) {
   }
 }
 
-/// Returns the matrix on a larger pattern, with explicit zeros.
-inline BlockMatrix extended(const BlockMatrix& matrix, const BlockMatrix& pattern) {
-  BlockMatrix result;
-  result.start = pattern.start;
-  result.column = pattern.column;
-  result.value.resize(pattern.blocks());
-  for (int r = 0; r < matrix.rows(); ++r)
-    for (int b = matrix.start[r], at = pattern.start[r]; b < matrix.start[r + 1]; ++b, ++at) {
-      while (pattern.column[at] != matrix.column[b]) ++at;
-      result.value[at] = matrix.value[b];
-    }
-  return result;
-}
-
 /// Returns the mean of the gradients in the memory, newest first, with weights decay^k (§5.3).
 inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double decay) {
   Array<Vec2> gradient(history[0].gradient.size());
@@ -3931,17 +3919,17 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
   LinearSystem system;
   system.gradient = blended_gradient(history, decay);
   Array<Term> terms;
-  double sum = 0;
+  double total = 0;
   for (const QuadraticModel& model : history) {
     if (!model.has_hessian()) continue;
     terms.push_back({&model.H, power(decay, terms.size())});
-    sum += terms.back().weight;
+    total += terms.back().weight;
   }
-  for (Term& term : terms) term.weight /= sum;
+  for (Term& term : terms) term.weight /= total;
   if (!others.start.empty()) terms.push_back({&others, 1});
   if (!laplacian.start.empty()) terms.push_back({&laplacian, 0});
   system.H = weighted_sum(terms, executor);
-  if (!laplacian.start.empty()) system.Q = extended(laplacian, system.H);
+  if (!laplacian.start.empty()) system.Q = sum(laplacian, system.H, executor, 0);
   return system;
 }
 
