@@ -3692,13 +3692,9 @@ class ModelBuilder {
     });
   }
 
-  Array<Vec2> gradient(const Iterate& x) {
-    differentiate_elements(x, false);
-    return sum_gradients(s_.mesh, face_);
-  }
-
   /// Sums the terms of the last differentiate_elements() (line 8).
   QuadraticModel assemble() const {
+    if (!with_hessians_) return {{}, sum_gradients(s_.mesh, face_), {}};
     return sum_terms(s_.mesh, face_, executor_, [&](int h, RowWriter& row) {
       if (h >= 3 * s_.faces_a) return;
       for (const Coupling& c : coupling_[h / 3])
@@ -4648,14 +4644,10 @@ class Optimizer {
   bool differentiate(bool with_hessian) {
     log_ = IterationLog();
     Timer timer;
-    QuadraticModel model;
-    if (with_hessian)
-      models_.differentiate_elements(x_);  // lines 4 to 7
-    else
-      model.gradient = models_.gradient(x_);
+    models_.differentiate_elements(x_, with_hessian);  // lines 4 to 7
     log_.seconds_derivatives = timer.lap();
     if (executor_.is_stopped()) return false;
-    if (with_hessian) model = models_.assemble();  // line 8
+    QuadraticModel model = models_.assemble();  // line 8
     log_.seconds_assembly = timer.lap();
     if (executor_.is_stopped()) return false;
     model.x = x_.x;
@@ -4925,7 +4917,8 @@ class Optimizer {
     if (!is_injective(s_.mesh, y.x)) return {};
     evaluate(s_, weights_, y);
     if (!std::isfinite(y.energy)) return {};
-    return of_unknowns(models_.gradient(y), y.x);
+    models_.differentiate_elements(y, false);
+    return of_unknowns(models_.assemble().gradient, y.x);
   }
 
   // -- quasi-Newton steps: once ω_L is small, with the last factor --
