@@ -4628,12 +4628,11 @@ class Optimizer {
         for (int c = 0; c < 2; ++c)
           if (follower.weight[k] == 1 && is_fixed_(follower.row, c))
             is_fixed_(follower.master[k], c) = 1;
-    is_held_ = is_fixed_.any();
-    if (is_held_) return;
-    anchors_ = choose_anchors(s_, followers_);
-    move_to_anchors(s_.mesh, anchors_, x);
-    is_fixed_.fix(anchors_.center);
-    is_fixed_(anchors_.rim, 1) = 1;
+    if (is_fixed_.any()) return;
+    const Anchors anchors = choose_anchors(s_, followers_);
+    move_to_anchors(s_.mesh, anchors, x);
+    is_fixed_.fix(anchors.center);
+    is_fixed_(anchors.rim, 1) = 1;
   }
 
   // ---- the lines of Algorithm 1 ----
@@ -5094,8 +5093,6 @@ class Optimizer {
   bool is_stationary_ = false;
   double last_step_ = 1;  // of the last step that was no quasi-Newton step
   FixedCoordinates is_fixed_;
-  bool is_held_ = false;  // else anchors remove rigid motions
-  Anchors anchors_;
   Iterate x_;
   IterationLog log_;               // of the current iteration
   bool is_remembered_ = false;     // the memory has derivatives at x
