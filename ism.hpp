@@ -3886,14 +3886,6 @@ struct LinearSystem {
   ShiftedMatrix shifted(double omega) const { return {&H, has_Q() ? &Q : nullptr, omega}; }
 };
 
-/// Scales the diagonal blocks, the first ones of their rows.
-inline void scale_diagonal(double factor, BlockMatrix& matrix) {
-  for (int r = 0; r < matrix.rows(); ++r) {
-    Mat2& block = matrix.value[matrix.start[r]];
-    block = factor * block;
-  }
-}
-
 /// Returns the mean of the gradients in the memory, newest first, with weights decay^k (§5.3).
 inline Array<Vec2> blended_gradient(const Array<QuadraticModel>& history, double decay) {
   Array<Vec2> gradient(history[0].gradient.size());
@@ -4696,16 +4688,12 @@ class Optimizer {
     return omegas;
   }
 
-  void factorize(const LinearSystem& system) {
-    ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
-  }
-
   /// Solves (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). Factorises one matrix; its factor
   /// preconditions conjugate gradients for the other ω.
   Array<Direction> solve(const LinearSystem& system) {
     Timer timer;
     Array<double> omegas = omegas_to_try(system);
-    factorize(system);
+    ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
     if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need s.p.d. ones
     const Array<Vec2> right = negated(system.gradient);
     Array<Direction> directions(omegas.size());
@@ -4893,8 +4881,11 @@ class Optimizer {
     for (double share = kLeast; factor_.negative > 0 && share <= kMost; share *= kMore) {
       LinearSystem system = blended_system();
       if (executor_.is_stopped()) break;
-      scale_diagonal(1 + share, system.H);
-      factorize(system);
+      for (int r = 0; r < system.H.rows(); ++r) {
+        Mat2& diagonal = system.H.value[system.H.start[r]];
+        diagonal = (1 + share) * diagonal;
+      }
+      ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
     }
     return factor_.ok && factor_.negative == 0;
   }
