@@ -4698,24 +4698,23 @@ class Optimizer {
     const Array<Vec2> right = negated(system.gradient);
     Array<Direction> directions(omegas.size());
     executor_.run(omegas.size(), [&](int k) {
-      directions[k].omega = omegas[k];
       if (!factor_.ok) return;
       Array<Vec2> d = k == 0 ? ldlt_solve(factor_, right)
                              : solve_with_neighbour(factor_, system.shifted(omegas[k]), right,
                                                     options_.tuning.solve_tolerance, executor_);
-      set_direction(std::move(d), directions[k]);
+      directions[k] = direction(std::move(d), omegas[k]);
     });
     log_.seconds_solve += timer.lap();
     return directions;
   }
 
   /// Extends d to all vertices; the slope uses the newest gradient (line 13), so E never grows.
-  void set_direction(Array<Vec2> d, Direction& direction) const {
+  Direction direction(Array<Vec2> d, double omega) const {
     expand_direction(followers_, d);
     Array<Vec2> gradient = history_[0].gradient;
     add_spring_gradient(springs_, x_.x, gradient);
-    direction.slope = dot(gradient, d);
-    direction.d = std::move(d);
+    const double slope = dot(gradient, d);
+    return {omega, std::move(d), slope};
   }
 
   /// Returns true if a direction does not descend (line 13).
@@ -4743,14 +4742,12 @@ class Optimizer {
     log_.seconds_search += timer.lap();
   }
 
-  void set_largest_step(Direction& direction) const {
-    direction.max_step =
-        (std::min)(max_step(s_.mesh, x_.x, direction.d), max_step(scaffold_, x_.x, direction.d));
-    direction.first_step =
-        (std::min)(0.99 * direction.max_step,
-                   options_.tuning.max_displacement * radius_ / longest_move(direction.d));
+  void set_largest_step(Direction& d) const {
+    d.max_step = (std::min)(max_step(s_.mesh, x_.x, d.d), max_step(scaffold_, x_.x, d.d));
+    d.first_step = (std::min)(0.99 * d.max_step,
+                              options_.tuning.max_displacement * radius_ / longest_move(d.d));
     if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
-      direction.first_step = (std::min)(direction.first_step, 1 / kShrink);
+      d.first_step = (std::min)(d.first_step, 1 / kShrink);
   }
 
   bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
@@ -4857,7 +4854,7 @@ class Optimizer {
     Array<Vec2> g = gradient_at(0), d = ldlt_solve(factor_, negated(g));
     for (int k = 0; k < kMost && !executor_.is_stopped(); ++k) {
       is_stationary_ = is_little(-dot(g, d), options_.tolerance);
-      const Array<Direction> directions(1, full_direction(d));
+      const Array<Direction> directions = single_direction(d);
       if (is_stationary_ || !(directions[0].slope < 0)) return false;
       quick_.step = 1;
       if (search_back(directions)) return true;
@@ -4890,12 +4887,10 @@ class Optimizer {
     return factor_.ok && factor_.negative == 0;
   }
 
-  Direction full_direction(Array<Vec2> d) const {
-    Direction direction;
-    direction.omega = omega_;
-    set_direction(std::move(d), direction);
-    set_largest_step(direction);
-    return direction;
+  Array<Direction> single_direction(Array<Vec2> d) const {
+    Array<Direction> directions(1, direction(std::move(d), omega_));
+    set_largest_step(directions[0]);
+    return directions;
   }
 
   /// Returns the gradient of the unknowns slightly ahead; empty if there is no map.
@@ -4945,7 +4940,7 @@ class Optimizer {
     Array<Vec2> d = quasi_newton_direction(
         factor_, secants(),
         of_unknowns(blended_gradient(history_, options_.tuning.history_decay), x_.x));
-    const Array<Direction> directions(1, full_direction(std::move(d)));
+    const Array<Direction> directions = single_direction(std::move(d));
     log_.seconds_solve += timer.lap();
     const bool found = directions[0].slope < 0 && search_back(directions);
     if (executor_.is_stopped()) return false;
