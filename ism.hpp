@@ -1850,28 +1850,23 @@ class BoxTree {
 
   /// Calls visit(i, j) for all items i of this tree and j of the other one whose boxes meet.
   template <class Visit>
-  void for_each_pair(const BoxTree& other, Visit visit) const {
-    descend(1, other, 1, visit);
+  void for_each_pair(const BoxTree& other, const Visit& visit, int i = 1, int j = 1) const {
+    if (!boxes_meet(lo_[i], hi_[i], other.lo_[j], other.hi_[j])) return;
+    const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
+    if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
+    if (leaf_j || (!leaf_i && i <= j)) {
+      for_each_pair(other, visit, 2 * i, j);
+      for_each_pair(other, visit, 2 * i + 1, j);
+    } else {
+      for_each_pair(other, visit, i, 2 * j);
+      for_each_pair(other, visit, i, 2 * j + 1);
+    }
   }
 
  private:
   void join_children(int i) {
     lo_[i] = lower(lo_[2 * i], lo_[2 * i + 1]);
     hi_[i] = upper(hi_[2 * i], hi_[2 * i + 1]);
-  }
-
-  template <class Visit>
-  void descend(int i, const BoxTree& other, int j, Visit& visit) const {
-    if (!boxes_meet(lo_[i], hi_[i], other.lo_[j], other.hi_[j])) return;
-    const bool leaf_i = i >= leaves_, leaf_j = j >= other.leaves_;
-    if (leaf_i && leaf_j) return visit(i - leaves_, j - other.leaves_);
-    if (leaf_j || (!leaf_i && i <= j)) {
-      descend(2 * i, other, j, visit);
-      descend(2 * i + 1, other, j, visit);
-    } else {
-      descend(i, other, 2 * j, visit);
-      descend(i, other, 2 * j + 1, visit);
-    }
   }
 
   int leaves_ = 1;
