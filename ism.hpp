@@ -1922,14 +1922,7 @@ inline bool angle_sums_are_full(const HalfEdgeMesh& m, const Points2& x) {
       return q.y > p.y || (q.y == p.y && q.x > p.x);
     };
     int turns = 0;
-    bool was_upper = upper_half(m.out[v]);
-    int h = m.out[v];
-    do {
-      h = m.turn(h);
-      const bool is_upper = upper_half(h);
-      if (!was_upper && is_upper) ++turns;
-      was_upper = is_upper;
-    } while (h != m.out[v]);
+    m.for_each_outgoing(v, [&](int h) { turns += !upper_half(h) && upper_half(m.turn(h)); });
     if (turns != 1) return false;
   }
   return true;
