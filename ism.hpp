@@ -2404,17 +2404,16 @@ struct Crossing {
 inline Crossing crossing(Vec2 u, Vec2 d, Vec2 c, Vec2 w) {
   const double D = cross(d, w), dd = squared_norm(d), ww = squared_norm(w);
   const double sine = std::abs(D) / std::sqrt(dd * ww);
-  const auto on_w = [&](double t) { return clamp01(dot(u + t * d - c, w) / ww); };
   if (sine > 1e-3) return {clamp01(cross(c - u, w) / D), clamp01(cross(c - u, d) / D)};
-  if (sine > 1e-14) {
-    const double t = clamp01(cross(c - u, w) / D);
-    return {t, on_w(t)};
+  double t = cross(c - u, w) / D;
+  if (!(sine > 1e-14)) {
+    const double c_at = dot(c - u, d) / dd, e_at = dot(c + w - u, d) / dd;
+    const double lo = (std::max)((std::min)(c_at, e_at), 0.0);
+    const double hi = (std::min)((std::max)(c_at, e_at), 1.0);
+    t = 0.5 * (lo + hi);
   }
-  const double c_at = dot(c - u, d) / dd, e_at = dot(c + w - u, d) / dd;
-  const double lo = (std::max)((std::min)(c_at, e_at), 0.0);
-  const double hi = (std::min)((std::max)(c_at, e_at), 1.0);
-  const double t = clamp01(0.5 * (lo + hi));
-  return {t, on_w(t)};
+  t = clamp01(t);
+  return {t, clamp01(dot(u + t * d - c, w) / ww)};
 }
 
 inline PolygonShape polygon_shape(const OverlayPolygon& p, const SixPoints& x) {
