@@ -2640,6 +2640,7 @@ TriangleDensity<Real> triangle_density(const Real (&J)[4]) {
 template <class Real>
 struct CornerWeights {
   Real weight[3][2];
+  CornerWeights() = default;
   explicit CornerWeights(const Real* rest_inverse) {
     for (int c = 0; c < 2; ++c) {
       weight[1][c] = rest_inverse[2 * c];
@@ -2925,13 +2926,11 @@ struct PolygonParts {
 template <class Real>
 PolygonParts<Real> differentiate_once(const DistortionMeasure& measure, double kappa,
                                       PolygonElement<Real>& element) {
-  PolygonParts<Real> p = {
-      {CornerWeights<Real>(element.rest_inverse), CornerWeights<Real>(element.rest_inverse + 4)},
-      {},
-      {},
-      {},
-      {}};
-  for (int m = 0; m < 2; ++m) jacobian(p.B[m], element.x + 6 * m, p.J + 4 * m);
+  PolygonParts<Real> p;
+  for (int m = 0; m < 2; ++m) {
+    p.B[m] = CornerWeights<Real>(element.rest_inverse + 4 * m);
+    jacobian(p.B[m], element.x + 6 * m, p.J + 4 * m);
+  }
   p.density = density_parts(measure, kappa, p.J);
   const Real& w = p.density.w.value;
   area_gradient(element, p.da);
