@@ -2970,6 +2970,11 @@ void differentiate(const DistortionMeasure& measure, double kappa, PolygonElemen
 
 // ---- lanes: many polygons side by side ----
 
+using Eigen::internal::pabs, Eigen::internal::padd, Eigen::internal::pdiv, Eigen::internal::ploadu,
+    Eigen::internal::pmadd, Eigen::internal::pmax, Eigen::internal::pmin, Eigen::internal::pmul,
+    Eigen::internal::pnegate, Eigen::internal::pset1, Eigen::internal::psqrt,
+    Eigen::internal::pstoreu, Eigen::internal::psub;
+
 /// Numbers of different polygons, processed at once by the widest vectors that the compiler may
 /// use. Lanes do not mix, so results depend neither on their number nor on the content of other
 /// lanes. The second of two vectors hides the latency of the first; more do not fit the registers.
@@ -2980,13 +2985,13 @@ struct Lanes {
   Vector a, b;
   Lanes() = default;
   Lanes(const Vector& first, const Vector& second) : a(first), b(second) {}
-  Lanes(double x) : a(Eigen::internal::pset1<Vector>(x)), b(a) {}
+  Lanes(double x) : a(pset1<Vector>(x)), b(a) {}
   static Lanes load(const double* from) {
-    return {Eigen::internal::ploadu<Vector>(from), Eigen::internal::ploadu<Vector>(from + kHalf)};
+    return {ploadu<Vector>(from), ploadu<Vector>(from + kHalf)};
   }
   void store(double* to) const {
-    Eigen::internal::pstoreu(to, a);
-    Eigen::internal::pstoreu(to + kHalf, b);
+    pstoreu(to, a);
+    pstoreu(to + kHalf, b);
   }
 
   struct Lane {  // a number within a vector, accessed by memcpy (aliasing)
@@ -3001,26 +3006,16 @@ struct Lanes {
 };
 inline constexpr int kLanes = Lanes::kSize;
 
-inline Lanes operator+(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::padd(x.a, y.a), Eigen::internal::padd(x.b, y.b)};
-}
-inline Lanes operator-(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::psub(x.a, y.a), Eigen::internal::psub(x.b, y.b)};
-}
-inline Lanes operator*(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmul(x.a, y.a), Eigen::internal::pmul(x.b, y.b)};
-}
-inline Lanes operator/(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pdiv(x.a, y.a), Eigen::internal::pdiv(x.b, y.b)};
-}
-inline Lanes operator-(const Lanes& x) {
-  return {Eigen::internal::pnegate(x.a), Eigen::internal::pnegate(x.b)};
-}
+inline Lanes operator+(const Lanes& x, const Lanes& y) { return {padd(x.a, y.a), padd(x.b, y.b)}; }
+inline Lanes operator-(const Lanes& x, const Lanes& y) { return {psub(x.a, y.a), psub(x.b, y.b)}; }
+inline Lanes operator*(const Lanes& x, const Lanes& y) { return {pmul(x.a, y.a), pmul(x.b, y.b)}; }
+inline Lanes operator/(const Lanes& x, const Lanes& y) { return {pdiv(x.a, y.a), pdiv(x.b, y.b)}; }
+inline Lanes operator-(const Lanes& x) { return {pnegate(x.a), pnegate(x.b)}; }
 
 /// Returns x + y z; fused in builds with FMA enabled.
 inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
 #ifdef __FMA__
-  return {Eigen::internal::pmadd(y.a, z.a, x.a), Eigen::internal::pmadd(y.b, z.b, x.b)};
+  return {pmadd(y.a, z.a, x.a), pmadd(y.b, z.b, x.b)};
 #else
   return x + y * z;
 #endif
@@ -3028,18 +3023,10 @@ inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
 inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
 inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
 inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
-inline Lanes sqrt(const Lanes& x) {
-  return {Eigen::internal::psqrt(x.a), Eigen::internal::psqrt(x.b)};
-}
-inline Lanes abs(const Lanes& x) {
-  return {Eigen::internal::pabs(x.a), Eigen::internal::pabs(x.b)};
-}
-inline Lanes larger(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmax(x.a, y.a), Eigen::internal::pmax(x.b, y.b)};
-}
-inline Lanes smaller(const Lanes& x, const Lanes& y) {
-  return {Eigen::internal::pmin(x.a, y.a), Eigen::internal::pmin(x.b, y.b)};
-}
+inline Lanes sqrt(const Lanes& x) { return {psqrt(x.a), psqrt(x.b)}; }
+inline Lanes abs(const Lanes& x) { return {pabs(x.a), pabs(x.b)}; }
+inline Lanes larger(const Lanes& x, const Lanes& y) { return {pmax(x.a, y.a), pmax(x.b, y.b)}; }
+inline Lanes smaller(const Lanes& x, const Lanes& y) { return {pmin(x.a, y.a), pmin(x.b, y.b)}; }
 inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
 
 /// Returns 1 where x > 0, else 0, without branches; the factors raise positive doubles above 1.
