@@ -5093,7 +5093,6 @@ struct Front {
   Array<int> rows;         // later vertices, ascending
   Array<int> parent_row;   // per row: its place in the parent's front, own vertices first
   std::int64_t panel = 0;  // offset of its panel in LdltData::panels
-  int parent = -1;
   int depth = 0;
   Array<int> children;
   struct OwnBlock {
@@ -5220,8 +5219,7 @@ class NestedDissection {
   LdltSymbolic build() {
     const int n = pattern_.rows();
     build_adjacency();
-    result_.order.resize(n);
-    for (int i = 0; i < n; ++i) result_.order[i] = i;
+    result_.order = numbers_below(n);
     dissect();
     result_.place.resize(n);
     for (int i = 0; i < n; ++i) result_.place[result_.order[i]] = i;
@@ -5485,10 +5483,8 @@ class NestedDissection {
     front.depth = set.depth;
     if (!is_leaf)
       for (int side : {0, 1}) front.children.push_back(add_front(set.child + side));
-    const int id = result_.fronts.size();
-    for (int child : front.children) result_.fronts[child].parent = id;
     result_.fronts.push_back(std::move(front));
-    return id;
+    return result_.fronts.size() - 1;
   }
 
   /// Groups fronts into stages; the fronts of a subtree are consecutive, the topmost last.

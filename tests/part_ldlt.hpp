@@ -219,18 +219,23 @@ int symbolic_faults(const BlockMatrix& pattern, const LdltSymbolic& s) {
     faults += s.place[s.order[i]] != i;
   }
   std::vector<int> uses(static_cast<std::size_t>(pattern.blocks()), 0);
+  std::vector<int> parents(static_cast<std::size_t>(s.fronts.size()), -1);
+  for (int k = 0; k < s.fronts.size(); ++k)
+    for (int child : s.fronts[k].children) {
+      faults += child >= k || parents[static_cast<std::size_t>(child)] >= 0;
+      parents[static_cast<std::size_t>(child)] = k;
+    }
   int covered = 0;
   for (int k = 0; k < s.fronts.size(); ++k) {
+    const int parent = parents[static_cast<std::size_t>(k)];
     const Front& f = s.fronts[k];
     faults += f.begin != covered;
     covered = f.end;
-    faults += f.parent >= 0 && f.parent <= k;
-    for (int child : f.children) faults += child >= k || s.fronts[child].parent != k;
-    faults += f.parent < 0 && !f.rows.empty();
+    faults += parent < 0 && !f.rows.empty();
     for (int r = 0; r < f.rows.size(); ++r) {
       faults += f.rows[r] < f.end || (r > 0 && f.rows[r] <= f.rows[r - 1]);
-      if (f.parent < 0) continue;
-      const Front& up = s.fronts[f.parent];
+      if (parent < 0) continue;
+      const Front& up = s.fronts[parent];
       const int local = f.parent_row[r];
       const int row = local < up.own() ? up.begin + local : up.rows[local - up.own()];
       faults += row != f.rows[r];
