@@ -5389,11 +5389,12 @@ class NestedDissection {
     int gain;  // decrease of the separator's size
     int vertex;
     Part to;
+    int pulled = 0;  // vertices that had entered the separator before
     bool operator<(const Move& o) const {
       return gain != o.gain ? gain < o.gain : vertex != o.vertex ? vertex < o.vertex : to < o.to;
     }
   };
-  using Moves = Array<Move>;  // a heap, the best one first
+  using Moves = std::priority_queue<Move>;  // the best one first
 
   /// Makes the best moves one after the other, even if they do not pay at once, and undoes those
   /// after the smallest separator. No vertex moves twice.
@@ -5409,19 +5410,18 @@ class NestedDissection {
     for (int i = set.begin; i < set.end; ++i)
       if (part_[vertex(i)] == kSeparator) enter_separator(vertex(i), moves);
     Array<Move> made;
-    Array<int> pulled, pulled_end;
+    Array<int> pulled;
     int best = 0, least = size[kSeparator];
     while (!moves.empty() && made.size() - best < kPatience) {
-      std::pop_heap(moves.begin(), moves.end());
-      const Move move = moves.back();
-      moves.pop_back();
+      Move move = moves.top();
+      moves.pop();
       const Part from = other_side(move.to);
       if (part_[move.vertex] != kSeparator || moved_[move.vertex]) continue;
       if (move.gain != 1 - coupled_[from][move.vertex] || size[move.to] >= largest) continue;
       moved_[move.vertex] = 1;
+      move.pulled = pulled.size();
       made.push_back(move);
       leave_separator(move.vertex, move.to, pulled, moves);
-      pulled_end.push_back(pulled.size());
       size[kSeparator] -= move.gain;
       size[move.to] += 1;
       size[from] -= 1 - move.gain;
@@ -5430,8 +5430,7 @@ class NestedDissection {
       best = made.size();
     }
     for (; made.size() > best; made.pop_back()) {
-      pulled_end.pop_back();
-      for (; pulled.size() > (pulled_end.empty() ? 0 : pulled_end.back()); pulled.pop_back())
+      for (; pulled.size() > made.back().pulled; pulled.pop_back())
         part_[pulled.back()] = other_side(made.back().to);
       part_[made.back().vertex] = kSeparator;
     }
@@ -5443,8 +5442,7 @@ class NestedDissection {
     constexpr int kLeastGain = -1;
     const int gain = 1 - coupled_[other_side(to)][v];
     if (moved_[v] || gain < kLeastGain) return;
-    moves.push_back({gain, v, to});
-    std::push_heap(moves.begin(), moves.end());
+    moves.push({gain, v, to});
   }
 
   void enter_separator(int v, Moves& moves) {
