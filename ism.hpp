@@ -1075,6 +1075,31 @@ void sort_unique(Array<T>& items) {
   items.resize(static_cast<int>(std::unique(items.begin(), items.end()) - items.begin()));
 }
 
+/// Items by group: group g has item[start[g]] to item[start[g + 1] - 1].
+template <class T>
+struct Groups {
+  Array<int> start;
+  Array<T> item;
+  int size(int g) const { return start[g + 1] - start[g]; }
+  template <class Visit>
+  void for_each_in(int g, const Visit& visit) const {
+    for (int i = start[g]; i < start[g + 1]; ++i) visit(item[i]);
+  }
+};
+
+/// Sorts items into n groups: for_each(add) calls add(group, item) for all of them, twice.
+template <class T, class ForEach>
+Groups<T> grouped(int n, const ForEach& for_each) {
+  Groups<T> groups;
+  groups.start.assign(n + 1, 0);
+  for_each([&](int g, const T&) { ++groups.start[g + 1]; });
+  for (int g = 0; g < n; ++g) groups.start[g + 1] += groups.start[g];
+  Array<int> fill = groups.start;
+  groups.item.resize(fill[n]);
+  for_each([&](int g, const T& item) { groups.item[fill[g]++] = item; });
+  return groups;
+}
+
 /// A part of a sentence, written as {"triangle ", f, " has no area"}.
 struct Word {
   std::string text;
@@ -2333,22 +2358,12 @@ inline void compute_overlay(const JointSurface& s, const Points2& x, Overlay& ov
   OverlayBuilder(s, x, overlay).build();
 }
 
-/// Polygons by face of A and of B: face f has item[start[f]] .. item[start[f + 1] - 1].
-struct FaceGroups {
-  Array<int> start, item;
-};
-
-inline FaceGroups group_polygons(const Array<OverlayPolygon>& polygons, int n_faces) {
-  FaceGroups groups;
-  groups.start.assign(n_faces + 1, 0);
-  groups.item.resize(2 * polygons.size());
-  for (const OverlayPolygon& p : polygons)
-    for (int f : {p.ta, p.tb}) ++groups.start[f + 1];
-  for (int f = 0; f < n_faces; ++f) groups.start[f + 1] += groups.start[f];
-  Array<int> fill = groups.start;
-  for (int i = 0; i < polygons.size(); ++i)
-    for (int f : {polygons[i].ta, polygons[i].tb}) groups.item[fill[f]++] = i;
-  return groups;
+/// Returns the polygons in each face of A and of B.
+inline Groups<int> group_polygons(const Array<OverlayPolygon>& polygons, int n_faces) {
+  return grouped<int>(n_faces, [&](const auto& add) {
+    for (int i = 0; i < polygons.size(); ++i)
+      for (int f : {polygons[i].ta, polygons[i].tb}) add(f, i);
+  });
 }
 
 // ==== [8] ENERGIES (paper §3.2, §4.1, §4.2, §4.4, §5.1) ==========================================
@@ -3352,6 +3367,13 @@ struct BlockMatrix {
   Array<Mat2> value;
   int rows() const { return start.size() - 1; }
   int blocks() const { return column.size(); }
+
+  /// Calls visit(row, column, b) for every block b.
+  template <class Visit>
+  void for_each_block(const Visit& visit) const {
+    for (int r = 0; r < rows(); ++r)
+      for (int b = start[r]; b < start[r + 1]; ++b) visit(r, column[b], b);
+  }
 };
 
 /// A matrix H + ω Q; H and Q have the same pattern.
@@ -3529,13 +3551,11 @@ inline BlockMatrix build_rows(int rows, const Executor& executor,
 }
 
 inline BlockMatrix sum_of_blocks(int rows, const Array<Block>& blocks, const Executor& executor) {
-  Array<int> first(rows, -1), next(blocks.size());
-  for (int i = blocks.size() - 1; i >= 0; --i) {
-    next[i] = first[blocks[i].row];
-    first[blocks[i].row] = i;
-  }
+  const Groups<int> by_row = grouped<int>(rows, [&](const auto& add) {
+    for (int i = 0; i < blocks.size(); ++i) add(blocks[i].row, i);
+  });
   return build_rows(rows, executor, [&](int r, RowWriter& row) {
-    for (int i = first[r]; i >= 0; i = next[i]) row.add(blocks[i].column, blocks[i].value);
+    by_row.for_each_in(r, [&](int i) { row.add(blocks[i].column, blocks[i].value); });
   });
 }
 
@@ -3660,8 +3680,7 @@ class ModelBuilder {
     run_by_work(s_.faces_a, s_.mesh.n_faces, [&](int begin, int end) {
       differentiate_embedding(x, begin, end);
       for (int f = begin; f < end; ++f)
-        for (int i = by_face_.start[f]; i < by_face_.start[f + 1]; ++i)
-          add(polygon_in_b_[by_face_.item[i]], face_[f]);
+        by_face_.for_each_in(f, [&](int i) { add(polygon_in_b_[i], face_[f]); });
     });
   }
 
@@ -3770,7 +3789,7 @@ class ModelBuilder {
   const JointSurface& s_;
   const Weights& weights_;
   const Executor& executor_;
-  FaceGroups by_face_;
+  Groups<int> by_face_;
   Array<FaceTerm> polygon_in_b_;     // per polygon, its part between vertices of B
   Array<Array<Coupling>> coupling_;  // per triangle of A
   Array<FaceTerm> face_;
@@ -4014,10 +4033,10 @@ inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordina
     follower_of[row] != nullptr ? follower_of[row]->for_each_master(visit) : visit(row, 1.0);
   };
   Array<Block> moved;
-  const auto move = [&](int r, int c, Mat2& block) {
+  const auto move = [&](int r, int c, int b) {
     if (follower_of[r] == nullptr && follower_of[c] == nullptr) return;
-    const Mat2 value = block;
-    block = diagonal(r == c ? unit : 0);
+    const Mat2 value = A.value[b];
+    A.value[b] = diagonal(r == c ? unit : 0);
     for_each_source(r, [&](int i, double wi) {
       for_each_source(c, [&](int j, double wj) {
         if (i <= j) moved.push_back({i, j, wi * wj * value});
@@ -4025,22 +4044,19 @@ inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordina
       });
     });
   };
-  const auto fix = [&](int r, int c, Mat2& block) {
+  const auto fix = [&](int r, int c, int b) {
+    Mat2& block = A.value[b];
     for (int k = 0; k < 2; ++k) {
       if (is_fixed(r, k)) block(k, 0) = block(k, 1) = 0;
       if (is_fixed(c, k)) block(0, k) = block(1, k) = 0;
       if (is_fixed(r, k) && r == c) block(k, k) = unit;
     }
   };
-  const auto for_each_block = [&](const auto& visit) {
-    for (int r = 0; r < A.rows(); ++r)
-      for (int b = A.start[r]; b < A.start[r + 1]; ++b) visit(r, A.column[b], A.value[b]);
-  };
   if (!followers.empty()) {
-    for_each_block(move);
+    A.for_each_block(move);
     A = sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
   }
-  for_each_block(fix);
+  A.for_each_block(fix);
   return A;
 }
 
@@ -5252,27 +5268,17 @@ class NestedDissection {
   };
 
   void build_adjacency() {
-    const int n = pattern_.rows();
-    start_.assign(n + 1, 0);
-    for (int r = 0; r < n; ++r)
-      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
-        ++start_[r + 1];
-        if (pattern_.column[b] != r) ++start_[pattern_.column[b] + 1];
-      }
-    for (int i = 0; i < n; ++i) start_[i + 1] += start_[i];
-    Array<int> fill = start_;
-    neighbour_.resize(start_[n]);
-    for (int r = 0; r < n; ++r)
-      for (int b = pattern_.start[r]; b < pattern_.start[r + 1]; ++b) {
-        const int c = pattern_.column[b];
-        neighbour_[fill[r]++] = {c, b, false};
-        if (c != r) neighbour_[fill[c]++] = {r, b, true};
-      }
+    neighbours_ = grouped<Neighbour>(pattern_.rows(), [&](const auto& add) {
+      pattern_.for_each_block([&](int r, int c, int b) {
+        add(r, {c, b, false});
+        if (c != r) add(c, {r, b, true});
+      });
+    });
   }
 
   template <class Visit>
   void for_each_neighbour(int v, const Visit& visit) const {
-    for (int k = start_[v]; k < start_[v + 1]; ++k) visit(neighbour_[k].vertex);
+    neighbours_.for_each_in(v, [&](const Neighbour& u) { visit(u.vertex); });
   }
 
   void dissect() {
@@ -5300,7 +5306,7 @@ class NestedDissection {
     constexpr int kLeast = 1000;
     const int n = pattern_.rows();
     const double most = (std::max)(double{kLeast}, 4 * std::sqrt(n));
-    const auto is_hub = [&](int v) { return start_[v + 1] - start_[v] > most; };
+    const auto is_hub = [&](int v) { return neighbours_.size(v) > most; };
     const int* const rest = std::stable_partition(result_.order.begin(), result_.order.end(),
                                                   [&](int v) { return !is_hub(v); });
     const int end = static_cast<int>(rest - result_.order.begin());
@@ -5362,14 +5368,14 @@ class NestedDissection {
 
   /// Returns one of kCouplings neighbours, spread evenly over the list of v.
   int spread_neighbour(int v, int k) const {
-    const int degree = start_[v + 1] - start_[v];
-    return neighbour_[start_[v] + (2 * k + 1) * degree / (2 * CutFinder::kCouplings)].vertex;
+    const int skipped = (2 * k + 1) * neighbours_.size(v) / (2 * CutFinder::kCouplings);
+    return neighbours_.item[neighbours_.start[v] + skipped].vertex;
   }
 
   bool is_coupled_to(int v, Part part) const {
-    for (int k = start_[v]; k < start_[v + 1]; ++k)
-      if (part_[neighbour_[k].vertex] == part) return true;
-    return false;
+    bool is_coupled = false;
+    for_each_neighbour(v, [&](int u) { is_coupled = is_coupled || part_[u] == part; });
+    return is_coupled;
   }
 
   /// Chooses as separator the vertices of one side that are coupled to the other one.
@@ -5528,14 +5534,12 @@ class NestedDissection {
 
   void place_entries(Front& front, const Array<int>& local) {
     for (int i = front.begin; i < front.end; ++i) {
-      const int v = result_.order[i];
-      for (int e = start_[v]; e < start_[v + 1]; ++e) {
-        const int j = result_.place[neighbour_[e].vertex];
-        if (j < i) continue;
-        // The front stores block (j, i); the pattern stores (v, neighbour) unless transposed.
-        front.blocks.push_back(
-            {neighbour_[e].block, local[j], local[i], !neighbour_[e].transposed});
-      }
+      neighbours_.for_each_in(result_.order[i], [&](const Neighbour& u) {
+        const int j = result_.place[u.vertex];
+        if (j < i) return;
+        // The front stores block (j, i); the pattern stores (i, j) unless transposed.
+        front.blocks.push_back({u.block, local[j], local[i], !u.transposed});
+      });
     }
     for (int child : front.children) {
       Front& c = result_.fronts[child];
@@ -5555,9 +5559,8 @@ class NestedDissection {
   const Points2& positions_;
   const Executor& executor_;
   LdltSymbolic result_;
-  Array<int> start_;
-  Array<Neighbour> neighbour_;
-  Array<Set> sets_;  // level by level
+  Groups<Neighbour> neighbours_;  // per vertex
+  Array<Set> sets_;               // level by level
   Array<Part> part_;
   Array<int> coupled_[2];  // per separator vertex: number of neighbours on either side
   Array<char> moved_;
@@ -5825,13 +5828,11 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
 
 /// Computes y += A x.
 inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
-  for (int r = 0; r < A.H->rows(); ++r)
-    for (int b = A.H->start[r]; b < A.H->start[r + 1]; ++b) {
-      const int c = A.H->column[b];
-      const Mat2 block = A.block(b);
-      y[r] += block * x[c];
-      if (r != c) y[c] += transposed(block) * x[r];
-    }
+  A.H->for_each_block([&](int r, int c, int b) {
+    const Mat2 block = A.block(b);
+    y[r] += block * x[c];
+    if (r != c) y[c] += transposed(block) * x[r];
+  });
 }
 
 /// Solves A x = b by conjugate gradients, preconditioned by the factor of a matrix close to A, both
@@ -9310,7 +9311,7 @@ struct EmbeddedPair {
   JointSurface s;
   Points2 x;
   Overlay overlay;
-  FaceGroups by_face;
+  Groups<int> by_face;
   double extent = 0;  // largest absolute coordinate in the plane
 
   EmbeddedPair() = default;
@@ -9327,10 +9328,10 @@ struct EmbeddedPair {
   /// in a face.
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
-    for (int i = by_face.start[face]; i < by_face.start[face + 1]; ++i) {
-      const OverlayPolygon& p = overlay.polygons[by_face.item[i]];
+    by_face.for_each_in(face, [&](int i) {
+      const OverlayPolygon& p = overlay.polygons[i];
       face == p.ta ? visit(p.tb, p.motion) : visit(p.ta, inverse(p.motion));
-    }
+    });
   }
 
   Vec2 planar_position(const SurfacePoint& p) const {
@@ -9378,8 +9379,7 @@ struct EmbeddedPair {
 struct Pieces {
   Array<int> face;             // per triangle, the one of the mesh that contains it,
   Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
-  /// The pieces of triangle f of the mesh are piece[first[f]] to piece[first[f + 1] - 1].
-  Array<int> first, piece;
+  Groups<int> by_triangle;     // per triangle of the mesh, its pieces
 
   SurfacePoint to_mesh(const SurfacePoint& p) const {
     Vec3 weights;
@@ -9391,34 +9391,32 @@ struct Pieces {
   /// piece there.
   SurfacePoint from_mesh(const SurfacePoint& p) const {
     constexpr double kRounding = 1e-12, kBeside = 1e-6;
-    if (p.face < 0 || p.face + 1 >= first.size()) return {};
+    if (p.face < 0 || p.face + 1 >= by_triangle.start.size()) return {};
     const Vec3 at = weights_of(p);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
     const auto is_unit = [](const Vec3& w) { return (std::max)({w.x, w.y, w.z}) == 1; };
     SurfacePoint best;
     double least = -kBeside;  // deeper outside, it is in a dropped part
-    for (int i = first[p.face]; i < first[p.face + 1]; ++i) {
-      const Vec3* const corner = &corner_weights[3 * piece[i]];
+    for (int i = by_triangle.start[p.face]; i < by_triangle.start[p.face + 1]; ++i) {
+      const int piece = by_triangle.item[i];
+      const Vec3* const corner = &corner_weights[3 * piece];
       Vec3 weights = {dot(corner[0], at), dot(corner[1], at), dot(corner[2], at)};
-      if (std::all_of(corner, corner + 3, is_unit)) return surface_point(piece[i], weights);
+      if (std::all_of(corner, corner + 3, is_unit)) return surface_point(piece, weights);
       weights = barycentric(planar(at), planar(corner[0]), planar(corner[1]), planar(corner[2]));
       const double depth = (std::min)({weights.x, weights.y, weights.z});
       if (!(depth > least)) continue;
       least = depth;
       for (int k = 0; k < 3; ++k) weights[k] = weights[k] < kRounding ? 0 : weights[k];
-      best = surface_point(piece[i], 1 / (weights.x + weights.y + weights.z) * weights);
+      best = surface_point(piece, 1 / (weights.x + weights.y + weights.z) * weights);
     }
     return best;
   }
 
   /// Lists the pieces of each of n triangles.
   void index(int n) {
-    first.assign(n + 1, 0);
-    for (int f : face) ++first[f + 1];
-    for (int f = 0; f < n; ++f) first[f + 1] += first[f];
-    piece.resize(face.size());
-    Array<int> fill = first;
-    for (int i = 0; i < face.size(); ++i) piece[fill[face[i]]++] = i;
+    by_triangle = grouped<int>(n, [&](const auto& add) {
+      for (int i = 0; i < face.size(); ++i) add(face[i], i);
+    });
   }
 };
 
@@ -9547,20 +9545,21 @@ struct Origin : Pieces {
   Array<int> along(int u, int v) const {
     const EdgeUse edge(u, v, -1);
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
-    const auto is_dropped = [&](int f) { return first[f] == first[f + 1]; };
+    const auto is_dropped = [&](int f) { return by_triangle.size(f) == 0; };
     while (use != edges.end() && use->same_edge(edge) && is_dropped(use->half_edge / 3)) ++use;
     if (use == edges.end() || !use->same_edge(edge)) return {};
     const int f = use->half_edge / 3, k = use->half_edge % 3, opposite = (k + 2) % 3;
     const int to = given->triangles(f, k) == u ? (k + 1) % 3 : k;
     Array<int> along, ordered;
     Array<double> start;
-    for (int i = first[f]; i < first[f + 1]; ++i)
-      for (int h = 3 * piece[i]; h < 3 * piece[i] + 3; ++h) {
+    by_triangle.for_each_in(f, [&](int i) {
+      for (int h = 3 * i; h < 3 * i + 3; ++h) {
         const Vec3 &tail = corner_weights[h], &tip = corner_weights[next(h)];
         if (tail[opposite] != 0 || tip[opposite] != 0) continue;
         along.push_back(tail[to] < tip[to] ? h : ~h);
         start.push_back((std::min)(tail[to], tip[to]));
       }
+    });
     for (int i : sorted_by(start)) ordered.push_back(along[i]);
     return ordered;
   }
