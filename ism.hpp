@@ -4316,7 +4316,7 @@ inline bool collides(const HalfEdgeMesh& m, const Points2& x) {
   return all_triangles_positive(m, x) && !boundaries_are_simple(m, x);
 }
 
-/// The data shared by the trials of one line search.
+/// The data shared by all trials.
 struct SearchProblem {
   const JointSurface& s;
   const Weights& weights;
@@ -4325,15 +4325,15 @@ struct SearchProblem {
   const Scaffold& scaffold;  // may be empty
   const Array<Spring>& springs;
   const Iterate& from;
-  const Array<Direction>& directions;
+  const Executor& executor;
   int stride;  // Tuning::search_stride
 };
 
-/// Takes a trial step and decides whether it is acceptable (lines 18 to 21). Stops early once it
-/// cannot be accepted or cannot have a value below `best`.
-inline void evaluate_trial(const SearchProblem& problem, double best, Trial& t) {
+/// Takes a trial step along d and decides whether it is acceptable (lines 18 to 21). Stops early
+/// once it cannot be accepted or cannot have a value below `best`.
+inline void evaluate_trial(const SearchProblem& problem, const Direction& d, double best,
+                           Trial& t) {
   const HalfEdgeMesh& m = problem.s.mesh;
-  const Direction& d = problem.directions[t.step.direction];
   t.omega = d.omega;
   t.max_step = d.max_step;
   t.x.x = moved(m, problem.from.x, d.d, t.step.length);
@@ -4358,26 +4358,26 @@ class LineSearch {
 
   /// Tries all directions in blocks of eight steps 0.8^ℓ (§5.2); with a stride of three, every
   /// third of nine, then the neighbours of the best one.
-  void run(const SearchProblem& problem, const Executor& executor) {
+  void run(const SearchProblem& problem, const Array<Direction>& directions) {
     constexpr int kMost = 80;  // bound on ℓ; later steps are below 2e-8 of the first
     const int stride = problem.stride, block = (7 / stride + 1) * stride;
     clear();
-    for (int first = 0; first < kMost && !found && !executor.is_stopped(); first += block) {
+    for (int first = 0; first < kMost && !found && !problem.executor.is_stopped(); first += block) {
       Array<TrialStep> steps;
-      for (int k = 0; k < problem.directions.size(); ++k) {
-        const double longest = problem.directions[k].first_step;
+      for (int k = 0; k < directions.size(); ++k) {
+        const double longest = directions[k].first_step;
         for (int l = first + stride / 2; l < first + block; l += stride)
           steps.push_back({k, longest * power(kShrink, l)});
         if (first == 0 && longest > 1) steps.push_back({k, 1});
       }
-      add(problem, executor, steps);
+      add(problem, directions, steps);
       if (!found || stride == 1) continue;
       const TrialStep middle = best.step;
-      const double longest = problem.directions[middle.direction].first_step;
+      const double longest = directions[middle.direction].first_step;
       steps.clear();
       steps.push_back({middle.direction, (std::min)(middle.length / kShrink, longest)});
       steps.push_back({middle.direction, middle.length * kShrink});
-      add(problem, executor, steps);
+      add(problem, directions, steps);
     }
   }
 
@@ -4387,14 +4387,15 @@ class LineSearch {
   }
 
   /// Tries steps in parallel. Among trials of equal value, the first one is the best.
-  void add(const SearchProblem& problem, const Executor& executor, const Array<TrialStep>& steps) {
+  void add(const SearchProblem& problem, const Array<Direction>& directions,
+           const Array<TrialStep>& steps) {
     const double least = found ? best.value() : kInfinity;
     spare_.reserve(spare_.size() + steps.size());  // no allocation while locked
-    executor.run(steps.size(), [&](int i) {
-      if (executor.is_stopped()) return;
+    problem.executor.run(steps.size(), [&](int i) {
+      if (problem.executor.is_stopped()) return;
       Trial t = take();
       t.step = steps[i];
-      evaluate_trial(problem, least, t);
+      evaluate_trial(problem, directions[t.step.direction], least, t);
       give(t, tried_ + i);
     });
     tried_ += steps.size();
@@ -4497,7 +4498,10 @@ class Optimizer {
         weights_(weights_of(options)),
         executor_(executor),
         models_(s, weights_, executor_),
-        omega_(options.omega_start) {
+        omega_(options.omega_start),
+        problem_{s,         weights_,  rules_,
+                 followers, scaffold_, springs_,
+                 x_,        executor,  options.tuning.search_stride} {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -4741,15 +4745,9 @@ class Optimizer {
 
   bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
 
-  SearchProblem search_problem(const Array<Direction>& directions) const {
-    return {s_,         weights_,   rules_,
-            followers_, scaffold_,  springs_,
-            x_,         directions, options_.tuning.search_stride};
-  }
-
   void search(const Array<Direction>& directions) {
     Timer timer;
-    trials_.run(search_problem(directions), executor_);
+    trials_.run(problem_, directions);
     if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
     log_.seconds_search += timer.lap();
   }
@@ -4941,13 +4939,12 @@ class Optimizer {
   bool search_back(const Array<Direction>& directions) {
     constexpr double kShortest = 1e-3;
     Timer timer;
-    const SearchProblem problem = search_problem(directions);
     trials_.clear();
     double step = (std::min)(quick_.step, directions[0].first_step);
     for (; step > kShortest && !trials_.found && !executor_.is_stopped(); step /= 4) {
       Array<TrialStep> steps(1, TrialStep{0, step});
       steps.push_back({0, step / 2});
-      trials_.add(problem, executor_, steps);
+      trials_.add(problem_, directions, steps);
     }
     log_.seconds_search += timer.lap();
     return trials_.found;
@@ -5074,6 +5071,7 @@ class Optimizer {
   Array<QuadraticModel> history_;  // newest first
   LdltFactor factor_;
   QuickSteps quick_;
+  const SearchProblem problem_;
   LineSearch trials_;
   bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
   bool has_scaffold_ = false;
