@@ -4518,7 +4518,6 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
     if (pull_) result.initial.energy += pull_(x_, springs_);
-    sum_others();
     result.initial.omega = omega_;
     result.log_begin = result.initial;
     result.status = Status::kUnfinished;
