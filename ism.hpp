@@ -1808,16 +1808,19 @@ inline JointSurface join(const SurfacePair& pair) {
 /// vertices of m and n edges that lie over each other have m n / 4 polygons around them.
 inline constexpr int kMostPolygons = 1 << 24;
 
+/// A triangle of A and a triangle of B.
+struct TrianglePair {
+  int ta = 0, tb = 0;  // ids in A ⊔ B
+  Motion motion = {};  // takes the places in t_B to those in t_A
+};
+
 /// One polygon of the meta mesh. Its boundary is a counter-clockwise cycle of pieces, each on an
 /// edge of t_A (0, 1, 2) or t_B (3, 4, 5), three bits per piece. Piece i starts at corner i: the
 /// first vertex of its edge if piece i-1 lies on the same triangle, else the crossing of both
 /// edges. So the code alone holds the combinatorics.
-struct OverlayPolygon {
-  int ta = 0;  // ids in A ⊔ B
-  int tb = 0;
+struct OverlayPolygon : TrianglePair {
   int count = 0;
   std::uint32_t code = 0;
-  Motion motion;  // takes the places in t_B to those in t_A
 
   int piece(int i) const { return static_cast<int>((code >> (3 * i)) & 7u); }
   bool has(int edge) const {
@@ -2138,12 +2141,6 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 
 // ---- the overlay of two embeddings ----
 
-/// A triangle of A and a triangle of B that overlap.
-struct Seed {
-  int ta, tb;
-  Motion motion = {};  // see OverlayPolygon
-};
-
 /// The polygons of an overlay, and memory that the next overlay reuses.
 struct Overlay {
   Array<OverlayPolygon> polygons;
@@ -2152,9 +2149,9 @@ struct Overlay {
   Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
   Array<int> mark;       // per triangle of B: the last triangle of A that it was tested against,
   Array<Motion> marked;  // and where, on a pillow
-  Array<Seed> again;     // and in what other places
-  Array<Seed> seeds;
-  Array<char> is_crossed;  // per boundary loop: it crosses a loop of the other mesh
+  Array<TrianglePair> again;  // and in what other places
+  Array<TrianglePair> seeds;  // known to overlap
+  Array<char> is_crossed;     // per boundary loop: it crosses a loop of the other mesh
   /// Uncrossed loops: the loop, its first half-edge, the triangle that contains its start, or -1.
   Array<std::array<int, 3>> uncrossed;
   BoxTree boundary_a, boundary_b, starts;  // of edges, and of the starts of `uncrossed`
@@ -2186,27 +2183,27 @@ class OverlayBuilder {
  private:
   void flood_seeds() {
     while (!overlay_.seeds.empty()) {
-      const Seed seed = overlay_.seeds.back();
+      const TrianglePair seed = overlay_.seeds.back();
       overlay_.seeds.pop_back();
-      flood(seed.ta, seed.tb, seed.motion);
+      flood(seed);
       overlay_.is_too_large = overlay_.polygons.size() > kMostPolygons;
       if (overlay_.is_too_large) overlay_.seeds.clear();
     }
   }
 
-  /// Finds the polygons of triangle ta that are connected to (ta, tb) within ta. Polygons across
-  /// its edges become seeds, edge by edge, so that they are taken together.
-  void flood(int ta, int tb, const Motion& motion) {
+  /// Finds the polygons of the seed's triangle ta that are connected to it within ta. Polygons
+  /// across the edges of ta become seeds, edge by edge, so that they are taken together.
+  void flood(const TrianglePair& seed) {
+    const int ta = seed.ta, begin = overlay_.polygons.size();
     if (ta != marked_) mark_known(ta);
-    if (is_marked(ta, tb, motion)) return;
+    if (is_marked(seed)) return;
     const LabelledTriangle a = labelled(m_, x_, ta);
-    const int begin = overlay_.polygons.size();
-    add(ta, tb, motion, a);
+    add(seed, a);
     for (int i = begin; i < overlay_.polygons.size(); ++i) {
       const OverlayPolygon p = overlay_.polygons[i];
       for (int k = 0; k < p.count; ++k) {
         const int e = p.piece(k), h = 3 * p.tb + e - 3, twin = e < 3 ? -1 : m_.twin[h];
-        if (twin >= 0) add(ta, twin / 3, p.motion * motion_across(m_, h), a);
+        if (twin >= 0) add({ta, twin / 3, p.motion * motion_across(m_, h)}, a);
       }
     }
     for (int e = 0; e < 3; ++e) {
@@ -2223,26 +2220,24 @@ class OverlayBuilder {
   void mark_known(int ta) {
     marked_ = ta;
     overlay_.again.clear();
-    for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i])
-      mark(ta, overlay_.polygons[i].tb, overlay_.polygons[i].motion);
+    for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i]) mark(overlay_.polygons[i]);
   }
 
-  void mark(int ta, int tb, const Motion& motion) {
-    if (m_.pillow.is_empty()) {
-      overlay_.mark[tb] = ta;
-    } else if (overlay_.mark[tb] == ta) {
-      overlay_.again.push_back({ta, tb, motion});
-    } else {
-      overlay_.mark[tb] = ta;
-      overlay_.marked[tb] = motion;
-    }
+  void mark(const TrianglePair& p) {
+    const bool is_first = overlay_.mark[p.tb] != p.ta;
+    overlay_.mark[p.tb] = p.ta;
+    if (m_.pillow.is_empty()) return;
+    if (is_first)
+      overlay_.marked[p.tb] = p.motion;
+    else
+      overlay_.again.push_back(p);
   }
 
-  bool is_marked(int ta, int tb, const Motion& motion) const {
-    if (overlay_.mark[tb] != ta) return false;
-    if (m_.pillow.is_empty() || overlay_.marked[tb] == motion) return true;
-    for (const Seed& seed : overlay_.again)
-      if (seed.tb == tb && seed.motion == motion) return true;
+  bool is_marked(const TrianglePair& p) const {
+    if (overlay_.mark[p.tb] != p.ta) return false;
+    if (m_.pillow.is_empty() || overlay_.marked[p.tb] == p.motion) return true;
+    for (const TrianglePair& other : overlay_.again)
+      if (other.tb == p.tb && other.motion == p.motion) return true;
     return false;
   }
 
@@ -2260,16 +2255,14 @@ class OverlayBuilder {
     });
   }
 
-  void add(int ta, int tb, const Motion& motion, const LabelledTriangle& a) {
-    if (is_marked(ta, tb, motion)) return;
-    mark(ta, tb, motion);
-    OverlayPolygon p = intersect(a, labelled(m_, x_, tb, motion));
+  void add(const TrianglePair& pair, const LabelledTriangle& a) {
+    if (is_marked(pair)) return;
+    mark(pair);
+    OverlayPolygon p = intersect(a, labelled(m_, x_, pair.tb, pair.motion));
     if (p.count == 0) return;
-    p.ta = ta;
-    p.tb = tb;
-    p.motion = motion;
-    overlay_.older.push_back(overlay_.newest[ta]);
-    overlay_.newest[ta] = overlay_.polygons.size();
+    static_cast<TrianglePair&>(p) = pair;
+    overlay_.older.push_back(overlay_.newest[p.ta]);
+    overlay_.newest[p.ta] = overlay_.polygons.size();
     overlay_.polygons.push_back(p);
   }
 
@@ -2306,7 +2299,7 @@ class OverlayBuilder {
     std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
     for (const auto& [loop, h, t] : overlay_.uncrossed) {
       if (t < 0) continue;
-      overlay_.seeds.push_back(t < s_.faces_a ? Seed{t, h / 3} : Seed{h / 3, t});
+      overlay_.seeds.push_back(t < s_.faces_a ? TrianglePair{t, h / 3} : TrianglePair{h / 3, t});
       flood_seeds();
     }
   }
