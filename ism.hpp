@@ -4173,10 +4173,12 @@ inline double max_step(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2
   return s;
 }
 
-/// Returns x + s d.
-inline Points2 moved(const HalfEdgeMesh& m, const Points2& x, const Array<Vec2>& d, double s) {
+/// Returns x + s d, with followers in their places.
+inline Points2 moved(const HalfEdgeMesh& m, const Array<Follower>& followers, const Points2& x,
+                     const Array<Vec2>& d, double s) {
   Points2 y(x.rows(), 2);
   for (int i = 0; i < x.rows(); ++i) set_row(y, i, usable(m, row2(x, i) + s * d[i]));
+  place_followers(m, followers, y);
   return y;
 }
 
@@ -4329,8 +4331,7 @@ inline void evaluate_trial(const SearchProblem& problem, const Direction& d, dou
   const HalfEdgeMesh& m = problem.s.mesh;
   t.omega = d.omega;
   t.max_step = d.max_step;
-  t.x.x = moved(m, problem.from.x, d.d, t.step.length);
-  place_followers(m, problem.followers, t.x.x);
+  t.x.x = moved(m, problem.followers, problem.from.x, d.d, t.step.length);
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
@@ -4876,8 +4877,7 @@ class Optimizer {
   Array<Vec2> gradient_along(const Direction& direction) {
     constexpr double kLittle = 1e-5;
     Iterate y;
-    y.x = moved(s_.mesh, x_.x, direction.d, kLittle * direction.first_step);
-    place_followers(s_.mesh, followers_, y.x);
+    y.x = moved(s_.mesh, followers_, x_.x, direction.d, kLittle * direction.first_step);
     if (!is_injective(s_.mesh, y.x)) return {};
     evaluate(s_, weights_, y);
     if (!std::isfinite(y.energy)) return {};
@@ -7004,7 +7004,7 @@ class FlatNewton {
     if (!solve(system, d)) return false;
     for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
     if (first_step(d) < 1) return false;
-    Points2 y = moved(m_, x_, d, 1);
+    Points2 y = moved(m_, {}, x_, d, 1);
     for (int h : m_.boundary) set_row(y, m_.tail[h], row2(target, m_.tail[h]));
     if (!is_injective(m_, y) || !(value(y) < kInfinity)) return false;
     x_.swap(y);
@@ -7042,8 +7042,7 @@ class FlatNewton {
     if (!(slope < 0)) return false;
     double s = first_step(d);
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
-      Points2 y = moved(m_, x_, d, s);
-      place_followers(m_, problem_.followers, y);
+      Points2 y = moved(m_, problem_.followers, x_, d, s);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
       collided = collided || collides(m_, y);
       if (collided && !is_scaffolded_) return false;
