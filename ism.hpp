@@ -3975,12 +3975,11 @@ inline void place_followers(const HalfEdgeMesh& m, const Array<Follower>& follow
 inline double pin_residual(const Surface& s, const Array<Follower>& followers, const Points2& x) {
   double largest = 0;
   for (const Follower& follower : followers) {
-    const int(&v)[3] = follower.master;
     const Vec3 off = barycentric(row2(x, follower.row), follower.master_place(x, 0),
                                  follower.master_place(x, 1), follower.master_place(x, 2)) -
                      follower.weight;
     Vec3 distance;
-    for (int k = 0; k < 3; ++k) distance += off[k] * row3(s.vertices, v[k]);
+    for (int k = 0; k < 3; ++k) distance += off[k] * row3(s.vertices, follower.master[k]);
     largest = (std::max)(largest, norm(distance));
   }
   return largest;
@@ -4293,15 +4292,13 @@ inline double largest_energy(const Iterate& from, const Direction& d, const Tria
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
                           const Trial& t) {
   const Iterate& to = t.x;
-  const auto is_enough = [](double area, double least, double before) {
-    return area > least || area >= before;
+  const auto keeps_area = [](double before, double after, double most_loss, double least) {
+    return before - after <= most_loss && (after > least || after >= before);
   };
   return std::isfinite(to.energy) && to.energy <= largest_energy(from, d, t) &&
          t.value() < from.energy &&  // rejects steps without effect
-         from.area_a - to.area_a <= rules.max_area_loss_a &&
-         from.area_b - to.area_b <= rules.max_area_loss_b &&
-         is_enough(to.area_a, rules.least_area_a, from.area_a) &&
-         is_enough(to.area_b, rules.least_area_b, from.area_b);
+         keeps_area(from.area_a, to.area_a, rules.max_area_loss_a, rules.least_area_a) &&
+         keeps_area(from.area_b, to.area_b, rules.max_area_loss_b, rules.least_area_b);
 }
 
 inline constexpr double kShrink = 0.8;  // line 22
