@@ -8622,7 +8622,8 @@ class PairEmbedder {
     const int stuck = h.grow();
     if (stuck < 0) return true;
     const int given = h.surface().given_id(stuck);
-    return fail({"mesh ", h.name(), ": there is no room for vertex ", given, " in the plane"},
+    return fail({"mesh ", h.name(), ": there is no room for vertex ", given,
+                 " in the plane; if it is a long tube, close its ends"},
                 {vertex_id(h.side(), given)});
   }
 
@@ -13649,8 +13650,8 @@ class Run {
                     decimal(100 * worst.area), "% of the area have ", decimal(worst.distortion)});
     }
     warning.message +=
-        "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles "
-        "(Options::refine)?";
+        "; do the surfaces, their sizes and landmarks correspond, are there enough triangles "
+        "(Options::refine), and are the ends of long tubes closed?";
     r.warnings.push_back(std::move(warning));
   }
 
@@ -13758,6 +13759,13 @@ struct TipPair {
   double miss = kInfinity;
 };
 
+/// Returns the number of triangles around the vertex that has most.
+inline int largest_fan(const HalfEdgeMesh& m) {
+  Array<int> triangles(m.n_vertices, 0);
+  for (int v : m.tail) ++triangles[v];
+  return *std::max_element(triangles.begin(), triangles.end());
+}
+
 class StartFinder {
  public:
   StartFinder(const SurfacePair& whole, const Array<PlacedLandmark>& landmarks,
@@ -13849,10 +13857,14 @@ class StartFinder {
     for (const PlacedLandmark& l : landmarks_)
       for (int v : (side == Side::kA ? l.a : l.b).corners)
         if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
-    constexpr int kFewest = 100, kRatio = 2;
-    const int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
-    h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
-    if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
+    // Fans over each other meet in as many polygons as the square of their triangles.
+    constexpr int kFewest = 100, kRatio = 2, kLargestFan = 64;
+    int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
+    do {
+      h = std::make_unique<Hierarchy>(s, side, keep, n, nullptr, -1, executor_);
+      if (!executor_.is_stopped()) level = std::make_unique<Level>(h->current());
+      n /= kRatio;
+    } while (level && largest_fan(level->surface.mesh) > kLargestFan && n >= kFewest);
   }
 
   void find_candidates() {
