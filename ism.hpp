@@ -1165,8 +1165,6 @@ class SpinLock {
   std::atomic_flag& flag_;
 };
 
-class Crew;
-
 /// Services of one call: threads, progress reports and cancellation.
 ///
 /// Tasks do not depend on the number of threads and write to memory of their own, so results have
@@ -1178,7 +1176,6 @@ class Executor {
   using Task = std::function<void(int)>;
 
   explicit Executor(const Options& options);
-  ~Executor();
 
   /// Runs task(0) ... task(n - 1), in any order and in parallel.
   void run(int n, const Task& task) const;
@@ -1232,8 +1229,8 @@ class Executor {
 #else
   bool is_caller() const { return !hook_; }
 #endif
-  std::unique_ptr<Crew> crew_;  // null for a single thread
-  ParallelFor hook_;
+  ParallelFor hook_;                                  // none for a single thread
+  bool is_own_ = false;                               // not the caller's
   mutable std::atomic<bool> is_side_by_side_{false};  // tasks are running
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
@@ -12355,7 +12352,7 @@ class Crew {
 #ifdef __cpp_exceptions
     try {
 #endif
-      helpers_.reserve(static_cast<std::size_t>(helpers));
+      helpers_.reserve(helpers);
       for (int i = 0; i < helpers; ++i) helpers_.emplace_back([this] { help(); });
 #ifdef __cpp_exceptions
     } catch (...) {
@@ -12382,14 +12379,12 @@ class Crew {
       n_ = n;
       next_ = 0;
     }
-    for (int t = 1; t < (std::min)(n, size()); ++t) wake_.notify_one();
+    for (int t = 1; t < n && t <= helpers_.size(); ++t) wake_.notify_one();
     work(task, n);
     std::unique_lock<std::mutex> lock(mutex_);
     task_ = nullptr;  // helpers that wake later find no task
     left_.wait(lock, [&] { return working_ == 0; });
   }
-
-  int size() const { return static_cast<int>(helpers_.size()) + 1; }
 
  private:
   void work(const std::function<void(int)>& task, int n) {
@@ -12413,7 +12408,7 @@ class Crew {
 
   std::mutex mutex_;
   std::condition_variable wake_, left_;
-  std::vector<std::thread> helpers_;
+  Array<std::thread> helpers_;
   const std::function<void(int)>* task_ = nullptr;  // of the current run
   int n_ = 0;
   std::atomic<int> next_{0};
@@ -12436,20 +12431,13 @@ inline int processor_count() {
 #endif
   return (std::max)(1, n);
 }
-#else
-class Crew {};
-#endif
 
 /// Returns the number of threads of a call without a job system, including the caller's.
 inline int thread_count(const Options& options) {
-#ifdef ISM_NO_THREADS
-  static_cast<void>(options);
-  return 1;
-#else
   const int processors = processor_count();
   return options.threads <= 0 ? processors : (std::min)(options.threads, 4 * processors);
-#endif
 }
+#endif
 
 inline Executor::Executor(const Options& options)
     : hook_(options.parallel_for),
@@ -12459,12 +12447,12 @@ inline Executor::Executor(const Options& options)
 #ifndef ISM_NO_THREADS
   const int threads = thread_count(options);
   if (threads < 2 || hook_) return;
-  crew_ = std::make_unique<Crew>(threads - 1);
-  hook_ = [this](int n, const std::function<void(int)>& task) { crew_->run(n, task); };
+  hook_ = [crew = std::make_shared<Crew>(threads - 1)](int n, const Task& task) {
+    crew->run(n, task);
+  };
+  is_own_ = true;
 #endif
 }
-
-inline Executor::~Executor() = default;
 
 inline void Executor::run(int n, const Task& task) const {
   const auto task_and_tick = [&](int i) {
@@ -12512,7 +12500,7 @@ inline void Executor::tell(bool is_embedding, double fraction, Words what,
 /// Runs tasks by parallel_for or the crew; false if such a run is in progress, e.g. for nested
 /// calls.
 inline bool Executor::run_side_by_side(int n, const Task& task) const {
-  if (!hook_ || (crew_ && n < 2) || is_side_by_side_.exchange(true)) return false;
+  if (!hook_ || (is_own_ && n < 2) || is_side_by_side_.exchange(true)) return false;
   const struct Release {
     std::atomic<bool>& flag;
     ~Release() { flag = false; }
