@@ -9559,7 +9559,7 @@ inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
   return original;
 }
 
-inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added = {}) {
+inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added) {
   Origin o;
   const int n_vertices = static_cast<int>(mesh->vertices.rows());
   o.given = mesh;
@@ -14167,21 +14167,18 @@ inline void Run::find_start() {
 
 // ---- data of a SurfaceMap ----
 
-inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origin origin_a,
-                                               Origin origin_b, const Points2& f, const Points2& g,
-                                               double scale_a, double scale_b) {
+/// The map of the meshes of an embedding by positions f and g; scales of 0: to area 1.
+inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
+                                               const Points2& g) {
   const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
-  data->origin_a = std::move(origin_a);
-  data->origin_b = std::move(origin_b);
+  data->origin_a = origin_of(*e.prepared_a, e.added_a, e.a);
+  data->origin_b = origin_of(*e.prepared_b, e.added_b, e.b);
   HalfEdgeMesh m, n;
-  const auto check = [&](const TriangleMesh& mesh, Side side, HalfEdgeMesh& half_edges) {
-    return check_problems(find_problems(mesh, half_edges), side, *data);
-  };
-  if (!check(*a, Side::kA, m)) return data;
-  data->a = std::move(a);
-  if (!check(*b, Side::kB, n)) return data;
-  data->b = std::move(b);
+  if (!check_problems(find_problems(*e.a, m), Side::kA, *data)) return data;
+  data->a = e.a;
+  if (!check_problems(find_problems(*e.b, n), Side::kB, *data)) return data;
+  data->b = e.b;
   if (!check_positions(m, f, "f", *data) || !check_positions(n, g, "g", *data)) return data;
   data->f = f, data->g = g;
   HalfEdgeMesh sewn_a, sewn_b;
@@ -14195,8 +14192,8 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
   const Points3 vertices_b = data->b->vertices.topRows(n.n_vertices);
   SurfacePair pair = {build_surface(std::move(m), vertices_a, false),
                       build_surface(std::move(n), vertices_b, false)};
-  if (scale_a > 0) rescale(scale_a / pair.a.scale, pair.a);
-  if (scale_b > 0) rescale(scale_b / pair.b.scale, pair.b);
+  if (e.scale_a > 0) rescale(e.scale_a / pair.a.scale, pair.a);
+  if (e.scale_b > 0) rescale(e.scale_b / pair.b.scale, pair.b);
   data->pair = EmbeddedPair(join(pair), stacked(rows_between(f, 0, pair.a.mesh.n_vertices),
                                                 rows_between(g, 0, pair.b.mesh.n_vertices)));
   const Overlay& overlay = data->pair.overlay;
@@ -14205,17 +14202,6 @@ inline std::shared_ptr<const MapData> map_data(SharedMesh a, SharedMesh b, Origi
                                                    : Status::kDone;
   if (status != Status::kDone) fail(*data, status, {words_of(status).sentence});
   return data;
-}
-
-inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
-                                               const Points2& g) {
-  return map_data(e.a, e.b, origin_of(*e.prepared_a, e.added_a, e.a),
-                  origin_of(*e.prepared_b, e.added_b, e.b), f, g, e.scale_a, e.scale_b);
-}
-
-inline std::shared_ptr<const MapData> map_data(const SharedMesh& a, const SharedMesh& b,
-                                               const Points2& f, const Points2& g) {
-  return map_data(a, b, same_origin(a), same_origin(b), f, g, 0, 0);
 }
 
 inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
@@ -14305,8 +14291,12 @@ SurfaceMap::SurfaceMap(const Embedding& start)
     : data_(is_usable(start.status) ? detail::map_data(start, start.f, start.g)
                                     : detail::no_map(start)) {}
 
-SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g)
-    : data_(detail::map_data(detail::shared(a), detail::shared(b), f, g)) {}
+SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g) {
+  Embedding e;
+  e.a = detail::shared(a), e.b = detail::shared(b);
+  e.scale_a = e.scale_b = 0;
+  data_ = detail::map_data(e, f, g);
+}
 
 }  // namespace ISM_ABI
 }  // namespace ism
