@@ -12685,13 +12685,9 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
   return true;
 }
 
-/// The median ratio of landmark distances, on A to on B, over all pairs of landmarks.
-struct RelativeSize {
-  double median = 1;
-  bool is_clear = false;  // its deviation from 1 far exceeds the spread of the ratios
-};
-
-inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks) {
+/// Returns the median ratio of landmark distances, on A to on B, over all pairs of landmarks; 1
+/// unless its deviation from 1 far exceeds the spread of the ratios.
+inline double relative_size(const SurfacePair& pair, const Array<PlacedLandmark>& landmarks) {
   constexpr int kFewest = 5, kMost = 100;  // landmarks; of fewer, wrong ones may agree by chance
   constexpr double kLeast = 1.25;
   const int n = (std::min)(landmarks.size(), int{kMost});
@@ -12702,12 +12698,12 @@ inline RelativeSize relative_size(const SurfacePair& pair, const Array<PlacedLan
       const double on_b = norm(position(pair.b, landmarks[i].b) - position(pair.b, landmarks[j].b));
       if (on_a > 0 && on_b > 0) ratio.push_back(on_a / on_b);
     }
-  if (n < kFewest || ratio.size() < 3) return {};
+  if (n < kFewest || ratio.size() < 3) return 1;
   std::sort(ratio.begin(), ratio.end());
   const double median = ratio[ratio.size() / 2];
   const double spread = ratio[3 * ratio.size() / 4] / ratio[ratio.size() / 4];
   const double size = (std::max)(median, 1 / median);
-  return {median, size > kLeast && size > spread * spread * spread * spread};
+  return size > kLeast && size > spread * spread * spread * spread ? median : 1;
 }
 
 /// Formats a number of magnitude 0.01 or more with two decimals.
@@ -12735,16 +12731,16 @@ inline void rescale(double factor, Surface& s) {
 inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                       SurfacePair& pair, Outcome& outcome) {
   constexpr double kFar = 100;
-  const RelativeSize size = relative_size(pair, landmarks);
+  const double size = relative_size(pair, landmarks);
   const double areas = pair.a.total_area / pair.b.total_area;
-  const std::string units = units_sentence(pair.a.scale / pair.b.scale / size.median);
-  if (!options.keep_scale && size.is_clear && !are_closed(pair) &&
+  const std::string units = units_sentence(pair.a.scale / pair.b.scale / size);
+  if (!options.keep_scale && size != 1 && !are_closed(pair) &&
       options.boundary == Boundary::kFree) {
-    rescale((std::max)(1.0, 1 / size.median), pair.a);  // the smaller one keeps area 1
-    rescale((std::max)(1.0, size.median), pair.b);
+    rescale((std::max)(1.0, 1 / size), pair.a);  // the smaller one keeps area 1
+    rescale((std::max)(1.0, size), pair.b);
     outcome.warnings.push_back(
         {"the meshes were not scaled to one area but by their landmarks: " + units, {}});
-  } else if (options.keep_scale && size.is_clear) {
+  } else if (options.keep_scale && size != 1) {
     outcome.warnings.push_back({"keep_scale is set, but the landmarks say that " + units, {}});
   } else if (options.keep_scale && (areas > kFar || areas < 1 / kFar)) {
     outcome.warnings.push_back(
