@@ -11706,20 +11706,18 @@ namespace detail {
 /// Lengths of the shortest paths along edges from a vertex [Dijkstra 1959].
 inline Array<double> edge_distances(const Surface& s, int from) {
   Array<double> distance(s.mesh.n_vertices, kInfinity);
-  Array<std::pair<double, int>> heap;  // minus the distance, vertex
+  std::priority_queue<std::pair<double, int>> heap;  // minus the distance, vertex
   const auto reach = [&](int v, double d) {
     if (d >= distance[v]) return;
     distance[v] = d;
-    heap.push_back({-d, v});
-    std::push_heap(heap.begin(), heap.end());
+    heap.push({-d, v});
   };
   reach(from, 0);
   while (!heap.empty()) {
-    std::pop_heap(heap.begin(), heap.end());
-    const auto [minus, at] = heap.back();
-    heap.pop_back();
-    if (-minus > distance[at]) continue;
-    const double so_far = -minus;
+    const auto [minus, at] = heap.top();
+    heap.pop();
+    const double so_far = distance[at];
+    if (-minus > so_far) continue;
     s.mesh.for_each_outgoing(at, [&](int h) {
       reach(s.mesh.tip(h), so_far + s.edge_length(h));
       reach(s.mesh.tail[prev(h)], so_far + s.edge_length(prev(h)));
@@ -11769,12 +11767,11 @@ inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<Ver
                                     int most) {
   constexpr int kRounds = 4, kShare = 4;  // a quarter of the others bears a pair out
   Array<Array<double>> on_a, on_b;
-  Array<int> kept;
-  for (int i = 0; i < pairs.size(); ++i) {
-    on_a.push_back(edge_distances(surfaces.a, pairs[i].a));
-    on_b.push_back(edge_distances(surfaces.b, pairs[i].b));
-    kept.push_back(i);
+  for (const VertexPair& pair : pairs) {
+    on_a.push_back(edge_distances(surfaces.a, pair.a));
+    on_b.push_back(edge_distances(surfaces.b, pair.b));
   }
+  Array<int> kept = numbers_below(pairs.size());
   for (int round = 0; round < kRounds; ++round) {
     Array<double> miss;
     for (int i = 0; i < pairs.size(); ++i) {
