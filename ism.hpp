@@ -11353,10 +11353,7 @@ class Alignment {
   Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) { move(); }
 
   /// The similarity that the landmarks tell.
-  explicit Alignment(const SamplePair& pair) : pair_(&pair) {
-    fit(false);
-    move();
-  }
+  explicit Alignment(const SamplePair& pair) : pair_(&pair) { improve(false); }
 
   /// Improves the map by a round of closest points.
   void improve(bool is_affine) {
@@ -11390,16 +11387,12 @@ class Alignment {
   }
 
  private:
+  /// Moves A, and pairs its samples with the closest ones.
   void move() {
-    moved_.clear();
-    for (const SurfaceSample& s : pair_->a) moved_.push_back(map_(s));
-    match();
-  }
-
-  void match() {
     const Array<SurfaceSample>& b = pair_->b;
     double sum_a = 0, sum_b = 0;
-    to_b_.clear(), to_a_.clear();
+    moved_.clear(), to_b_.clear(), to_a_.clear();
+    for (const SurfaceSample& s : pair_->a) moved_.push_back(map_(s));
     for (int i = 0; i < pair_->sampled_a; ++i) {
       to_b_.push_back(closest(moved_[i], b, pair_->sampled_b));
       sum_a += distance2(moved_[i], b[to_b_.back()]);
