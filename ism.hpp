@@ -11964,16 +11964,16 @@ struct DirectedEdge {
   bool operator<(const DirectedEdge& o) const { return u != o.u ? u < o.u : v < o.v; }
 };
 
-/// Sorts sides and collects those without an opposite one. False if a side occurs twice in one
-/// direction: `twice` is its polygon.
-inline bool match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single, int& twice) {
+/// Sorts sides and collects those without an opposite one. Returns the polygon of a side that
+/// occurs twice in one direction, or -1.
+inline int match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single) {
   std::sort(sides.begin(), sides.end());
   for (int i = 0; i + 1 < sides.size(); ++i)
-    if (!(sides[i] < sides[i + 1])) return twice = sides[i + 1].of, false;
+    if (!(sides[i] < sides[i + 1])) return sides[i + 1].of;
   for (const DirectedEdge& side : sides)
     if (!std::binary_search(sides.begin(), sides.end(), DirectedEdge{side.v, side.u, -1}))
       single.push_back(side);
-  return true;
+  return -1;
 }
 
 /// Sweeps over the boundary of an embedding, from left to right.
@@ -11990,8 +11990,8 @@ class BoundarySweep {
   /// True if the boundary is simple and winds around each point at most once; else fault() is a
   /// vertex of the violation.
   bool run() {
-    Array<int> order;  // ends of segments, 2 i is the left one of segment i
-    for (int i = 0; i < 2 * segments_.size(); ++i) order.push_back(i);
+    // Ends of segments, 2 i is the left one of segment i.
+    Array<int> order = numbers_below(2 * segments_.size());
     std::sort(order.begin(), order.end(), [&](int i, int j) {
       const Vec2 p = at(end(i)), q = at(end(j));
       return p == q ? end(i) < end(j) : comes_before(p, q);
@@ -12095,8 +12095,7 @@ inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side si
       return refuse("triangle ", f, " is not positive in the plane", Element::kFace);
     for (int k = 0; k < 3; ++k) sides.push_back({v[k], v[(k + 1) % 3], f});
   }
-  int twice = -1;
-  if (!match_edges(sides, boundary, twice))
+  if (const int twice = match_edges(sides, boundary); twice >= 0)
     return refuse("triangle ", twice, " has a side that another one has, too", Element::kFace);
   BoundarySweep sweep(x, boundary);
   return sweep.run() ||
@@ -12141,8 +12140,8 @@ inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side,
   }
   Array<DirectedEdge> sides, single;
   for (const DirectedEdge& e : boundary) sides.push_back({number[e.u], number[e.v], e.u});
-  int twice = -1;
-  if (!match_edges(sides, single, twice)) return refuse(twice, "meet another one");
+  const int twice = match_edges(sides, single);
+  if (twice >= 0) return refuse(twice, "meet another one");
   if (!single.empty()) return refuse(single[0].of, "do not fit");
   double area = 0;
   for (int f = 0; f < mesh.triangles.rows(); ++f) {
@@ -12269,8 +12268,8 @@ class MetaMeshVerifier {
     for (int p = 0; p < meta_.n_polygons(); ++p)
       for (int i = begin(p); i < end(p); ++i)
         sides.push_back({vertex(i), vertex(i + 1 < end(p) ? i + 1 : begin(p)), p});
-    int twice = -1;
-    if (!match_edges(sides, single, twice)) return refuse(twice, "has a side of another one");
+    const int twice = match_edges(sides, single);
+    if (twice >= 0) return refuse(twice, "has a side of another one");
     for (const DirectedEdge& side : single)
       if (period_ > 0 || !(ends_there(side, a_, boundary_a) || ends_there(side, b_, boundary_b)))
         return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
