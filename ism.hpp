@@ -13360,26 +13360,31 @@ class Run {
   }
 
   void embed() {
-    if (!embedder_ && !has_positions()) {
-      if (finds_start() && !has_start_) return find_start();
-      return begin_embedding();
-    }
-    if (embedder_ && embedder_->step()) return;
-    if (embedder_ && executor_.is_stopped() && embedder_->result().status == Status::kDone) return;
+    if (has_positions()) return take_positions();
+    if (!embedder_ && finds_start() && !has_start_) return find_start();
+    if (!embedder_) return begin_embedding();
+    if (embedder_->step()) return;
     Embedding& start = result_.start;
-    const bool is_given = !embedder_;
-    if (is_given)
-      take_positions();
-    else
-      take_start();
+    if (executor_.is_stopped() && embedder_->result().status == Status::kDone) return;
+    result_.coarse = embedder_->levels();
+    start = std::move(embedder_->result());
+    start.seconds += finder_seconds_;
+    embedder_.reset();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
-    if (is_given) pulled_ = numbers_below(placed_.size());
     if (!result_.coarse.empty()) omega_before_ = kNextOmega;
-    if (is_given && start.status == Status::kDone)
-      begin_at_positions();
-    else
-      accept_start();
+    accept_start();
+  }
+
+  void take_positions() {
+    Embedding& start = result_.start;
+    start.f = options_.initial_f;
+    start.g = options_.initial_g;
+    start.warnings = result_.warnings;
+    pulled_ = numbers_below(placed_.size());
+    const bool are_valid = check_positions(pair_.a.mesh, start.f, "initial_f", start) &&
+                           check_positions(pair_.b.mesh, start.g, "initial_g", start);
+    are_valid ? begin_at_positions() : accept_start();
   }
 
   /// The paper's start is that of the landmarks alone.
@@ -13452,21 +13457,6 @@ class Run {
       l.b = detail::opened(l.b, whole_.b.mesh, pair_.b.mesh);
     }
     return landmarks;
-  }
-
-  void take_positions() {
-    Embedding& start = result_.start;
-    start.f = options_.initial_f;
-    start.g = options_.initial_g;
-    if (check_positions(pair_.a.mesh, start.f, "initial_f", start))
-      check_positions(pair_.b.mesh, start.g, "initial_g", start);
-  }
-
-  void take_start() {
-    result_.coarse = embedder_->levels();
-    result_.start = std::move(embedder_->result());
-    result_.start.seconds += finder_seconds_;
-    embedder_.reset();
   }
 
   void accept_start() {
