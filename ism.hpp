@@ -13464,11 +13464,10 @@ class Run {
     is_embedding_ = false;
     return_input();
     return_start();
-    if (start.status != Status::kDone) {
-      result_.f.resize(0, 2);
-      result_.g.resize(0, 2);
+    result_.f.resize(0, 2);
+    result_.g.resize(0, 2);
+    if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
-    }
     const JointSurface s = join(pair_);
     start.landmark_distance = largest_landmark_distance(s, start_, located(opened_, pair_));
     result_.status = Status::kDone;
@@ -13540,8 +13539,6 @@ class Run {
   void begin(const Array<PlacedLandmark>& together) {
     optimizer_.reset();
     followers_.clear();
-    result_.f.resize(0, 2);
-    result_.g.resize(0, 2);
     result_.log.clear();
     told_ = 0;
     s_ = join(pair_);
