@@ -11166,8 +11166,6 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
 
 using SharedPrepared = std::shared_ptr<const Prepared>;
 
-}  // namespace detail
-
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
 //
 // Purpose:    pairs of points of two surfaces that correspond if both have about one shape and
@@ -11177,8 +11175,6 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 //             away than 45 degrees. The best ones go on with more points, at last by affine maps.
 // Fails:      never; where shapes or poses differ, the pairs are wrong, and a map guided by them is
 //             more distorted than others.
-
-namespace detail {
 
 /// A point of a surface with its normal.
 struct SurfaceSample {
@@ -11516,16 +11512,12 @@ inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair&
   return best;
 }
 
-}  // namespace detail
-
 // ==== [19] APPLICATIONS (paper §1, §6.3) =========================================================
 //
 // Purpose:    transfers attributes between the surfaces; gives one mesh the geometry of the other.
 // Invariants: attributes pass through corners of the meta mesh, whose places in both meshes are
 //             known exactly; a mesh gets back the attributes that it gives to the meta mesh.
 // Fails:      returns no rows if attributes do not fit the mesh.
-
-namespace detail {
 
 /// One of the two meshes of a meta mesh, and the places of polygons and corners in it.
 struct MetaSide {
@@ -11887,8 +11879,6 @@ inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open
   return p;
 }
 
-}  // namespace detail
-
 // ==== [21] VERIFICATION ==========================================================================
 //
 // Purpose:    proves the guarantees of the library for a given map independently: it uses nothing
@@ -11900,8 +11890,6 @@ inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open
 //             Further checks: each polygon of the meta mesh occurs once, none is missing beside
 //             another, and corners agree in the planes and on the surfaces.
 // Fails:      at the first violation.
-
-namespace detail {
 
 /// An exact sum of products of finite doubles: integers in base 2^24, least digit first.
 class ExactSum {
@@ -12509,15 +12497,11 @@ inline void Executor::tick() const {
   tell_again();
 }
 
-}  // namespace detail
-
 // ==== [23] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
 // Fails:      with the status, message and ids of the first failed check.
-
-namespace detail {
 
 /// Fails with the first problem of a mesh, if any.
 inline bool check_problems(const std::vector<Problem>& problems, Side side, Outcome& outcome) {
