@@ -126,6 +126,9 @@ namespace ism {
 inline namespace ISM_ABI {
 
 namespace detail {
+class Run;
+struct MapData;
+
 /// Reads the number at `place`, which a stride may leave unaligned.
 template <class T>
 double number_at(const void* place) {
@@ -622,10 +625,6 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
-namespace detail {
-class Run;
-}
-
 /// compute_map() in steps, for programs with other work to do. One thread at a time may use a
 /// Solver. After an exception it can only be destroyed or assigned to.
 ///
@@ -701,10 +700,6 @@ struct DistortionSummary {
   double sigma_min = 0, sigma_max = 0;  // the extremes
   double area_a = 0, area_b = 0;        // covered
 };
-
-namespace detail {
-struct MapData;
-}
 
 /// Φ = g⁻¹ ∘ f as a function, in both directions, in the caller's ids. Elements that prepare()
 /// dropped are not covered; welded copies have one image. Copies share their data. All queries are
