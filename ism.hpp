@@ -9896,7 +9896,6 @@ class MetaMeshBuilder {
     return {kCrossing, first_half_edge(h), first_half_edge(t)};
   }
 
-  /// Returns the number of the cone at the tail of a half-edge, or -1.
   int cone_at(int h) const {
     const int v = m_.tail[h];
     return m_.pillow.is_cone(v) ? cone_number(row2(pair_.x, v), m_.pillow.side) : -1;
@@ -10092,11 +10091,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
   return s;
 }
 
-// ==== HALF I ENDS HERE ===========================================================================
-//
-// The parts above are the paper. The parts below make it a tool: a scaffold that keeps boundaries
-// apart, checked and prepared meshes, coarse levels, applications, closed surfaces, verification,
-// threads and entry points.
+// ==== HALF I, THE PAPER, ENDS HERE: THE PARTS BELOW MAKE IT A TOOL ===============================
 
 namespace detail {
 
@@ -10248,7 +10243,6 @@ inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMes
   return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
 }
 
-/// Flips inner edges until all are locally Delaunay.
 inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) {
   constexpr int kMostFlips = 1000;  // per edge
   Array<int> stack;
@@ -10555,14 +10549,12 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
 
 // ---- preparation ----
 //
-// Purpose:    repairs a mesh into a clean surface.
 // Method:     Boundary edges of different parts at equal coordinates are sewn: their vertices get
 //             one place. Triangles are glued along edges: first where exactly two meet; where more
 //             meet, pairs of one component, then pairs that bend least. Corners glued around a
 //             place become one vertex, so edges that are not glued are cut.
 // Invariants: triangles keep their order; a component has one orientation, unless it is one-sided;
 //             a boundary that meets only itself, as closed lips do, is not sewn.
-// Fails:      returns the remaining problems.
 
 /// Returns "1 vertex", "2 vertices".
 inline std::string counted(int n, const char* one, const char* many = nullptr) {
@@ -10712,7 +10704,6 @@ class Preparer {
     corner_.resize(3 * n);
   }
 
-  /// Drops triangles with two corners at one place.
   void drop_collapsed() {
     drop([&](int f) {
       const int p = place(3 * f), q = place(3 * f + 1), r = place(3 * f + 2);
@@ -12311,7 +12302,6 @@ namespace detail {
 //
 // Purpose:    the services of part [4]: parallel tasks, on threads of the library or by the
 //             caller's job system, and reports.
-// Invariants: see Executor.
 // Fails:      with the exception of a task, once all tasks in progress are done.
 
 #ifndef ISM_NO_THREADS
@@ -12873,7 +12863,6 @@ inline SharedPrepared input_of(const MeshView& mesh, Side side,
   return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
 }
 
-/// Builds the surface of a prepared mesh, with the given ids.
 inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   Surface s = build_surface(*prepared.mesh, keep_scale);
   for (int v : prepared.given_vertex) s.given.push_back(v);
@@ -12942,7 +12931,6 @@ inline double largest_landmark_distance(const JointSurface& s, const Points2& x,
   return largest / domain_radius(x);
 }
 
-/// Returns the mesh of a surface, with the vertices added to it.
 inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s) {
   if (s.added.empty()) return given;
   return std::make_shared<const TriangleMesh>(
