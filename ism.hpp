@@ -10515,12 +10515,9 @@ Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   return copy;
 }
 
-inline TriangleMesh copied(const MeshView& mesh) {
-  return {copied<double>(mesh.positions), copied<int>(mesh.triangles)};
-}
-
 inline SharedMesh shared(const MeshView& mesh) {
-  return std::make_shared<const TriangleMesh>(copied(mesh));
+  return std::make_shared<const TriangleMesh>(
+      TriangleMesh{copied<double>(mesh.positions), copied<int>(mesh.triangles)});
 }
 
 /// Finds the problems of a mesh, in ids of the given mesh if `prepared` is not null. If there are
@@ -12857,10 +12854,9 @@ inline bool check_constraints(const HalfEdgeMesh& a, const Prepared& prepared_a,
 
 inline SharedPrepared input_of(const MeshView& mesh, Side side,
                                const std::vector<Landmark>& landmarks, const Options& options) {
-  const SharedMesh given = shared(mesh);
   std::vector<LandmarkPoint> ends;
   for (const Landmark& l : landmarks) ends.push_back(side == Side::kA ? l.a : l.b);
-  return std::make_shared<const Prepared>(prepared(given, ends, options.weld));
+  return std::make_shared<const Prepared>(prepared(shared(mesh), ends, options.weld));
 }
 
 inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
@@ -14153,7 +14149,7 @@ inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
 
 std::vector<Problem> validate(const MeshView& mesh) {
   detail::HalfEdgeMesh m;
-  return detail::find_problems(detail::copied(mesh), m);
+  return detail::find_problems(*detail::shared(mesh), m);
 }
 
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks, bool weld) {

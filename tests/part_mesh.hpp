@@ -618,7 +618,7 @@ TEST_CASE("random triangle soups are never taken for disks they are not") {
 TEST_CASE("a view of any buffer is the mesh that lies in it") {
   const TriangleMesh mesh = shapes::grid(3, 2).mesh;
   const auto check = [&](const ism::MeshView& view) {
-    const TriangleMesh copy = ism::detail::copied(view);
+    const TriangleMesh copy = *ism::detail::shared(view);
     CHECK(copy.vertices == mesh.vertices);  // small integers
     CHECK(copy.triangles == mesh.triangles);
     CHECK(ism::validate(view).empty());
@@ -672,7 +672,7 @@ TEST_CASE("interleaved buffers with ids of any integer type, at any address") {
       ids[static_cast<std::size_t>(i / 3 * 4 + i % 3)] =
           static_cast<decltype(id)>(mesh.triangles.data()[i]);
     const TriangleMesh copy =
-        ism::detail::copied(ism::MeshView(positions, {ids.data(), n, 4 * sizeof(id)}));
+        *ism::detail::shared(ism::MeshView(positions, {ids.data(), n, 4 * sizeof(id)}));
     CHECK(copy.vertices == mesh.vertices);
     CHECK(copy.triangles == mesh.triangles);
   };
@@ -685,8 +685,8 @@ TEST_CASE("matrices of ids of any integer type, by rows and by columns") {
     using Id = decltype(id);
     const ism::Rows<Id, 3> by_rows = mesh.triangles.cast<Id>();
     const Eigen::Matrix<Id, Eigen::Dynamic, Eigen::Dynamic> by_columns = by_rows;
-    CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, by_rows)).triangles == mesh.triangles);
-    CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, by_columns)).triangles ==
+    CHECK(ism::detail::shared(ism::MeshView(mesh.vertices, by_rows))->triangles == mesh.triangles);
+    CHECK(ism::detail::shared(ism::MeshView(mesh.vertices, by_columns))->triangles ==
           mesh.triangles);
   });
 }
@@ -707,7 +707,7 @@ TEST_CASE("ids that are no int are out of range, whatever an int would make of t
   });
   const std::int64_t wraps[] = {0, 1, (std::int64_t{1} << 32) + 2};  // 2, in the lower 32 bits
   CHECK(ism::validate({mesh.vertices, {wraps, 1}}).size() == 1);
-  CHECK(ism::detail::copied(ism::MeshView(mesh.vertices, {wraps, 1})).triangles(0, 2) ==
+  CHECK(ism::detail::shared(ism::MeshView(mesh.vertices, {wraps, 1}))->triangles(0, 2) ==
         std::numeric_limits<int>::max());
 }
 
