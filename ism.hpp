@@ -10623,7 +10623,9 @@ class Preparer {
     const bool is_turned = result_.problems.empty() && is_inside_out(*result_.mesh, m);
     if (is_turned) turns_ = !turns_, build();
     note_all(is_turned);
-    place_copies();
+    for (int v = 0; v < n_vertices_; ++v)  // dropped ones, with repeated triangles
+      if (result_.new_vertex.data()[v] < 0)
+        result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
  private:
@@ -10985,13 +10987,6 @@ class Preparer {
     result_.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
     sort_unique(over_);
     sort_unique(cut_);
-  }
-
-  /// Maps vertices that were dropped with repeated triangles to those of the kept triangles.
-  void place_copies() {
-    for (int v = 0; v < n_vertices_; ++v)
-      if (result_.new_vertex.data()[v] < 0)
-        result_.new_vertex.data()[v] = result_.new_vertex.data()[kept_copy_[v]];
   }
 
   // ---- reports ----
@@ -12004,17 +11999,16 @@ class BoundarySweep {
   /// Orders segments that do not cross along the sweep line.
   struct Below {
     const BoundarySweep* sweep;
-    bool operator()(int i, int j) const { return sweep->is_below(i, j); }
+    bool operator()(int i, int j) const {
+      const Segment &s = sweep->segments_[i], &t = sweep->segments_[j];
+      if (i == j) return false;
+      const bool is_later = comes_before(sweep->at(t.left), sweep->at(s.left));
+      return is_later ? sweep->side(t, s) < 0 : sweep->side(s, t) > 0;
+    }
   };
 
   Vec2 at(int v) const { return row2(x_, v); }
   int end(int i) const { return i % 2 == 0 ? segments_[i / 2].left : segments_[i / 2].right; }
-
-  bool is_below(int i, int j) const {
-    const Segment &s = segments_[i], &t = segments_[j];
-    if (i == j) return false;
-    return comes_before(at(t.left), at(s.left)) ? side(t, s) < 0 : side(s, t) > 0;
-  }
 
   /// Returns whether t, which begins later, lies above s (1), below (-1), or on it (0).
   int side(const Segment& s, const Segment& t) const {
@@ -13211,7 +13205,7 @@ class Run {
   }
 
   bool is_pulled(int landmark) const {
-    return std::find(pulled_.begin(), pulled_.end(), landmark) != pulled_.end();
+    return std::binary_search(pulled_.begin(), pulled_.end(), landmark);
   }
 
   /// Begins at the positions of the start. Exact landmarks in triangles become vertices first.
