@@ -751,7 +751,6 @@ class SurfaceMap {
 
  private:
   friend TriangleMesh remesh(const SurfaceMap& map, Side side);
-  friend Outcome verify(const SurfaceMap& map);
   std::shared_ptr<const detail::MapData> data_;
 };
 
@@ -12496,21 +12495,20 @@ class LandmarkPlacer {
   LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
       : n_vertices_(m.n_vertices), prepared_(prepared), side_(side) {}
 
-  /// False, with the reason in `why`, if the id or the barycentric coordinates are invalid.
-  bool exists(const LandmarkPoint& p, std::string& why) const {
+  /// Returns what is wrong with the id or the barycentric coordinates, or nothing.
+  std::string fault(const LandmarkPoint& p) const {
     constexpr double kRounding = 1e-6;
     const std::vector<int>& ids = is_point(p) ? prepared_.new_triangle : prepared_.new_vertex;
     const int id = id_of(p), n = static_cast<int>(ids.size());
     const Eigen::Vector3d& weights = p.point.barycentric;
     if (id < 0 || id >= n)
-      why =
-          sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ", id,
-                    ", it has ", n, is_point(p) ? " triangles" : " vertices", ", counted from 0"});
-    else if (is_point(p) && (!(std::abs(weights[0] + weights[1] + weights[2] - 1) <= kRounding) ||
-                             weights.minCoeff() < -kRounding))
-      why = sentence(
-          {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
-    return why.empty();
+      return sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ",
+                       id, ", it has ", n, is_point(p) ? " triangles" : " vertices",
+                       ", counted from 0"});
+    const bool have_sum = std::abs(weights[0] + weights[1] + weights[2] - 1) <= kRounding;
+    if (!is_point(p) || (have_sum && !(weights.minCoeff() < -kRounding))) return {};
+    return sentence(
+        {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
   }
 
   /// Locates an end, on a dropped element at the nearest point of the surface; false if too far.
@@ -12540,10 +12538,8 @@ class LandmarkPlacer {
     constexpr double kNear = 0.01;  // of the diagonal of the box around the mesh
     const TriangleMesh &given = *prepared_.given, &mesh = *prepared_.mesh;
     const double unit = unit_scale(mesh.vertices);
-    Vec3 at;
-    for (int k = 0; k < 3 && is_point(p); ++k)
-      at += p.point.barycentric[k] * corners_of(given, p.point.face, unit).data()[k];
-    if (!is_point(p)) at = unit * row3(given.vertices, p.vertex);
+    const Vec3 at =
+        unit * (is_point(p) ? position_in_space(given, p.point) : row3(given.vertices, p.vertex));
     const double diagonal =
         unit * (mesh.vertices.colwise().maxCoeff() - mesh.vertices.colwise().minCoeff()).norm();
     double least = kNear * diagonal;
@@ -12608,18 +12604,16 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
   LandmarkPlacer on_a(a, prepared_a, Side::kA), on_b(b, prepared_b, Side::kB);
   for (const Landmark& l : landmarks) {
     PlacedLandmark here = {{}, {}, l, 1};
-    const auto refuse = [&](Words why, bool of_a) {
-      const std::string reason = sentence(why);
+    const auto refuse = [&](const std::string& why, bool of_a) {
       const ElementId id = of_a ? element_id(Side::kA, l.a) : element_id(Side::kB, l.b);
-      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), reason}, {id});
+      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), why}, {id});
     };
-    std::string why;
-    if (!on_a.exists(l.a, why)) return refuse({why}, true);
-    if (!on_b.exists(l.b, why)) return refuse({why}, false);
+    if (const std::string why = on_a.fault(l.a); !why.empty()) return refuse(why, true);
+    if (const std::string why = on_b.fault(l.b); !why.empty()) return refuse(why, false);
     const bool is_on_a = on_a.find(l.a, here.a), is_on_b = on_b.find(l.b, here.b);
     if (!is_on_a || !is_on_b) {
       const std::string lost = end_of(l, !is_on_a) + " was dropped when the mesh was prepared";
-      if (are_exact) return refuse({lost}, !is_on_a);
+      if (are_exact) return refuse(lost, !is_on_a);
       outcome.warnings.push_back(
           {name_of(l) + lost + ": it is left out",
            {is_on_a ? element_id(Side::kB, l.b) : element_id(Side::kA, l.a)}});
@@ -12628,7 +12622,7 @@ inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
     const bool is_free_on_a = !are_exact || on_a.claim(here.a);
     const bool is_free_on_b = !are_exact || on_b.claim(here.b);
     if (!is_free_on_a || !is_free_on_b)
-      return refuse({end_of(l, !is_free_on_a), " is in another landmark"}, !is_free_on_a);
+      return refuse(end_of(l, !is_free_on_a) + " is in another landmark", !is_free_on_a);
     placed.push_back(here);
   }
   return true;
