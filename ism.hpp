@@ -9586,14 +9586,12 @@ inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& add
       !find_pieces(build_half_edges(n, prepared.mesh->triangles), added, embedded.triangles,
                    pieces))
     return false;
-  Pieces whole;
   for (int h = 0; h < pieces.corner_weights.size(); ++h) {
-    const int f = pieces.face[h / 3];
-    const SurfacePoint corner = o.to_mesh(surface_point(f, pieces.corner_weights[h]));
-    whole.corner_weights.push_back(weights_of(corner));
-    if (h % 3 == 0) whole.face.push_back(corner.face);
+    Vec3& weights = pieces.corner_weights[h];
+    weights = weights_of(o.to_mesh(surface_point(pieces.face[h / 3], weights)));
   }
-  static_cast<Pieces&>(o) = std::move(whole);
+  for (int& f : pieces.face) f = o.face[f];
+  static_cast<Pieces&>(o) = std::move(pieces);
   return true;
 }
 
@@ -13465,8 +13463,7 @@ class Run {
     result_.f = start.f, result_.g = start.g;
     result_.coarse = levels.levels();
     const JointSurface s = join(pair_);
-    const Array<Follower> none;
-    Optimizer(s, options_, none, executor_).start(start_, result_);
+    Optimizer(s, options_, {}, executor_).start(start_, result_);
     result_.status = executor_.stop_status();
     result_.message = words_of(result_.status).sentence;
   }
@@ -13500,9 +13497,9 @@ class Run {
     if (!find_followers(s_, x, together, options_, followers_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
     if (!options_.as_published) {
-      const Array<PlacedLandmark> none;
-      const LandmarkPull pull(s_, options_.exact_landmarks ? none : located(opened_, pair_),
-                              options_.curves);
+      Array<PlacedLandmark> pulling;
+      if (!options_.exact_landmarks) pulling = located(opened_, pair_);
+      const LandmarkPull pull(s_, pulling, options_.curves);
       if (!pull.is_empty()) optimizer_->set_pull(pull);
     }
     optimizer_->start(x, result_);
