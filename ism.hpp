@@ -480,8 +480,7 @@ struct Options {
   /// image must not lie in a triangle with a pinned vertex. Vertices of A in exact landmarks count
   /// as pinned. A vertex without an image is refused.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay those of the start. Refused if both surfaces
-  /// are closed.
+  /// Vertices of A (of B) whose planar positions stay those of the start. Not for closed pairs.
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
   /// in the plane throughout, and points become added vertices. Landmarks on the boundaries then
@@ -725,8 +724,7 @@ class SurfaceMap {
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
   /// True for maps of two closed surfaces: every point has an image, in both directions.
   bool is_closed() const;
-  /// The period of the motions between planes of two closed surfaces, x → ±x + period (i, j), see
-  /// compute_map(); 0 for other maps.
+  /// The period of the motions x → ±x + period (i, j) of closed maps, see compute_map(); else 0.
   double period() const;
 
   /// Barycentric coordinates must be ≥ 0 with sum 1. Ids out of range are not covered.
@@ -9302,8 +9300,7 @@ struct EmbeddedPair {
   /// True on pillows: the map has no boundary.
   bool is_closed() const { return !s.mesh.pillow.is_empty(); }
 
-  /// Calls visit(face of the other mesh, what takes its plane to that of `face`) for every polygon
-  /// in a face.
+  /// For every polygon in a face: visit(face of the other mesh, what takes its plane to this one).
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
     by_face.for_each_in(face, [&](int i) {
@@ -9365,8 +9362,7 @@ struct Pieces {
     return surface_point(face[p.face], weights);
   }
 
-  /// Returns a point of the finer mesh; its face is -1 if the triangle does not exist or has no
-  /// piece there.
+  /// Returns a point of the finer mesh, or none if there is no such triangle or no piece of it.
   SurfacePoint from_mesh(const SurfacePoint& p) const {
     constexpr double kRounding = 1e-12, kBeside = 1e-6;
     if (p.face < 0 || p.face + 1 >= by_triangle.start.size()) return {};
@@ -9427,8 +9423,7 @@ inline Array<AddedVertex> means_of_vertices(int n, const std::vector<AddedVertex
   return means;
 }
 
-/// Finds the triangle of a mesh that contains a piece, and its corners' barycentric coordinates;
-/// returns -1 if there is none.
+/// Returns the triangle that contains a piece, or -1, and the piece's corners in its coordinates.
 inline int find_piece(const HalfEdgeMesh& m, const std::array<AddedVertex, 3>& corner,
                       std::array<Vec3, 3>& weights) {
   AddedVertex all;
@@ -9446,8 +9441,7 @@ inline int find_piece(const HalfEdgeMesh& m, const std::array<AddedVertex, 3>& c
   return h < 0 || !(dot(weights[0], cross(weights[1], weights[2])) > 0) ? -1 : h / 3;
 }
 
-/// Places the triangles of a mesh to which vertices were added. Returns false if they are not
-/// those of such a mesh.
+/// Places the triangles of a mesh with added vertices; false if they are not of such a mesh.
 inline bool find_pieces(const HalfEdgeMesh& m, const std::vector<AddedVertex>& added,
                         const Triangles& fine, Pieces& pieces) {
   constexpr double kRounding = 1e-6;
@@ -9518,8 +9512,7 @@ struct Origin : Pieces {
     edges = sorted_edges(given->triangles);
   }
 
-  /// Returns the half-edges along the given edge from u to v, in order; ~h if one runs from v to u.
-  /// Empty if the edge does not exist.
+  /// Returns the half-edges along the given edge from u to v in order, if any; ~h: from v to u.
   Array<int> along(int u, int v) const {
     const EdgeUse edge(u, v, -1);
     const EdgeUse* use = std::lower_bound(edges.begin(), edges.end(), edge);
@@ -9576,8 +9569,7 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
-/// Goes on to the triangles of an embedded mesh, a prepared one with vertices added; returns false
-/// if it is something else.
+/// Goes on to an embedded mesh, a prepared one with vertices added; false if it is something else.
 inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& added,
                    const TriangleMesh& embedded, Origin& o) {
   const int n = static_cast<int>(prepared.mesh->vertices.rows());
@@ -10099,8 +10091,7 @@ namespace detail {
 //             energy is least as built, so a step that lowers the sum of both energies lowers E.
 //             Every iteration rebuilds them, so they let the boundary move, but never collide.
 // Invariants: all triangles are positive, exactly; this implies that the boundary is simple.
-// Fails:      leaves out triangles without area after rounding; there, only the exact test of the
-//             boundary prevents collisions.
+// Fails:      leaves out triangles of no area in doubles; there, the boundary's exact test decides.
 
 /// Returns the space outside the surface at a loop as one counter-clockwise polygon: an opening, or
 /// what is between an outer loop and a box around it, whose second corner a bridge joins to the
@@ -10350,8 +10341,7 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
-/// Collects at most kMostOfAKind problems of each kind, in ids of the given mesh if `prepared` is
-/// not null.
+/// Collects at most kMostOfAKind problems of each kind, in given ids of `prepared`, if not null.
 class ProblemList {
  public:
   static constexpr int kMostOfAKind = 20;
@@ -10465,8 +10455,7 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
   });
 }
 
-/// Finds vertices that no triangle uses and, if triangles and edges are sound, vertices whose
-/// triangles form more than one fan.
+/// Finds unused vertices and, if triangles and edges are sound, those with more than one fan.
 inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   const bool edges_are_sound = list.problems.empty();
   Array<int> incident(m.n_vertices, 0);
@@ -10496,9 +10485,8 @@ inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
-/// Copies a buffer to a matrix; numbers beyond an int are clamped. The copy has no rows if the
-/// buffer has no data or more than kMost rows: internal lists have up to some 50 items per triangle
-/// of both meshes.
+/// Copies a buffer to a matrix; numbers beyond an int are clamped. No rows if there are no data or
+/// more than kMost rows: internal lists have up to some 50 items per triangle of both meshes.
 template <class T, bool are_ids>
 Rows<T, 3> copied(const ArrayView<are_ids>& view) {
   constexpr std::ptrdiff_t kMost = 1 << 24;
@@ -10517,8 +10505,7 @@ inline SharedMesh shared(const MeshView& mesh) {
       TriangleMesh{copied<double>(mesh.positions), copied<int>(mesh.triangles)});
 }
 
-/// Finds the problems of a mesh, in ids of the given mesh if `prepared` is not null. If there are
-/// none, m is its connectivity.
+/// Finds the problems of a mesh, in given ids if it was prepared; if none, m is its connectivity.
 inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh& m,
                                           const Prepared* prepared = nullptr) {
   const NoTraps no_traps;
@@ -11119,8 +11106,7 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
   return true;
 }
 
-/// Prepares a mesh. Nothing is welded if only welding leaves problems: it may undo cuts along
-/// handles.
+/// Welds nothing if only welding leaves problems: it may undo cuts along handles.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -11148,8 +11134,7 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 // Method:     iterative closest points in position and normal [Besl and McKay 1992], from the 60
 //             rotations of the icosahedron between their principal axes, which leave none farther
 //             away than 45 degrees. The best ones go on with more points, at last by affine maps.
-// Fails:      never; where shapes or poses differ, the pairs are wrong, and a map guided by them is
-//             more distorted than others.
+// Fails:      never; where shapes or poses differ, the pairs are wrong, and a map by them is worse.
 
 /// A point of a surface with its normal.
 struct SurfaceSample {
@@ -11210,8 +11195,7 @@ inline AffineMap product(const AffineMap& a, const AffineMap& b) {
   return c;
 }
 
-/// The rotation nearest to L by the Newton iteration of the polar decomposition [Higham 1986];
-/// false if L mirrors or is singular.
+/// The rotation nearest to L by Newton steps [Higham 1986]; false if L mirrors or is singular.
 inline bool nearest_rotation(AffineMap& m) {
   constexpr int kSteps = 30;
   for (int i = 0; i < kSteps; ++i) {
@@ -11687,8 +11671,7 @@ inline Array<double> edge_distances(const Surface& s, int from) {
 }
 
 /// Vertices that are farther from everything than all around them, the ends of limbs, ears and
-/// tails, with the distances from each to all vertices. Lengths are in units of the root of the
-/// area.
+/// tails, with the distances from each to all vertices, in roots of the area.
 struct Tips {
   Array<int> vertex;
   Array<Array<double>> distance;
@@ -11761,8 +11744,7 @@ inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the 
 /// The vertex at which a closed surface is to be opened: nothing is far from there, so it unfolds
 /// with little strain, and it is in the middle of what the other surface leaves free, where this
 /// one is larger: as far from the landmarks as the other one's boundary is from theirs, and the
-/// radius of a disk of that area. `is_bound`: per landmark, whether it has to stay where it is; -1
-/// if all vertices do.
+/// radius of a disk of that area; -1 if all are bound. `is_bound`: landmarks that have to stay.
 inline int find_opening(const Surface& s, const Array<Place>& landmarks,
                         const Array<char>& is_bound, const Surface& other,
                         const Array<Place>& on_other) {
@@ -12209,8 +12191,7 @@ class MetaMeshVerifier {
     return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
   }
 
-  /// Checks that a pair of triangles has at most one polygon: their overlap is convex. On a pillow,
-  /// one for each motion.
+  /// Checks that two triangles have at most one polygon, or one per motion: overlaps are convex.
   bool verify_pairs() {
     Array<DirectedEdge> pairs;
     for (int p = 0; p < meta_.n_polygons(); ++p)
@@ -12320,8 +12301,7 @@ class Crew {
     for (std::thread& helper : helpers_) helper.join();
   }
 
-  /// Runs task(0) ... task(n - 1) on the calling thread and on available helpers; one run at a
-  /// time.
+  /// Runs task(0) ... task(n - 1) on the calling thread and on helpers; one run at a time.
   void run(int n, const std::function<void(int)>& task) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -12447,8 +12427,7 @@ inline void Executor::tell(bool is_embedding, double fraction, Words what,
   progress_.iteration = nullptr;
 }
 
-/// Runs tasks by parallel_for or the crew; false if such a run is in progress, e.g. for nested
-/// calls.
+/// Runs tasks by parallel_for or the crew; false within such a run, e.g. for nested calls.
 inline bool Executor::run_side_by_side(int n, const Task& task) const {
   if (!hook_ || (is_own_ && n < 2) || is_side_by_side_.exchange(true)) return false;
   const struct Release {
@@ -13223,8 +13202,7 @@ class Run {
     int iteration = 0;  // of this weight
   };
 
-  /// Runs an iteration with springs between the landmarks that are apart; false if it was stopped,
-  /// and is to be repeated.
+  /// Runs an iteration with springs between landmarks that are apart; false: it is to be repeated.
   bool pull() {
     if (pull_->iteration == 0) {
       Array<Spring> springs;
