@@ -11744,10 +11744,9 @@ inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the 
 /// The vertex at which a closed surface is to be opened: nothing is far from there, so it unfolds
 /// with little strain, and it is in the middle of what the other surface leaves free, where this
 /// one is larger: as far from the landmarks as the other one's boundary is from theirs, and the
-/// radius of a disk of that area; -1 if all are bound. `is_bound`: landmarks that have to stay.
-inline int find_opening(const Surface& s, const Array<Place>& landmarks,
-                        const Array<char>& is_bound, const Surface& other,
-                        const Array<Place>& on_other) {
+/// radius of a disk of that area; -1 if all are bound. `bound`: vertices that have to stay.
+inline int find_opening(const Surface& s, const Array<Place>& landmarks, const Array<int>& bound,
+                        const Surface& other, const Array<Place>& on_other) {
   constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
   constexpr double kWeight = 10;  // of the distances to landmarks
   const double unit = 1 / std::sqrt(s.total_area);
@@ -11776,8 +11775,7 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks,
       to_landmarks[v] = (std::min)(to_landmarks[v], unit * d[v]);
     }
   }
-  for (int i = 0; i < landmarks.size(); ++i)
-    if (is_bound[i] && vertex_at(landmarks[i]) >= 0) cost[vertex_at(landmarks[i])] = kInfinity;
+  for (int v : bound) cost[v] = kInfinity;
   for (const double least : {3 * kArm, -1.0}) {  // clear of landmarks, if that is possible
     int best = -1;
     for (int v = 0; v < n; ++v)
@@ -13340,9 +13338,9 @@ class Run {
     Array<Place> a, b;
     for (const PlacedLandmark& l : placed_) a.push_back(l.a), b.push_back(l.b);
     if (is_closed(whole_.a))
-      opening_.a = detail::find_opening(whole_.a, a, bound_landmarks(), whole_.b, b);
+      opening_.a = detail::find_opening(whole_.a, a, bound_vertices(Side::kA), whole_.b, b);
     else
-      opening_.b = detail::find_opening(whole_.b, b, bound_landmarks(), whole_.a, a);
+      opening_.b = detail::find_opening(whole_.b, b, bound_vertices(Side::kB), whole_.a, a);
     if (opening_.a >= 0 || opening_.b >= 0) return true;
     fail(result_, Status::kInvalidLandmarks,
          {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
@@ -13352,25 +13350,20 @@ class Run {
     return false;
   }
 
-  /// Returns per landmark whether its place is constrained.
-  Array<char> bound_landmarks() const {
-    const auto has = [](const std::vector<int>& ids, int v) {
-      return std::find(ids.begin(), ids.end(), v) != ids.end();
-    };
-    Array<char> is_bound;
-    for (const PlacedLandmark& l : placed_)
-      is_bound.push_back(options_.exact_landmarks || has(options_.pins_a, vertex_at(l.a)) ||
-                         has(options_.pins_b, vertex_at(l.b)));
-    return is_bound;
+  static bool contains(const std::vector<int>& ids, int v) {
+    return std::find(ids.begin(), ids.end(), v) != ids.end();
   }
 
-  bool is_bound(const OpeningPair& opening) const {
-    const Array<char> is_bound = bound_landmarks();
-    for (int i = 0; i < placed_.size(); ++i)
-      if (is_bound[i] && ((opening.a >= 0 && vertex_at(placed_[i].a) == opening.a) ||
-                          (opening.b >= 0 && vertex_at(placed_[i].b) == opening.b)))
-        return true;
-    return false;
+  /// Returns the vertices of landmarks whose places are constrained.
+  Array<int> bound_vertices(Side side) const {
+    Array<int> bound;
+    for (const PlacedLandmark& l : placed_) {
+      const int a = vertex_at(l.a), b = vertex_at(l.b), v = side == Side::kA ? a : b;
+      if (v >= 0 && (options_.exact_landmarks || contains(options_.pins_a, a) ||
+                     contains(options_.pins_b, b)))
+        bound.push_back(v);
+    }
+    return bound;
   }
 
   void open() {
@@ -14059,7 +14052,9 @@ inline void Run::find_start() {
   guides_ = finder_->guides();
   mapped_ = finder_->take_level();
   result_.candidates = finder_->candidates();
-  if (!is_bound(finder_->opening())) opening_ = finder_->opening();
+  const OpeningPair found = finder_->opening();
+  if (!contains(bound_vertices(Side::kA), found.a) && !contains(bound_vertices(Side::kB), found.b))
+    opening_ = found;
   finder_.reset();
 }
 
