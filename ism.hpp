@@ -9802,15 +9802,18 @@ class MetaMeshBuilder {
     mesh.a = data_.a, mesh.b = data_.b;
     mesh.corner_a.resize(corners_.size(), 3);
     mesh.corner_b.resize(corners_.size(), 3);
+    const bool are_given = ids == Ids::kGiven;
+    const Origin &a = data_.origin_a, &b = data_.origin_b;
     for (int i = 0; i < corners_.size(); ++i) {
       const Corner& c = corners_[i];
-      const bool is_given = ids == Ids::kGiven;
-      set_row(mesh.corner_a, i, weights_of(is_given ? data_.origin_a.to_mesh(c.on_a) : c.on_a));
-      set_row(mesh.corner_b, i, weights_of(is_given ? data_.origin_b.to_mesh(c.on_b) : c.on_b));
+      set_row(mesh.corner_a, i, weights_of(are_given ? a.to_mesh(c.on_a) : c.on_a));
+      set_row(mesh.corner_b, i, weights_of(are_given ? b.to_mesh(c.on_b) : c.on_b));
     }
-    if (ids == Ids::kEmbedded) return mesh;
-    speak_of_given(data_.origin_a, mesh.a, mesh.same_a, mesh.face_a);
-    speak_of_given(data_.origin_b, mesh.b, mesh.same_b, mesh.face_b);
+    if (!are_given) return mesh;
+    mesh.a = a.given, mesh.b = b.given;
+    mesh.same_a = a.same, mesh.same_b = b.same;
+    for (int& f : mesh.face_a) f = a.face[f];
+    for (int& f : mesh.face_b) f = b.face[f];
     return mesh;
   }
 
@@ -9819,13 +9822,6 @@ class MetaMeshBuilder {
     CornerKey key;
     SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
-
-  static void speak_of_given(const Origin& origin, SharedMesh& mesh, std::vector<int>& same,
-                             std::vector<int>& face) {
-    mesh = origin.given;
-    same = origin.same;
-    for (int& f : face) f = origin.face[f];
-  }
 
   /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
