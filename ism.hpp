@@ -14056,11 +14056,14 @@ inline void Run::find_start() {
 
 // ---- data of a SurfaceMap ----
 
-/// The map of the meshes of an embedding by positions f and g; scales of 0: to area 1.
-inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2& f,
-                                               const Points2& g) {
+/// The map of the meshes of an embedding by positions f and g, if the outcome has any; scales of 0:
+/// to area 1.
+inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Embedding& e,
+                                               const Points2& f, const Points2& g) {
   const NoTraps no_traps;
   auto data = std::make_shared<MapData>();
+  if (!is_usable(outcome.status))
+    return fail(*data, outcome.status, {outcome.message}, outcome.ids), data;
   data->origin_a = origin_of(*e.prepared_a, e.added_a, e.a);
   data->origin_b = origin_of(*e.prepared_b, e.added_b, e.b);
   HalfEdgeMesh m, n;
@@ -14090,12 +14093,6 @@ inline std::shared_ptr<const MapData> map_data(const Embedding& e, const Points2
                         : overlay.polygons.empty() ? Status::kNoOverlap
                                                    : Status::kDone;
   if (status != Status::kDone) fail(*data, status, {words_of(status).sentence});
-  return data;
-}
-
-inline std::shared_ptr<const MapData> no_map(const Outcome& outcome) {
-  auto data = std::make_shared<MapData>();
-  fail(*data, outcome.status, {outcome.message}, outcome.ids);
   return data;
 }
 
@@ -14173,18 +14170,16 @@ Outcome Solver::change(const std::vector<Landmark>& landmarks, const Options& op
 SurfaceMap::SurfaceMap() : SurfaceMap(Result()) {}
 
 SurfaceMap::SurfaceMap(const Result& result)
-    : data_(is_usable(result.status) ? detail::map_data(result.start, result.f, result.g)
-                                     : detail::no_map(result)) {}
+    : data_(detail::map_data(result, result.start, result.f, result.g)) {}
 
 SurfaceMap::SurfaceMap(const Embedding& start)
-    : data_(is_usable(start.status) ? detail::map_data(start, start.f, start.g)
-                                    : detail::no_map(start)) {}
+    : data_(detail::map_data(start, start, start.f, start.g)) {}
 
 SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, const Points2& g) {
   Embedding e;
   e.a = detail::shared(a), e.b = detail::shared(b);
   e.scale_a = e.scale_b = 0;
-  data_ = detail::map_data(e, f, g);
+  data_ = detail::map_data(e, e, f, g);
 }
 
 }  // namespace ISM_ABI
