@@ -12636,7 +12636,7 @@ inline std::string units_sentence(double ratio) {
 }
 
 inline void rescale(double factor, Surface& s) {
-  for (int i = 0; i < s.vertices.size(); ++i) s.vertices.data()[i] *= factor;
+  s.vertices *= factor;
   s.scale *= factor;
   compute_rest_frames(s);
 }
@@ -12915,11 +12915,6 @@ inline double plane_scale(const JointSurface& s, const Points2& x) {
   return std::ldexp(1.0, (exponent - (exponent % 2 != 0)) / 2);
 }
 
-inline Points2 scaled(double factor, Points2 x) {
-  for (int i = 0; i < x.size(); ++i) x.data()[i] *= factor;
-  return x;
-}
-
 /// The id, side and name ("5 of A") of a vertex of A ⊔ B in its own mesh.
 inline Side side_of(const JointSurface& s, int v) { return v < s.n_a ? Side::kA : Side::kB; }
 inline std::string name_of(const JointSurface& s, int v) {
@@ -13151,7 +13146,7 @@ class Run {
   }
 
   /// Returns positions of all vertices, in the unit of given positions.
-  Points2 own_positions() const { return scaled(1 / scale_, optimizer_->positions()); }
+  Points2 own_positions() const { return 1 / scale_ * optimizer_->positions(); }
 
   /// Returns the landmarks to pull: all exact ones; guiding ones that are new or being pulled.
   Array<int> landmarks_to_pull(const Array<PlacedLandmark>& landmarks, bool are_exact) const {
@@ -13253,14 +13248,14 @@ class Run {
     }
     omega_before_ = optimizer_->omega();
     Embedding& start = result_.start;
-    start.f = scaled(1 / scale_, joining_.f);
-    start.g = scaled(1 / scale_, joining_.g);
+    start.f = 1 / scale_ * joining_.f;
+    start.g = 1 / scale_ * joining_.g;
     accept_start();
     if (!is_usable(result_.status)) {
       const Outcome why = result_;
       followers_.clear();  // releases all constraints
       optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
-      optimizer_->start(scaled(scale_, start_), result_);
+      optimizer_->start(scale_ * start_, result_);
       optimizer_->lower_omega(omega_before_);
       return stall(why);
     }
@@ -13459,7 +13454,7 @@ class Run {
     s_ = join(pair_);
     Points2 x = start_;
     if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
-    x = scaled(scale_, std::move(x));
+    x *= scale_;
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, followers_, result_)) return;
     optimizer_ = std::make_unique<Optimizer>(s_, options_, followers_, executor_);
