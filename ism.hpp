@@ -9636,7 +9636,6 @@ struct MapData : Outcome {                                 // kDone if the pair 
   EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
 
   bool ok() const { return status == Status::kDone; }
-  int first_vertex(Side side) const { return side == Side::kA ? 0 : pair.s.n_a; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
   const Origin& origin(Side side) const { return side == Side::kA ? origin_a : origin_b; }
 
@@ -9660,7 +9659,7 @@ struct MapData : Outcome {                                 // kDone if the pair 
     int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
     SurfacePoint image;
     while (v >= 0 && !image.exists()) {
-      image = pair.image(pair.face_over(first_vertex(from) + v));
+      image = pair.image(pair.face_over(from == Side::kA ? v : pair.s.n_a + v));
       v = pair.is_closed() ? -1 : origin(from).next_copy[v];
     }
     return own(image);
@@ -10875,8 +10874,7 @@ class Preparer {
   bool is_turned(int f) { return sides_.find(f) > sides_.find(f + n_triangles()); }
 
   bool is_same_edge(int h, int t) const {
-    const int u = vertex(h), v = vertex(next(h)), w = vertex(t), z = vertex(next(t));
-    return (u == w && v == z) || (u == z && v == w);
+    return EdgeUse(vertex(h), vertex(next(h)), h).same_edge({vertex(t), vertex(next(t)), t});
   }
 
   /// Glues triangles at an edge with more than two in pairs: pairs within a component first, then
@@ -13379,8 +13377,8 @@ class Run {
     result_.g.resize(0, 2);
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
-    const JointSurface s = join(pair_);
-    start.landmark_distance = largest_landmark_distance(s, start_, located(opened_, pair_));
+    s_ = join(pair_);
+    start.landmark_distance = largest_landmark_distance(s_, start_, located(opened_, pair_));
     result_.status = Status::kDone;
     if (goal_ != Goal::kStart) begin_loop();
   }
@@ -13451,7 +13449,6 @@ class Run {
     followers_.clear();
     result_.log.clear();
     told_ = 0;
-    s_ = join(pair_);
     Points2 x = start_;
     if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
     x *= scale_;
