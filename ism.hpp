@@ -12461,8 +12461,7 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
 /// Places the ends of landmarks on one mesh, in order; no two exact ones may share a place.
 class LandmarkPlacer {
  public:
-  LandmarkPlacer(const HalfEdgeMesh& m, const Prepared& prepared, Side side)
-      : n_vertices_(m.n_vertices), prepared_(prepared), side_(side) {}
+  LandmarkPlacer(const Prepared& prepared, Side side) : prepared_(prepared), side_(side) {}
 
   /// Returns what is wrong with the id or the barycentric coordinates, or nothing.
   std::string fault(const LandmarkPoint& p) const {
@@ -12497,7 +12496,8 @@ class LandmarkPlacer {
 
   /// False if another landmark has the place.
   bool claim(const Place& place) {
-    const int v = add_place(place, n_vertices_, added_);
+    const int n_vertices = static_cast<int>(prepared_.given_vertex.size());
+    const int v = add_place(place, n_vertices, added_);
     while (v >= used_.size()) used_.push_back(0);
     return !used_[v]++;
   }
@@ -12523,7 +12523,6 @@ class LandmarkPlacer {
     return nearest.face >= 0;
   }
 
-  const int n_vertices_;
   const Prepared& prepared_;
   const Side side_;
   Origin origin_;                   // set for the first point in a triangle
@@ -12565,12 +12564,10 @@ inline std::string end_of(const Landmark& l, bool of_a) {
 }
 
 /// Places landmarks; skips guiding ones with a warning if an end was dropped with part of its mesh.
-inline bool place_landmarks(const HalfEdgeMesh& a, const Prepared& prepared_a,
-                            const HalfEdgeMesh& b, const Prepared& prepared_b,
+inline bool place_landmarks(const Prepared& a, const Prepared& b,
                             const std::vector<Landmark>& landmarks, bool are_exact,
                             Array<PlacedLandmark>& placed, Outcome& outcome) {
-  if (landmarks.empty()) return true;
-  LandmarkPlacer on_a(a, prepared_a, Side::kA), on_b(b, prepared_b, Side::kB);
+  LandmarkPlacer on_a(a, Side::kA), on_b(b, Side::kB);
   for (const Landmark& l : landmarks) {
     PlacedLandmark here = {{}, {}, l, 1};
     const auto refuse = [&](const std::string& why, bool of_a) {
@@ -12869,7 +12866,7 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          take_rows(b, "initial_g", options.initial_g, outcome) &&
          check_loops(m, a, Side::kA, options, outcome) &&
          check_loops(n, b, Side::kB, options, outcome) &&
-         place_landmarks(m, a, n, b, landmarks, options.exact_landmarks, placed, outcome) &&
+         place_landmarks(a, b, landmarks, options.exact_landmarks, placed, outcome) &&
          take_curves(a, b, options.curves, outcome) &&
          check_constraints(m, a, n, b, placed, options, outcome);
 }
