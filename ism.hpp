@@ -12761,17 +12761,16 @@ inline bool claim(const Prepared& prepared, Side side, const char* how, std::vec
                   Array<const char*>& bonds, Outcome& outcome) {
   const int n = static_cast<int>(prepared.new_vertex.size());
   for (int& v : vertices) {
-    const std::string what =
-        sentence({"vertex ", v, " of ", letter(side), " is to be ", how, ", but "});
-    const std::vector<ElementId> ids = {vertex_id(side, v)};
-    if (v < 0 || v >= n)
-      return fail(outcome, Status::kInvalidPins, {what, "ids are 0 to ", n - 1}, ids);
+    const auto refuse = [&, given = v](Words why) {
+      return fail(
+          outcome, Status::kInvalidPins,
+          {"vertex ", given, " of ", letter(side), " is to be ", how, ", but ", sentence(why)},
+          {vertex_id(side, given)});
+    };
+    if (v < 0 || v >= n) return refuse({"ids are 0 to ", n - 1});
     v = prepared.new_vertex.data()[v];
-    if (v < 0)
-      return fail(outcome, Status::kInvalidPins,
-                  {what, "it was dropped when the mesh was prepared"}, ids);
-    if (bonds[v] != nullptr)
-      return fail(outcome, Status::kInvalidPins, {what, "it is ", bonds[v], " already"}, ids);
+    if (v < 0) return refuse({"it was dropped when the mesh was prepared"});
+    if (bonds[v] != nullptr) return refuse({"it is ", bonds[v], " already"});
     bonds[v] = how;
   }
   return true;
