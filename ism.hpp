@@ -480,7 +480,7 @@ struct Options {
   /// image must not lie in a triangle with a pinned vertex. Vertices of A in exact landmarks count
   /// as pinned. A vertex without an image is refused.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay those of the start. Not for closed pairs.
+  /// Vertices of A (of B) whose planar positions stay those of the start. Refused on closed pairs.
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
   /// in the plane throughout, and points become added vertices. Landmarks on the boundaries then
