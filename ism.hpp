@@ -13696,8 +13696,6 @@ class StartFinder {
     return result;
   }
 
-  /// The root of the mean squared distance between images of vertices of A that both maps cover, in
-  /// roots of the area; infinite where there are none.
   OpeningPair opening() const { return opening_; }
   /// The map itself; null where surfaces were opened for it, which is done before they are
   /// decimated.
@@ -13864,6 +13862,8 @@ class StartFinder {
     return true;
   }
 
+  /// The root of the mean squared distance between images of vertices of A that both maps cover, in
+  /// roots of the area; infinite where there are none.
   double difference(const Candidate& one, const Candidate& other) const {
     if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
     const SurfaceMap f(one.run->result()), g(other.run->result());
