@@ -13606,13 +13606,13 @@ class Run {
 // Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
 //             alone, and with them pairs of points from alignments in space, as many as are tried
 //             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
-//             iterations from each. Where the first two lead to one map, or one of them has little
-//             distortion, the others are not tried; else the better ones of those that lead to
-//             different maps go on. The map with the least distortion for its coverage wins. Where
-//             it leaves the tip of a limb near to another one, new starts bring both together, and
-//             win if that is better. The levels go on from the map itself; where a closed surface
-//             is cut open, before it is decimated, from points spread over it. A start of two
-//             closed surfaces has its own cones.
+//             iterations from each. Where the first two lead to one map, unless it is poor, or one
+//             of them has little distortion, the others are not tried; else the better ones of
+//             those that lead to different maps go on. The map with the least distortion for its
+//             coverage wins. Where it leaves the tip of a limb near to another one, new starts
+//             bring both together, and win if that is better. The levels go on from the map itself;
+//             where a closed surface is cut open, before it is decimated, from points spread over
+//             it. A start of two closed surfaces has its own cones.
 // Invariants: results do not depend on pauses.
 // Fails:      by finding nothing, where no start can be mapped.
 
@@ -13662,6 +13662,7 @@ class StartFinder {
   bool step() {
     constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
     constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
+    constexpr double kPoor = 4;    // two starts that lead to one map may both miss one
     if (!a_) return decimate(whole_.a, Side::kA, level_->a, a_), true;
     if (!b_) return decimate(whole_.b, Side::kB, level_->b, b_), true;
     if (candidates_.empty()) return find_candidates(), true;
@@ -13675,7 +13676,7 @@ class StartFinder {
     for (int i = 0; i < running_; ++i)
       if (candidates_[i].has_more) return true;
     const double least = (std::min)(candidates_[0].value, candidates_[running_ - 1].value);
-    if (are_first && is_different(candidates_[1], 1) && !(least < kGood))
+    if (are_first && !(least < kGood) && (least > kPoor || is_different(candidates_[1], 1)))
       return running_ = candidates_.size(), true;
     if (round_ == kLast) return take_best(), false;
     drop_worst();

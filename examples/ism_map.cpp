@@ -77,6 +77,8 @@ printed.
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --keep-scale       do not scale the meshes first; for meshes in one unit. Else both get the area 1,
                      or, if landmarks agree that a part has another size, that size
+  --refine T         halve edges longer than T edges of the finer mesh, on a mesh half of which lies
+                     in triangles larger than T of its mean triangles (default 8; 0: never)
   --no-weld          keep vertices apart that are at one place
   --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
                      false and true; can be repeated
@@ -251,7 +253,7 @@ bool read_switch(const std::string& flag, Arguments& args) {
 bool takes_value(const std::string& flag) {
   for (const char* known : {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset",
                             "--measure", "--variant", "--boundary", "--iterations", "--tolerance",
-                            "--threads", "--set", "--texture", "--glb", "--morph"})
+                            "--refine", "--threads", "--set", "--texture", "--glb", "--morph"})
     if (flag == known) return true;
   return false;
 }
@@ -275,6 +277,7 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   if (flag == "--measure") return read_measure(text, args);
   if (flag == "--tolerance") return read_number(flag, text, args.options.tolerance);
   if (flag == "--iterations") return read_number(flag, text, args.options.max_iterations);
+  if (flag == "--refine") return read_number(flag, text, args.options.refine);
   if (flag == "--threads") return read_number(flag, text, args.options.threads);
   if (flag == "--set") return read_setting(text, args.options);
   if (flag == "--boundary") return read_choice(flag, text, kBoundaries, args.options.boundary);
