@@ -197,7 +197,7 @@ def table_of_shapes(options):
             return f"| {name} | {sizes} | | {r.get('failure', r.get('message'))} | | |"
         f = r["final"]
         added = ", ".join(str(len(r[s].get("added", []))) for s in "ab")
-        return (f"| {name} | {sizes} | {added} | {f['mean_distortion']:.{4 if f['mean_distortion'] < 1e3 else 2}g} | "
+        return (f"| {name} | {sizes} | {added} | {f['mean_distortion']:#.{4 if f['mean_distortion'] < 1e3 else 2}g} | "
                 f"{f['coverage_a']:.1%}, {f['coverage_b']:.1%} | "
                 f"{r['seconds']['total']:.1f} |")
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
