@@ -273,9 +273,7 @@ TEST_CASE("a start takes 12 ms per triangle at most, whatever their shapes") {
   const TriangleMesh fan = shapes::fan(1000).mesh, fans = double_pyramid(512),
                      rings = tube(6, 60, 120);
   const std::pair<const TriangleMesh*, TriangleMesh> pairs[] = {
-      {&fan, fan},     {&fan, shapes::grid(16, 16).mesh},
-      {&fans, fans},   {&fans, shapes::sphere(3)},
-      {&strip, strip}, {&rings, rings}};
+      {&fan, fan}, {&fans, fans}, {&fans, shapes::sphere(3)}, {&rings, rings}};
   for (const auto& [a, b] : pairs) {
     ism::Options options = on_one_thread();
     options.max_iterations = 0;
