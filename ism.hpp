@@ -11284,6 +11284,7 @@ inline int closest(const SurfaceSample& p, const Array<SurfaceSample>& among, in
   int best = 0;
   double least = kInfinity;
   for (int i = 0; i < n; ++i) {
+    if (squared_norm(p.point - among[i].point) >= least) continue;
     const double d = distance2(p, among[i]);
     if (d < least) least = d, best = i;
   }
@@ -11304,10 +11305,14 @@ class Alignment {
   /// The similarity that the landmarks tell.
   explicit Alignment(const SamplePair& pair) : pair_(&pair) { improve(false); }
 
-  /// Improves the map by a round of closest points.
+  /// Improves the map by a round of closest points; nothing changes once they stay the same.
   void improve(bool is_affine) {
+    if (is_settled_ && is_affine == was_affine_) return;
+    const Array<int> to_b = to_b_, to_a = to_a_;
     fit(is_affine);
     move();
+    is_settled_ = to_b == to_b_ && to_a == to_a_;
+    was_affine_ = is_affine;
   }
 
   const AffineMap& map() const { return map_; }
@@ -11410,6 +11415,7 @@ class Alignment {
   Array<SurfaceSample> moved_;  // of A
   Array<int> to_b_, to_a_;
   double residual_ = kInfinity;
+  bool is_settled_ = false, was_affine_ = false;
 };
 
 inline SamplePair sampled(const SurfacePair& pair, const Array<VertexPair>& landmarks, int n) {
