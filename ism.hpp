@@ -502,12 +502,12 @@ struct Options {
   /// up; each has about a quarter of the next one's. 0 is the paper's method. Exact landmarks, held
   /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
   int coarsest = 400;
-  /// > 0: a surface half of which lies in triangles larger than this many mean ones of the finer
-  /// surface has edges halved that are longer than this many edges, the longest first, at triangles
-  /// larger than its mean one divided by refine (by 1, if refine is less), up to twice the number
-  /// of its triangles. What is within a given triangle becomes Delaunay. The shape and the ids of
-  /// given vertices stay, see Embedding::added_a. 1 makes both finer, which helps where both have
-  /// about a thousand triangles. 0: off, as for given positions and as_published.
+  /// > 0: edges are halved, the longest first, of a surface half of which lies in triangles larger
+  /// than this many mean ones of the finer surface: edges longer than this many of its edges, at
+  /// triangles larger than its mean one divided by refine (by 1, if refine is less), up to twice
+  /// the number of its triangles. What is within a given triangle becomes Delaunay. The shape and
+  /// the ids of given vertices stay, see Embedding::added_a. 0: off, as for given positions and
+  /// as_published.
   double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).

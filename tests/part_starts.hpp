@@ -269,7 +269,7 @@ TEST_CASE("a start takes 12 ms per triangle at most, whatever their shapes") {
 #ifdef ISM_TEST_SANITIZED
   MESSAGE("skipped: slow with a sanitizer");
 #else
-  constexpr double kMost = 0.012;  // 0.4 to 4 ms on one core of an AMD EPYC
+  constexpr double kMost = 0.012;  // seconds
   const TriangleMesh fan = shapes::fan(1000).mesh, fans = double_pyramid(512),
                      rings = tube(6, 60, 120);
   const std::pair<const TriangleMesh*, TriangleMesh> pairs[] = {
