@@ -324,9 +324,10 @@ struct Prepared {
   SharedMesh mesh = given;                              // the same copy, if nothing was repaired
   std::vector<Problem> repairs;                         // what was repaired
   std::vector<Problem> problems;  // what remains, in given ids; empty: `mesh` is valid
-  /// Per vertex and per corner of `mesh`, its given id, the first one if several were joined.
+  /// Per vertex and per corner of `mesh`, its given id, the first one if several were joined; -1:
+  /// it closes the end of a long tube, see compute_map().
   std::vector<int> given_vertex, given_corner;
-  /// Per triangle of `mesh`, the given triangle that contains it.
+  /// Per triangle of `mesh`, the given triangle that contains it, or -1.
   std::vector<int> given_triangle;
   /// Per given vertex and triangle, its id in `mesh`, of a cut triangle that of its first part; -1:
   /// dropped. A vertex dropped with repeated triangles has the id of the vertex at the same place.
@@ -612,15 +613,17 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// Maps A onto B: a start from coarse levels (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
 ///
-/// Outcome::warnings reports sizes taken from landmarks, landmarks that were skipped or fit the
-/// mirror image only, and complete runs whose mean distortion (of symmetric_dirichlet()) is above 6
-/// or 1.5 times that of the start.
+/// Outcome::warnings reports sizes taken from landmarks, tubes whose ends are closed, landmarks
+/// that were skipped or fit the mirror image only, and complete runs whose mean distortion (of
+/// symmetric_dirichlet()) is above 6 or 1.5 times that of the start.
 ///
 /// Two closed surfaces are mapped by way of a pillow: the plane, divided by the half-turns about
 /// four points, the cones, where four vertices of each lie. The result embeds both surfaces cut
 /// along a path through these; the half-turns, and the translations that they make, take both sides
 /// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
-/// vertices. A surface that is closed alone is cut open at one place.
+/// vertices. A surface that is closed alone is cut open at one place. Tubes of ten diameters or
+/// more with both ends open count as closed, if the other surface is such a tube or closed: a fan
+/// closes each end, in the embedded mesh only. Its triangles are optimised like the others.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -722,7 +725,8 @@ class SurfaceMap {
   const std::string& message() const;
   const TriangleMesh& mesh(Side side, Ids ids = Ids::kGiven) const;
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
-  /// True for maps of two closed surfaces: every point has an image, in both directions.
+  /// True for maps of two closed surfaces: every point has an image, in both directions, but for
+  /// those that lie beyond the open end of a long tube.
   bool is_closed() const;
   /// The period of the motions x → ±x + period (i, j) of closed maps, see compute_map(); else 0.
   double period() const;
@@ -742,9 +746,11 @@ class SurfaceMap {
   /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
+  /// What lies beyond the ends of long tubes is left out or, as embedded, comes last.
   MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
-  /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
-  /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
+  /// Returns the distortion of every polygon of meta_mesh(Ids::kEmbedded), with areas of 0 beyond
+  /// the ends of long tubes. Surfaces are scaled as by compute_map(), or to area 1 for maps made
+  /// otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
@@ -7192,38 +7198,48 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 //             corners of a square, the cones, and the translations that they make divide the plane
 //             into copies of two such squares; sewn along their sides, they are a pillow.
 // Method:     The surface is cut along a path through four vertices, the cones. One side of the
-// path
-//             stays, the other one is moved; so every corner of a triangle has a place, and what is
-//             across an edge is moved by one of these motions. Tutte's embedding then has one
-//             linear system [Aigerman and Lipman 2015]. Angles and lengths are the same in all
+//             path stays, the other one is moved; so every corner of a triangle has a place, and
+//             what is across an edge is moved by one of these motions. Tutte's embedding then has
+//             one linear system [Aigerman and Lipman 2015]. Angles and lengths are the same in all
 //             copies, so all energies are.
 // Invariants: positions and shifts are multiples of 2^-50 below 8, so motions do not round. All
 //             triangles positive is enough for injectivity, see is_injective().
 // Fails:      where there is no room for the path.
 
-/// The half-edges of the shortest path from u to v through vertices that are free; empty if there
-/// is none.
-inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
-  const HalfEdgeMesh& m = s.mesh;
-  Array<int> to(m.n_vertices, -1), path;
-  std::priority_queue<std::pair<double, int>> heap;  // minus distance and half-edge to a vertex
-  const auto leave = [&](int w, double distance) {
-    is_free[w] = 0;
-    m.for_each_outgoing(w, [&](int h) {
-      if (is_free[m.tip(h)]) heap.push({-(distance + s.edge_length(h)), -h});
-    });
+/// Lengths of the shortest paths along edges from a vertex [Dijkstra 1959]. If given: goes through
+/// vertices that are free; `to` receives the last half-edge of each path.
+inline Array<double> edge_distances(const Surface& s, int from,
+                                    const Array<char>* is_free = nullptr,
+                                    Array<int>* to = nullptr) {
+  Array<double> distance(s.mesh.n_vertices, kInfinity);
+  std::priority_queue<std::pair<double, int>> heap;  // minus the distance, vertex
+  const auto reach = [&](int v, double d, int h) {
+    if (d >= distance[v] || (is_free != nullptr && h >= 0 && !(*is_free)[v])) return;
+    distance[v] = d;
+    if (to != nullptr) (*to)[v] = h;
+    heap.push({-d, v});
   };
-  is_free[v] = 1;
-  leave(u, 0);
-  while (!heap.empty() && to[v] < 0) {
-    const auto [distance, h] = heap.top();
+  reach(from, 0, -1);
+  while (!heap.empty()) {
+    const auto [minus, at] = heap.top();
     heap.pop();
-    const int w = m.tip(-h);
-    if (!is_free[w]) continue;
-    to[w] = -h;
-    leave(w, -distance);
+    const double so_far = distance[at];
+    if (-minus > so_far) continue;
+    s.mesh.for_each_outgoing(at, [&](int h) {
+      reach(s.mesh.tip(h), so_far + s.edge_length(h), h);
+      reach(s.mesh.tail[prev(h)], so_far + s.edge_length(prev(h)), s.mesh.twin[prev(h)]);
+    });
   }
-  for (int w = v; w != u && to[w] >= 0; w = m.tail[to[w]]) path.push_back(to[w]);
+  return distance;
+}
+
+/// The half-edges of the shortest path from u to v on a closed surface, through vertices that are
+/// free; empty if there is none.
+inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
+  Array<int> to(s.mesh.n_vertices, -1), path;
+  is_free[v] = 1;
+  edge_distances(s, u, &is_free, &to);
+  for (int w = v; to[w] >= 0; w = s.mesh.tail[to[w]]) path.push_back(to[w]);
   std::reverse(path.begin(), path.end());
   return path;
 }
@@ -8245,6 +8261,51 @@ inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pair
   return ordered;
 }
 
+/// The ends of a long surface, and beside each a vertex across from it, in the order of the path.
+/// Along the surface, the sum of distances below falls from the end, and across the end it grows.
+inline std::array<int, 4> find_ends(const Surface& s, double& length) {
+  const auto farthest = [](const Array<double>& distance) {
+    return static_cast<int>(std::max_element(distance.begin(), distance.end()) - distance.begin());
+  };
+  std::array<int, 4> ends = {};
+  ends[2] = farthest(edge_distances(s, 0));
+  for (std::size_t i = 1; i <= 2; ++i) {
+    Array<double> distance = edge_distances(s, ends[3 - i]);
+    ends[i] = farthest(distance);
+    length = distance[ends[i]];
+    for (int v = 0; v < distance.size(); ++v)
+      distance[v] += v == ends[i] || find_edge(s.mesh, v, ends[i]) >= 0
+                         ? -length
+                         : 0.5 * norm(row3(s.vertices, v) - row3(s.vertices, ends[i]));
+    ends[i == 1 ? 0 : 3] = farthest(distance);
+  }
+  return ends;
+}
+
+/// The length of a tube of ten diameters in roots of its area, that of √(length / perimeter).
+inline constexpr double kLongTube = 1.8;
+
+/// Chooses two pairs at either end of surfaces that are both long: on other pillows, what is beyond
+/// the cones shrinks as exp(-length / radius). The pairs given decide which ends correspond; turns
+/// about the axis are left to the optimisation.
+inline Cones cones_at_ends(const SurfacePair& pair, const Array<VertexPair>& pairs) {
+  double length_a = 0, length_b = 0;
+  const std::array<int, 4> a = find_ends(pair.a, length_a), b = find_ends(pair.b, length_b);
+  if (length_a < kLongTube * std::sqrt(pair.a.total_area) ||
+      length_b < kLongTube * std::sqrt(pair.b.total_area))
+    return {};
+  double agreement = 0;
+  const auto lean = [](const Surface& s, const std::array<int, 4>& ends, int v) {
+    const Vec3 x = row3(s.vertices, v);
+    return norm(x - row3(s.vertices, ends[1])) - norm(x - row3(s.vertices, ends[2]));
+  };
+  for (const VertexPair& p : pairs) agreement += lean(pair.a, a, p.a) * lean(pair.b, b, p.b);
+  Cones cones;
+  for (std::size_t i = 0; i < 4; ++i)
+    cones.push_back({a.data()[i], b.data()[agreement < 0 ? 3 - i : i], {}});
+  return cones;
+}
+
 /// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
 inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
   constexpr int kMost = 16;
@@ -9064,6 +9125,10 @@ class Embedder {
   bool find_cones() {
     constexpr int kMost = 8;
     const Array<VertexPair> pairs = cone_pairs();
+    if (!options_.exact_landmarks) {
+      const Cones at_ends = cones_at_ends(pair_, pairs);
+      if (!at_ends.empty()) cones_.push_back(at_ends);
+    }
     for (int i = 0; i < 2 * kMost; ++i) {
       if (i == kMost && !cones_.empty()) break;
       const Cones next = choose_cones(pair_, i < kMost ? pairs : farthest_pairs(pair_), i);
@@ -9352,7 +9417,7 @@ struct EmbeddedPair {
 
 /// Places the triangles of a finer mesh in those of a mesh.
 struct Pieces {
-  Array<int> face;             // per triangle, the one of the mesh that contains it,
+  Array<int> face;             // per triangle, the one of the mesh that contains it, or -1,
   Array<Vec3> corner_weights;  // and per corner, its barycentric coordinates there
   Groups<int> by_triangle;     // per triangle of the mesh, its pieces
 
@@ -9389,7 +9454,8 @@ struct Pieces {
   /// Lists the pieces of each of n triangles.
   void index(int n) {
     by_triangle = grouped<int>(n, [&](const auto& add) {
-      for (int i = 0; i < face.size(); ++i) add(face[i], i);
+      for (int i = 0; i < face.size(); ++i)
+        if (face[i] >= 0) add(face[i], i);
     });
   }
 };
@@ -9500,7 +9566,7 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
 /// Places the triangles and vertices of a prepared, cut and refined mesh in the given mesh.
 struct Origin : Pieces {
   SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;    // of the prepared mesh, by given vertices
+  Triangles triangles;    // of the prepared mesh, by given vertices, or -1
   Array<int> vertex;      // per given vertex, its embedded one, or -1
   Array<int> original;    // per embedded vertex, itself or, across a cut, the one it is a copy of
   Array<int> next_copy;   // per embedded vertex, another one of the same given one, or -1
@@ -9564,6 +9630,7 @@ inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>
 /// was split for a degenerate neighbour.
 inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
+  if (f < 0) return unit3(corner % 3);
   if (given / 3 == f) return unit3(given % 3);
   const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
   return closest_on_sides(at, corners_of(*p.given, f, unit));
@@ -9596,7 +9663,8 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
   o.triangles.resize(p.mesh->triangles.rows(), 3);
   const double unit = unit_scale(p.mesh->vertices);
   for (int i = 0; i < o.triangles.size(); ++i) {
-    o.triangles.data()[i] = p.given->triangles.data()[p.given_corner.data()[i]];
+    const int given = p.given_corner.data()[i];
+    o.triangles.data()[i] = given < 0 ? -1 : p.given->triangles.data()[given];
     o.corner_weights.push_back(weights_in_given(p, unit, i));
   }
   for (int f : p.given_triangle) o.face.push_back(f);
@@ -9611,8 +9679,8 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
   o.original = originals(n, added);
   o.next_copy.assign(n, -1);
   for (int v = n - 1; v >= 0; --v) {  // prepare() makes copies, too
-    const int first =
-        v < n_prepared ? p.new_vertex.data()[p.given_vertex.data()[v]] : o.original[v];
+    const int given = v < n_prepared ? p.given_vertex.data()[v] : -1;
+    const int first = given >= 0 ? p.new_vertex.data()[given] : o.original[v];
     if (first == v) continue;
     o.next_copy[v] = o.next_copy[first];
     o.next_copy[first] = v;
@@ -9632,8 +9700,9 @@ inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
 struct MapData : Outcome {                                 // kDone if the pair is valid
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
   Origin origin_a, origin_b;
-  Points2 f, g;       // of the embedded meshes
-  EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
+  Points2 f, g;        // of the embedded meshes
+  EmbeddedPair pair;   // of closed surfaces, sewn where the embedded meshes are cut
+  int n_polygons = 0;  // of given triangles; those beyond the ends of long tubes come after them
 
   bool ok() const { return status == Status::kDone; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
@@ -9644,7 +9713,8 @@ struct MapData : Outcome {                                 // kDone if the pair 
     if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
     p.face -= first_face(side);
-    return origin(side).to_mesh(p);
+    p = origin(side).to_mesh(p);
+    return p.exists() ? p : SurfacePoint();
   }
 
   SurfacePoint map(const SurfacePoint& point, Side from) const {
@@ -9772,7 +9842,8 @@ class PathMapper {
       polylines_.emplace_back();
     for (double r : {s, t})
       polylines_.back().push_back(data_.own(closest_in_face(m_, pair_.x, face, p + r * (q - p))));
-    is_open_ = true;
+    is_open_ = polylines_.back().back().exists();
+    if (!is_open_) polylines_.back().resize(polylines_.back().size() - 2);  // beyond an open end
   }
 
   const MapData& data_;
@@ -9791,7 +9862,11 @@ class MetaMeshBuilder {
 
   MetaMesh build(Ids ids) {
     MetaMesh mesh;
-    for (const OverlayPolygon& p : pair_.overlay.polygons) {
+    const bool are_given = ids == Ids::kGiven;
+    const Array<OverlayPolygon>& polygons = pair_.overlay.polygons;
+    for (int i = 0; i < (are_given ? data_.n_polygons : polygons.size()); ++i) {
+      const OverlayPolygon& p = polygons[i];
+      if (i == data_.n_polygons) n_corners_ = corners_.size();
       add_corners(p);
       mesh.face_a.push_back(p.ta);
       mesh.face_b.push_back(p.tb - pair_.s.faces_a);
@@ -9801,7 +9876,6 @@ class MetaMeshBuilder {
     mesh.a = data_.a, mesh.b = data_.b;
     mesh.corner_a.resize(corners_.size(), 3);
     mesh.corner_b.resize(corners_.size(), 3);
-    const bool are_given = ids == Ids::kGiven;
     const Origin &a = data_.origin_a, &b = data_.origin_b;
     for (int i = 0; i < corners_.size(); ++i) {
       const Corner& c = corners_[i];
@@ -9831,8 +9905,12 @@ class MetaMeshBuilder {
     mesh.corners.resize(static_cast<std::size_t>(order.size()));
     for (const auto& [key, i] : order) {
       if (first.empty() || corners_[first.back()].key != key) first.push_back(i);
-      mesh.corners.data()[i] = first.size() - 1;
+      mesh.corners.data()[i] = first.back();
     }
+    std::stable_partition(first.begin(), first.end(), [&](int i) { return i < n_corners_; });
+    Array<int> number(corners_.size(), 0);
+    for (int v = 0; v < first.size(); ++v) number[first[v]] = v;
+    for (int& corner : mesh.corners) corner = number[corner];
     mesh.on_a.resize(first.size(), 3);
     mesh.on_b.resize(first.size(), 3);
     mesh.plane.resize(first.size(), 2);
@@ -9920,6 +9998,7 @@ class MetaMeshBuilder {
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
+  int n_corners_ = std::numeric_limits<int>::max();  // of given triangles
 };
 
 // ---- distortion ----
@@ -9996,10 +10075,12 @@ Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
 MetaMesh SurfaceMap::meta_mesh(Ids ids) const { return detail::MetaMeshBuilder(*data_).build(ids); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   const detail::JointSurface& s = data_->pair.s;
+  const detail::Array<detail::OverlayPolygon>& polygons = data_->pair.overlay.polygons;
   std::vector<PolygonDistortion> result;
-  for (const detail::OverlayPolygon& p : data_->pair.overlay.polygons)
-    result.push_back(detail::polygon_distortion(data_->pair, p, keep_scale ? s.scale_a : 1,
-                                                keep_scale ? s.scale_b : 1));
+  for (int i = 0; i < data_->n_polygons; ++i)
+    result.push_back(detail::polygon_distortion(
+        data_->pair, polygons[i], keep_scale ? s.scale_a : 1, keep_scale ? s.scale_b : 1));
+  result.resize(static_cast<std::size_t>(polygons.size()));
   return result;
 }
 
@@ -11121,6 +11202,44 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
 
 using SharedPrepared = std::shared_ptr<const Prepared>;
 
+// ---- open ends of long tubes ----
+
+/// Closes the openings of a surface by fans around a vertex each, behind all others; or returns it
+/// as it is, where a fan would not be a surface.
+inline SharedPrepared with_ends_closed(const SharedPrepared& open, const HalfEdgeMesh& m) {
+  Prepared p = *open;
+  TriangleMesh mesh = *p.mesh;
+  mesh.vertices.conservativeResize(m.n_vertices + m.loops(), 3);
+  mesh.triangles.conservativeResize(m.n_faces + m.boundary.size(), 3);
+  for (int i = 0; i < m.loops(); ++i) {
+    Vec3 sum;
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) {
+      const int h = m.boundary[k];
+      sum += row3(mesh.vertices, m.tail[h]);
+      mesh.triangles.row(m.n_faces + k) << m.tip(h), m.tail[h], m.n_vertices + i;
+    }
+    set_row(mesh.vertices, m.n_vertices + i, 1.0 / (m.loop[i + 1] - m.loop[i]) * sum);
+  }
+  p.mesh = std::make_shared<const TriangleMesh>(std::move(mesh));
+  p.given_vertex.resize(static_cast<std::size_t>(p.mesh->vertices.rows()), -1);
+  p.given_corner.resize(static_cast<std::size_t>(p.mesh->triangles.size()), -1);
+  p.given_triangle.resize(static_cast<std::size_t>(p.mesh->triangles.rows()), -1);
+  HalfEdgeMesh closed;
+  const bool is_surface = find_problems(*p.mesh, closed).empty();
+  return is_surface ? std::make_shared<const Prepared>(std::move(p)) : open;
+}
+
+/// True if a surface has two openings and is as long as ten diameters or more. Laid out flat, its
+/// rings would shrink as exp(-length / radius) to one end.
+inline bool is_long_tube(const Surface& s) {
+  const HalfEdgeMesh& m = s.mesh;
+  if (m.loops() != 2) return false;
+  double perimeter[2] = {0, 0};
+  for (int k = 0; k < m.boundary.size(); ++k)
+    perimeter[k >= m.loop[1]] += s.edge_length(m.boundary[k]);
+  return perimeter[0] * perimeter[1] * kLongTube * kLongTube < s.total_area;
+}
+
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
 //
 // Purpose:    pairs of points of two surfaces that correspond if both have about one shape and
@@ -11622,7 +11741,8 @@ TriangleMesh remesh(const SurfaceMap& map, Side side) {
         data.position_of_given(images.data()[exists(v) ? v : first], detail::other(side));
   detail::Array<int> corners;
   for (int i = 0; i < triangles.size(); i += 3)
-    if (const int* const corner = triangles.data() + i; std::all_of(corner, corner + 3, exists))
+    if (const int* const corner = triangles.data() + i;
+        corner[0] >= 0 && std::all_of(corner, corner + 3, exists))
       corners.append(corner, 3);
   result.triangles = detail::triangles_from(corners);
   return result;
@@ -11646,29 +11766,6 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 namespace detail {
 
 // ---- where to open ----
-
-/// Lengths of the shortest paths along edges from a vertex [Dijkstra 1959].
-inline Array<double> edge_distances(const Surface& s, int from) {
-  Array<double> distance(s.mesh.n_vertices, kInfinity);
-  std::priority_queue<std::pair<double, int>> heap;  // minus the distance, vertex
-  const auto reach = [&](int v, double d) {
-    if (d >= distance[v]) return;
-    distance[v] = d;
-    heap.push({-d, v});
-  };
-  reach(from, 0);
-  while (!heap.empty()) {
-    const auto [minus, at] = heap.top();
-    heap.pop();
-    const double so_far = distance[at];
-    if (-minus > so_far) continue;
-    s.mesh.for_each_outgoing(at, [&](int h) {
-      reach(s.mesh.tip(h), so_far + s.edge_length(h));
-      reach(s.mesh.tail[prev(h)], so_far + s.edge_length(prev(h)));
-    });
-  }
-  return distance;
-}
 
 /// Vertices that are farther from everything than all around them, the ends of limbs, ears and
 /// tails, with the distances from each to all vertices, in roots of the area.
@@ -12824,6 +12921,24 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   return s;
 }
 
+/// Closes the ends of long tubes, where nothing is wanted of boundaries.
+inline void close_tubes(const Options& o, SharedPrepared& a, SharedPrepared& b, Outcome& outcome) {
+  const bool has_wish = o.boundary != Boundary::kFree || o.outer_a != -1 || o.outer_b != -1 ||
+                        !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
+                        o.initial_g.size() > 0 || o.as_published;
+  if (has_wish || !a->problems.empty() || !b->problems.empty()) return;
+  const Surface s = surface_of(*a, true), t = surface_of(*b, true);
+  const bool closes_a = is_long_tube(s), closes_b = is_long_tube(t);
+  if (!(closes_a || is_closed(s)) || !(closes_b || is_closed(t))) return;
+  if (closes_a) a = with_ends_closed(a, s.mesh);
+  if (closes_b) b = with_ends_closed(b, t.mesh);
+  for (Side side : {Side::kA, Side::kB})
+    if (side == Side::kA ? closes_a : closes_b)
+      outcome.warnings.push_back(
+          {sentence({letter(side), " is a long tube, and is mapped as if its ends were closed"}),
+           {}});
+}
+
 /// Converts positions of the given vertices, if any, to those of the prepared mesh.
 inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Outcome& outcome) {
   if (x.size() == 0) return true;
@@ -13027,6 +13142,7 @@ class Run {
         goal_(goal),
         executor_(options_) {
     const NoTraps no_traps;
+    close_tubes(options_, a_, b_, result_);
     return_input();
     if (goal == Goal::kStart) {
       executor_.set_embedding_share(1);
@@ -13519,8 +13635,8 @@ class Run {
                     decimal(100 * worst.area), "% of the area have ", decimal(worst.distortion)});
     }
     warning.message +=
-        "; do the surfaces, their sizes and landmarks correspond, are there enough triangles "
-        "(Options::refine), and are the ends of long tubes closed?";
+        "; do the surfaces, their sizes and landmarks correspond, and are there enough triangles "
+        "(Options::refine)?";
     r.warnings.push_back(std::move(warning));
   }
 
@@ -13569,7 +13685,7 @@ class Run {
     start.b = b_->mesh;
   }
 
-  const SharedPrepared a_, b_;
+  SharedPrepared a_, b_;
   const Options given_options_;
   RunOptions options_;  // with ids of the prepared meshes
   const Goal goal_;
@@ -14083,7 +14199,15 @@ inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Emb
   if (e.scale_b > 0) rescale(e.scale_b / pair.b.scale, pair.b);
   data->pair = EmbeddedPair(join(pair), stacked(rows_between(f, 0, pair.a.mesh.n_vertices),
                                                 rows_between(g, 0, pair.b.mesh.n_vertices)));
-  const Overlay& overlay = data->pair.overlay;
+  Overlay& overlay = data->pair.overlay;
+  const auto is_given = [&](const OverlayPolygon& p) {
+    return data->origin_a.face[p.ta] >= 0 && data->origin_b.face[p.tb - data->pair.s.faces_a] >= 0;
+  };
+  const auto rest =
+      std::stable_partition(overlay.polygons.begin(), overlay.polygons.end(), is_given);
+  data->n_polygons = static_cast<int>(rest - overlay.polygons.begin());
+  if (data->n_polygons < overlay.polygons.size())
+    data->pair.by_face = group_polygons(overlay.polygons, data->pair.s.mesh.n_faces);
   const Status status = overlay.is_too_large       ? Status::kMemoryLimit
                         : overlay.polygons.empty() ? Status::kNoOverlap
                                                    : Status::kDone;

@@ -528,7 +528,7 @@ WrittenIds written_ids(const ism::Prepared& prepared, const std::vector<ism::Add
   for (std::size_t v = 0; v < prepared.given_vertex.size(); ++v) {
     const int given = prepared.given_vertex[v];
     const bool is_first =
-        prepared.new_vertex[static_cast<std::size_t>(given)] == static_cast<int>(v);
+        given >= 0 && prepared.new_vertex[static_cast<std::size_t>(given)] == static_cast<int>(v);
     ids.id.push_back(is_first ? given : ids.size++);
   }
   for (const ism::AddedVertex& p : added)
@@ -585,6 +585,7 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
 struct Findings {
   LandmarkError landmarks;
   bool is_closed = false;
+  bool has_ends = false;  // of long tubes, closed
 };
 
 struct Seconds {
@@ -1050,7 +1051,9 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   std::printf("coverage     %.2f%% of A, %.2f%% of B (%.2f%%, %.2f%% at the start)\n",
               100 * last.coverage_a, 100 * last.coverage_b, 100 * first.coverage_a,
               100 * first.coverage_b);
-  if (found.is_closed) std::printf("closed       every point of A and B has an image\n");
+  if (found.is_closed)
+    std::printf("closed       every point of A and B has an image%s\n",
+                found.has_ends ? ", but for some at the open ends" : "");
   if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
   std::printf("meta mesh    %d polygons\n", last.polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
@@ -1131,7 +1134,10 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const Findings found = {landmark_error(input, map), map.is_closed()};
+  const auto has_ends = [](const ism::Prepared& p) { return p.given_triangle.back() < 0; };
+  const ism::Embedding& embedded = result.start;
+  const Findings found = {landmark_error(input, map), map.is_closed(),
+                          has_ends(*embedded.prepared_a) || has_ends(*embedded.prepared_b)};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   std::vector<mesh_io::TextFile> files = result_files(input, result, scene);
   error = add_wanted_files(args, input, result, scene, files);

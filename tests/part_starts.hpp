@@ -264,6 +264,54 @@ TriangleMesh tube(int sides, int rings, double length) {
   return m;
 }
 
+// Laid out flat, they ended at 1e23: the rings at one end are exp(-200) of those at the other.
+TEST_CASE("long tubes are mapped as if their ends were closed; what closes them is no one's") {
+  const TriangleMesh a = tube(8, 100, 200), b = tube(7, 90, 200);
+  const Result r = ism::compute_map(a, b, {}, on_one_thread());
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.final_state().mean_distortion < 2.1);
+  CHECK(r.warnings.size() == 2);
+  const ism::SurfaceMap map(r);
+  CHECK(ism::verify(map).status == ism::Status::kDone);
+  CHECK(map.mesh(ism::Side::kA).vertices == a.vertices);
+  CHECK(map.mesh(ism::Side::kB).triangles == b.triangles);
+  CHECK(r.start.a->triangles.rows() == a.triangles.rows() + 16);
+
+  const ism::MetaMesh meta = map.meta_mesh(), whole = map.meta_mesh(ism::Ids::kEmbedded);
+  const auto n = static_cast<std::size_t>(meta.n_polygons());
+  CHECK(n < static_cast<std::size_t>(whole.n_polygons()));
+  CHECK(std::equal(meta.corners.begin(), meta.corners.end(), whole.corners.begin()));
+  CHECK(meta.on_a == whole.on_a.topRows(meta.on_a.rows()));
+  const auto [least_a, most_a] = std::minmax_element(meta.face_a.begin(), meta.face_a.end());
+  const auto [least_b, most_b] = std::minmax_element(meta.face_b.begin(), meta.face_b.end());
+  CHECK((*least_a == 0 && *most_a + 1 == a.triangles.rows()));
+  CHECK((*least_b == 0 && *most_b + 1 == b.triangles.rows()));
+  const std::vector<ism::PolygonDistortion> distortion = map.distortion();
+  REQUIRE(distortion.size() == static_cast<std::size_t>(whole.n_polygons()));
+  for (std::size_t i = 0; i < distortion.size(); ++i) CHECK((distortion[i].area_a > 0) == (i < n));
+
+  const std::vector<ism::SurfacePoint> images = map.forward_vertices();
+  REQUIRE(images.size() == static_cast<std::size_t>(a.vertices.rows()));
+  int images_missing = 0;
+  for (std::size_t v = 0; v < images.size(); ++v) {
+    const int ring = static_cast<int>(v) / 8;
+    images_missing += !images[v].exists();
+    CHECK((images[v].exists() || ring == 0 || ring == 100));
+    CHECK(images[v].face < b.triangles.rows());
+  }
+  CHECK(images_missing < 16);
+  CHECK(ism::remesh(map, ism::Side::kA).vertices.rows() == a.vertices.rows());
+  std::vector<int> along;
+  for (int ring = 0; ring <= 100; ++ring) along.push_back(8 * ring);
+  const std::vector<ism::Polyline> path = map.forward_path(along);
+  REQUIRE(path.size() == 1);
+  for (const ism::SurfacePoint& p : path[0]) CHECK(p.exists());
+  CHECK(path[0].size() > 180);
+  const ism::Transfer to_b =
+      ism::transfer(meta, ism::Side::kA, ism::Element::kFace, ism::Element::kFace);
+  CHECK((to_b.n_sources == a.triangles.rows() && to_b.rows() == b.triangles.rows()));
+}
+
 // Of fans over each other, each triangle meets each. These took 15 to 56 ms per triangle.
 TEST_CASE("a start takes 12 ms per triangle at most, whatever their shapes") {
 #ifdef ISM_TEST_SANITIZED
