@@ -137,6 +137,20 @@ def tube(sides, length, rings, bend=0):
     return revolved([(1, length * k / rings) for k in range(rings + 1)], sides, bend)
 
 
+def coil(sides, length, rings, radius=15, pitch=5):
+    """An open tube of radius 1 along a helix."""
+    per_turn = math.hypot(radius, pitch)
+    vertices = []
+    for i in range(rings + 1):
+        t = length * i / rings / per_turn
+        c, s = math.cos(t), math.sin(t)
+        for k in range(sides):
+            u, v = math.cos(2 * math.pi * k / sides), math.sin(2 * math.pi * k / sides)
+            b = pitch / per_turn * v
+            vertices.append(((radius - u) * c + b * s, (radius - u) * s - b * c, pitch * t + radius / per_turn * v))
+    return vertices, tube(sides, length, rings)[1]
+
+
 def cone(sides, height, rings=1):
     return revolved([(1 - k / rings, height * k / rings) for k in range(rings + 1)], sides)
 
@@ -181,6 +195,8 @@ def shapes():
     for length in (20, 60, 100, 200):
         pairs[f"tube {length} times as long as wide"] = (tube(8, 2 * length, length), tube(7, 2 * length, length, 1))
     pairs["tube 200 times as long as wide, 24,000 triangles"] = (tube(16, 400, 750), tube(14, 400, 857, 1))
+    pairs["tube 100 times as long as wide, onto a coil"] = (tube(8, 200, 100), coil(9, 200, 110))
+    pairs["tube 60 times as long as wide, onto a closed one"] = (tube(8, 120, 60), cylinder(24, 120, 120, 2))
     pairs["cone of 512 triangles, onto a disk"] = (cone(512, 1), disk(64, 20))
     return pairs
 
