@@ -746,15 +746,14 @@ class SurfaceMap {
   /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
-  /// What lies beyond the ends of long tubes is left out or, as embedded, comes last.
-  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
-  /// Returns the distortion of every polygon of meta_mesh(Ids::kEmbedded), with areas of 0 beyond
-  /// the ends of long tubes. Surfaces are scaled as by compute_map(), or to area 1 for maps made
-  /// otherwise; keep_scale: not scaled.
+  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without the closed ends of long tubes
+  /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
+  /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
   friend TriangleMesh remesh(const SurfaceMap& map, Side side);
+  friend Outcome verify(const SurfaceMap& map);
   std::shared_ptr<const detail::MapData> data_;
 };
 
@@ -9352,6 +9351,7 @@ struct EmbeddedPair {
   JointSurface s;
   Points2 x;
   Overlay overlay;
+  int n_given = 0;  // polygons; those beyond the ends of long tubes come after them
   Groups<int> by_face;
   double extent = 0;  // largest absolute coordinate in the plane
 
@@ -9359,16 +9359,27 @@ struct EmbeddedPair {
   EmbeddedPair(JointSurface surface, Points2 positions)
       : s(std::move(surface)), x(std::move(positions)), extent(x.cwiseAbs().maxCoeff()) {
     compute_overlay(s, x, overlay);
-    by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
+    keep_given([](const OverlayPolygon&) { return true; });
+  }
+
+  template <class IsGiven>
+  void keep_given(const IsGiven& is_given) {
+    Array<OverlayPolygon>& all = overlay.polygons;
+    n_given =
+        static_cast<int>(std::stable_partition(all.begin(), all.end(), is_given) - all.begin());
+    by_face = group_polygons(all, s.mesh.n_faces);
   }
 
   /// True on pillows: the map has no boundary.
   bool is_closed() const { return !s.mesh.pillow.is_empty(); }
+  bool maps_all() const { return is_closed() && n_given == overlay.polygons.size(); }
 
-  /// For every polygon in a face: visit(face of the other mesh, what takes its plane to this one).
+  /// For every given polygon in a face: visit(face of the other mesh, what takes its plane to this
+  /// one).
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
     by_face.for_each_in(face, [&](int i) {
+      if (i >= n_given) return;
       const OverlayPolygon& p = overlay.polygons[i];
       face == p.ta ? visit(p.tb, p.motion) : visit(p.ta, inverse(p.motion));
     });
@@ -9381,14 +9392,14 @@ struct EmbeddedPair {
   }
 
   /// Considers the faces over `face` for a point at p. Rounding may put a point on an edge outside
-  /// both its faces; on closed surfaces, which map every point, any depth is accepted. `to_point`
-  /// takes the plane of `face` to that of the point.
+  /// both its faces; where every point has an image, any depth is accepted. `to_point` takes the
+  /// plane of `face` to that of the point.
   void consider_face(int face, Vec2 p, DeepestFace& best, const Motion& to_point = {}) const {
     for_each_target(face, [&](int t, const Motion& motion) {
       const Vec2 q = inverse(motion) * p;
       const Vec3 b = barycentric(s.mesh, x, t, q);
       const double depth = (std::min)({b.x, b.y, b.z});
-      if (depth > best.depth && (is_closed() || depth > -slack_of(s.mesh, x, t, q)))
+      if (depth > best.depth && (maps_all() || depth > -slack_of(s.mesh, x, t, q)))
         best = {depth, t, q, to_point * motion};
     });
   }
@@ -9700,9 +9711,8 @@ inline Vec3 position_in_space(const TriangleMesh& m, const SurfacePoint& p) {
 struct MapData : Outcome {                                 // kDone if the pair is valid
   SharedMesh a = std::make_shared<TriangleMesh>(), b = a;  // embedded meshes
   Origin origin_a, origin_b;
-  Points2 f, g;        // of the embedded meshes
-  EmbeddedPair pair;   // of closed surfaces, sewn where the embedded meshes are cut
-  int n_polygons = 0;  // of given triangles; those beyond the ends of long tubes come after them
+  Points2 f, g;       // of the embedded meshes
+  EmbeddedPair pair;  // of closed surfaces, sewn where the embedded meshes are cut
 
   bool ok() const { return status == Status::kDone; }
   int first_face(Side side) const { return side == Side::kA ? 0 : pair.s.faces_a; }
@@ -9713,8 +9723,7 @@ struct MapData : Outcome {                                 // kDone if the pair 
     if (!p.exists()) return p;
     const Side side = p.face < pair.s.faces_a ? Side::kA : Side::kB;
     p.face -= first_face(side);
-    p = origin(side).to_mesh(p);
-    return p.exists() ? p : SurfacePoint();
+    return origin(side).to_mesh(p);
   }
 
   SurfacePoint map(const SurfacePoint& point, Side from) const {
@@ -9758,13 +9767,12 @@ class MetaMeshBuilder {
   explicit MetaMeshBuilder(const MapData& data)
       : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
 
-  MetaMesh build(Ids ids) {
+  /// `n_polygons`: the given ones, or all.
+  MetaMesh build(Ids ids, int n_polygons) {
     MetaMesh mesh;
     const bool are_given = ids == Ids::kGiven;
-    const Array<OverlayPolygon>& polygons = pair_.overlay.polygons;
-    for (int i = 0; i < (are_given ? data_.n_polygons : polygons.size()); ++i) {
-      const OverlayPolygon& p = polygons[i];
-      if (i == data_.n_polygons) n_corners_ = corners_.size();
+    for (int i = 0; i < n_polygons; ++i) {
+      const OverlayPolygon& p = pair_.overlay.polygons[i];
       add_corners(p);
       mesh.face_a.push_back(p.ta);
       mesh.face_b.push_back(p.tb - pair_.s.faces_a);
@@ -9817,12 +9825,8 @@ class MetaMeshBuilder {
     mesh.corners.resize(static_cast<std::size_t>(order.size()));
     for (const auto& [key, i] : order) {
       if (first.empty() || corners_[first.back()].key != key) first.push_back(i);
-      mesh.corners.data()[i] = first.back();
+      mesh.corners.data()[i] = first.size() - 1;
     }
-    std::stable_partition(first.begin(), first.end(), [&](int i) { return i < n_corners_; });
-    Array<int> number(corners_.size(), 0);
-    for (int v = 0; v < first.size(); ++v) number[first[v]] = v;
-    for (int& corner : mesh.corners) corner = number[corner];
     mesh.on_a.resize(first.size(), 3);
     mesh.on_b.resize(first.size(), 3);
     mesh.plane.resize(first.size(), 2);
@@ -9901,7 +9905,6 @@ class MetaMeshBuilder {
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
-  int n_corners_ = std::numeric_limits<int>::max();  // of given triangles
 };
 
 // ---- paths ----
@@ -9939,7 +9942,7 @@ class PathMapper {
     data_.pair.by_face.for_each_in(h / 3, [&](int number) {
       const OverlayPolygon& p = data_.pair.overlay.polygons[number];
       for (int i = 0; i < p.count; ++i) {
-        if (p.piece(i) != side || number >= data_.n_polygons) continue;
+        if (p.piece(i) != side || number >= data_.pair.n_given) continue;
         MetaMeshBuilder::Corner c = builder_.corner_at(p, i),
                                 d = builder_.corner_at(p, i + 1 < p.count ? i + 1 : 0);
         if (from == Side::kB) std::swap(c.on_a, c.on_b), std::swap(d.on_a, d.on_b);
@@ -10049,15 +10052,16 @@ Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kB);
 }
-MetaMesh SurfaceMap::meta_mesh(Ids ids) const { return detail::MetaMeshBuilder(*data_).build(ids); }
+MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
+  return detail::MetaMeshBuilder(*data_).build(ids, data_->pair.n_given);
+}
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   const detail::JointSurface& s = data_->pair.s;
-  const detail::Array<detail::OverlayPolygon>& polygons = data_->pair.overlay.polygons;
   std::vector<PolygonDistortion> result;
-  for (int i = 0; i < data_->n_polygons; ++i)
-    result.push_back(detail::polygon_distortion(
-        data_->pair, polygons[i], keep_scale ? s.scale_a : 1, keep_scale ? s.scale_b : 1));
-  result.resize(static_cast<std::size_t>(polygons.size()));
+  for (int i = 0; i < data_->pair.n_given; ++i)
+    result.push_back(detail::polygon_distortion(data_->pair, data_->pair.overlay.polygons[i],
+                                                keep_scale ? s.scale_a : 1,
+                                                keep_scale ? s.scale_b : 1));
   return result;
 }
 
@@ -11206,15 +11210,20 @@ inline SharedPrepared with_ends_closed(const SharedPrepared& open, const HalfEdg
   return is_surface ? std::make_shared<const Prepared>(std::move(p)) : open;
 }
 
-/// True if a surface has two openings and is as long as ten diameters or more. Laid out flat, its
+/// True if a surface has two openings that are ten diameters or more apart. Laid out flat, its
 /// rings would shrink as exp(-length / radius) to one end.
 inline bool is_long_tube(const Surface& s) {
   const HalfEdgeMesh& m = s.mesh;
   if (m.loops() != 2) return false;
-  double perimeter[2] = {0, 0};
-  for (int k = 0; k < m.boundary.size(); ++k)
+  const Array<double> distance = edge_distances(s, m.tail[m.boundary[0]]);
+  double perimeter[2] = {0, 0}, apart = kInfinity;
+  for (int k = 0; k < m.boundary.size(); ++k) {
     perimeter[k >= m.loop[1]] += s.edge_length(m.boundary[k]);
-  return perimeter[0] * perimeter[1] * kLongTube * kLongTube < s.total_area;
+    if (k >= m.loop[1]) apart = (std::min)(apart, distance[m.tail[m.boundary[k]]]);
+  }
+  const double widest = (std::max)(perimeter[0], perimeter[1]);
+  return apart > kLongTube * kLongTube * widest &&
+         widest * widest * kLongTube * kLongTube < s.total_area;
 }
 
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
@@ -12332,7 +12341,9 @@ Outcome verify(const SurfaceMap& map) {
       (!map.is_closed() ||
        (detail::verify_pillow(a, f, Side::kA, map.period(), boundary_a, outcome) &&
         detail::verify_pillow(b, g, Side::kB, map.period(), boundary_b, outcome))))
-    detail::MetaMeshVerifier(map.meta_mesh(Ids::kEmbedded), f, g, map.period(), outcome)
+    detail::MetaMeshVerifier(detail::MetaMeshBuilder(*map.data_)
+                                 .build(Ids::kEmbedded, map.data_->pair.overlay.polygons.size()),
+                             f, g, map.period(), outcome)
         .run(boundary_a, boundary_b);
   return outcome;
 }
@@ -12899,21 +12910,16 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
 }
 
 /// Closes the ends of long tubes, where nothing is wanted of boundaries.
-inline void close_tubes(const Options& o, SharedPrepared& a, SharedPrepared& b, Outcome& outcome) {
+inline void close_tubes(const Options& o, SharedPrepared& a, SharedPrepared& b) {
   const bool has_wish = o.boundary != Boundary::kFree || o.outer_a != -1 || o.outer_b != -1 ||
                         !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
                         o.initial_g.size() > 0 || o.as_published;
   if (has_wish || !a->problems.empty() || !b->problems.empty()) return;
-  const Surface s = surface_of(*a, true), t = surface_of(*b, true);
-  const bool closes_a = is_long_tube(s), closes_b = is_long_tube(t);
-  if (!(closes_a || is_closed(s)) || !(closes_b || is_closed(t))) return;
-  if (closes_a) a = with_ends_closed(a, s.mesh);
-  if (closes_b) b = with_ends_closed(b, t.mesh);
-  for (Side side : {Side::kA, Side::kB})
-    if (side == Side::kA ? closes_a : closes_b)
-      outcome.warnings.push_back(
-          {sentence({letter(side), " is a long tube, and is mapped as if its ends were closed"}),
-           {}});
+  const Surface s = surface_of(*a, false), t = surface_of(*b, false);
+  const SharedPrepared p = is_long_tube(s) ? with_ends_closed(a, s.mesh) : a;
+  const SharedPrepared q = is_long_tube(t) ? with_ends_closed(b, t.mesh) : b;
+  if ((p == a && !is_closed(s)) || (q == b && !is_closed(t))) return;
+  a = p, b = q;
 }
 
 /// Converts positions of the given vertices, if any, to those of the prepared mesh.
@@ -13119,13 +13125,19 @@ class Run {
         goal_(goal),
         executor_(options_) {
     const NoTraps no_traps;
-    close_tubes(options_, a_, b_, result_);
-    return_input();
     if (goal == Goal::kStart) {
       executor_.set_embedding_share(1);
       options_.initial_f.resize(0, 2);
       options_.initial_g.resize(0, 2);
     }
+    if (goal != Goal::kCandidate && sized == nullptr) close_tubes(options_, a_, b_);
+    return_input();
+    for (Side side : {Side::kA, Side::kB})
+      if (const Prepared& p = side == Side::kA ? *a_ : *b_;
+          !p.given_triangle.empty() && p.given_triangle.back() < 0)
+        result_.warnings.push_back(
+            {sentence({letter(side), " is a long tube, and is mapped as if its ends were closed"}),
+             {}});
     if (build_pair(*a_, *b_, landmarks, options_, pair_, placed_, result_)) {
       if (sized == nullptr) {
         fit_sizes(placed_, options_, pair_, result_);
@@ -14176,15 +14188,10 @@ inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Emb
   if (e.scale_b > 0) rescale(e.scale_b / pair.b.scale, pair.b);
   data->pair = EmbeddedPair(join(pair), stacked(rows_between(f, 0, pair.a.mesh.n_vertices),
                                                 rows_between(g, 0, pair.b.mesh.n_vertices)));
-  Overlay& overlay = data->pair.overlay;
-  const auto is_given = [&](const OverlayPolygon& p) {
+  data->pair.keep_given([&](const OverlayPolygon& p) {
     return data->origin_a.face[p.ta] >= 0 && data->origin_b.face[p.tb - data->pair.s.faces_a] >= 0;
-  };
-  const auto rest =
-      std::stable_partition(overlay.polygons.begin(), overlay.polygons.end(), is_given);
-  data->n_polygons = static_cast<int>(rest - overlay.polygons.begin());
-  if (data->n_polygons < overlay.polygons.size())
-    data->pair.by_face = group_polygons(overlay.polygons, data->pair.s.mesh.n_faces);
+  });
+  const Overlay& overlay = data->pair.overlay;
   const Status status = overlay.is_too_large       ? Status::kMemoryLimit
                         : overlay.polygons.empty() ? Status::kNoOverlap
                                                    : Status::kDone;

@@ -586,6 +586,7 @@ struct Findings {
   LandmarkError landmarks;
   bool is_closed = false;
   bool has_ends = false;  // of long tubes, closed
+  int n_polygons = 0;     // of the meta mesh
 };
 
 struct Seconds {
@@ -1055,7 +1056,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
     std::printf("closed       every point of A and B has an image%s\n",
                 found.has_ends ? ", but for some at the open ends" : "");
   if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
-  std::printf("meta mesh    %d polygons\n", last.polygons);
+  std::printf("meta mesh    %d polygons\n", found.n_polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
               s.embedding, s.optimization, s.derivatives);
   std::printf("assembly %.1f, solve %.1f, search %.1f), files %.1f\n", s.assembly, s.solve,
@@ -1136,9 +1137,10 @@ int run(Arguments& args) {
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
   const auto has_ends = [](const ism::Prepared& p) { return p.given_triangle.back() < 0; };
   const ism::Embedding& embedded = result.start;
-  const Findings found = {landmark_error(input, map), map.is_closed(),
-                          has_ends(*embedded.prepared_a) || has_ends(*embedded.prepared_b)};
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
+  const Findings found = {landmark_error(input, map), map.is_closed(),
+                          has_ends(*embedded.prepared_a) || has_ends(*embedded.prepared_b),
+                          scene.meta.n_polygons()};
   std::vector<mesh_io::TextFile> files = result_files(input, result, scene);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);

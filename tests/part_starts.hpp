@@ -25,6 +25,7 @@ namespace {
 
 using namespace ism::detail;
 using Eigen::Vector3d;
+using ism::Options;
 using ism::Result;
 using ism::TriangleMesh;
 using runs::on_one_thread;
@@ -277,18 +278,14 @@ TEST_CASE("long tubes are mapped as if their ends were closed; what closes them 
   CHECK(map.mesh(ism::Side::kB).triangles == b.triangles);
   CHECK(r.start.a->triangles.rows() == a.triangles.rows() + 16);
 
-  const ism::MetaMesh meta = map.meta_mesh(), whole = map.meta_mesh(ism::Ids::kEmbedded);
-  const auto n = static_cast<std::size_t>(meta.n_polygons());
-  CHECK(n < static_cast<std::size_t>(whole.n_polygons()));
-  CHECK(std::equal(meta.corners.begin(), meta.corners.end(), whole.corners.begin()));
-  CHECK(meta.on_a == whole.on_a.topRows(meta.on_a.rows()));
+  const ism::MetaMesh meta = map.meta_mesh(), embedded = map.meta_mesh(ism::Ids::kEmbedded);
+  CHECK(meta.n_polygons() == embedded.n_polygons());
+  CHECK(meta.n_polygons() == static_cast<int>(map.distortion().size()));
+  CHECK(meta.n_polygons() < r.final_state().polygons);
   const auto [least_a, most_a] = std::minmax_element(meta.face_a.begin(), meta.face_a.end());
   const auto [least_b, most_b] = std::minmax_element(meta.face_b.begin(), meta.face_b.end());
   CHECK((*least_a == 0 && *most_a + 1 == a.triangles.rows()));
   CHECK((*least_b == 0 && *most_b + 1 == b.triangles.rows()));
-  const std::vector<ism::PolygonDistortion> distortion = map.distortion();
-  REQUIRE(distortion.size() == static_cast<std::size_t>(whole.n_polygons()));
-  for (std::size_t i = 0; i < distortion.size(); ++i) CHECK((distortion[i].area_a > 0) == (i < n));
 
   const std::vector<ism::SurfacePoint> images = map.forward_vertices();
   REQUIRE(images.size() == static_cast<std::size_t>(a.vertices.rows()));
@@ -310,6 +307,51 @@ TEST_CASE("long tubes are mapped as if their ends were closed; what closes them 
   const ism::Transfer to_b =
       ism::transfer(meta, ism::Side::kA, ism::Element::kFace, ism::Element::kFace);
   CHECK((to_b.n_sources == a.triangles.rows() && to_b.rows() == b.triangles.rows()));
+}
+
+TEST_CASE("only long tubes are closed, in any unit, and exact landmarks on rims have images") {
+  const TriangleMesh a = tube(7, 30, 60), b = tube(6, 28, 60);
+  const auto warnings = [](const Result& r) {
+    return std::count_if(r.warnings.begin(), r.warnings.end(), [](const ism::Warning& w) {
+      return w.message.find("is a long tube") != std::string::npos;
+    });
+  };
+  Options options = on_one_thread();
+  options.max_iterations = 0;
+  for (double unit : {1e-100, 1e100}) {
+    CAPTURE(unit);
+    TriangleMesh large = a, short_one = tube(7, 5, 4);
+    large.vertices *= unit;
+    short_one.vertices *= unit;
+    CHECK(warnings(ism::compute_map(large, b, {}, options)) == 2);
+    CHECK(warnings(ism::compute_map(short_one, short_one, {}, options)) == 0);
+  }
+  shapes::Rng rng(1);
+  TriangleMesh sheet = shapes::perturbed_grid(60, 60, 0.2, rng).mesh;  // with a pinhole
+  sheet.triangles.row(3000) = sheet.triangles.row(sheet.triangles.rows() - 1).eval();
+  sheet.triangles.conservativeResize(sheet.triangles.rows() - 1, Eigen::NoChange);
+  CHECK(warnings(ism::compute_map(sheet, sheet, {}, options)) == 0);
+
+  options.exact_landmarks = true;
+  const ism::SurfaceMap exact(ism::compute_map(a, b, {{0, 0}, {105, 84}, {210, 168}}, options));
+  REQUIRE(exact.status() == ism::Status::kDone);
+  for (int v : {0, 105, 210}) {
+    REQUIRE(exact.forward_vertex(v).exists());
+    const Vector3d end = b.vertices.row(v * 168 / 210);
+    CHECK((exact.position_on_b(exact.forward_vertex(v)) - end).norm() < 1e-6);
+  }
+
+  options.exact_landmarks = false;
+  options.outer_a = 0;
+  ism::Solver solver(a, b, {}, options);
+  while (solver.step()) {
+  }
+  CHECK(warnings(solver.result()) == 0);
+  options.outer_a = -1;
+  CHECK(solver.change({}, options).status == ism::Status::kDone);
+  while (solver.step()) {
+  }
+  CHECK(ism::SurfaceMap(solver.result()).status() == ism::Status::kDone);
 }
 
 // Of fans over each other, each triangle meets each. These took 15 to 56 ms per triangle.
