@@ -9760,6 +9760,107 @@ struct MapData : Outcome {                                 // kDone if the pair 
   }
 };
 
+// ---- paths ----
+
+/// The part of a planar segment in one triangle, from parameter s to t.
+struct SegmentPart {
+  double s = 0, t = 1;
+  int face = -1;
+  Motion motion;  // takes the plane of the segment to that of the face
+  bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
+};
+
+/// Maps a path along edges. The triangles over both faces beside an edge clip its segment in the
+/// plane; the parts that reach farthest cover it. Triangles are enlarged a little, so that neither
+/// rounding nor a path along an edge leaves gaps.
+class PathMapper {
+ public:
+  explicit PathMapper(const MapData& data) : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
+
+  std::vector<Polyline> map(const std::vector<int>& vertices, Side from) {
+    for (std::size_t i = 0; i + 1 < vertices.size() && data_.ok(); ++i) {
+      const Array<int> edge = data_.origin(from).along(vertices[i], vertices[i + 1]);
+      if (edge.empty()) is_open_ = false;
+      for (int directed : edge) {
+        const int h = 3 * data_.first_face(from) + (std::max)(directed, ~directed);
+        Vec2 p = place_of(m_, pair_.x, h), q = place_of(m_, pair_.x, next(h));
+        if (directed < 0) std::swap(p, q);
+        add_segment(p, q, parts_along(h, p, q));
+      }
+    }
+    return std::move(polylines_);
+  }
+
+ private:
+  static constexpr double kTouch = 1e-12;  // ignores gaps below this part of a segment
+
+  /// Returns the parts of the edge pq of half-edge h in the triangles of the other mesh.
+  Array<SegmentPart> parts_along(int h, Vec2 p, Vec2 q) const {
+    Array<SegmentPart> parts;
+    for (int side : {h, m_.twin[h]}) {
+      if (side < 0) continue;
+      const Motion there = side != h ? motion_across(m_, side) : Motion();
+      pair_.for_each_target(side / 3, [&](int target, const Motion& motion) {
+        SegmentPart part;
+        part.face = target;
+        part.motion = inverse(motion) * there;
+        if (clip(part.motion * p, part.motion * q, part)) parts.push_back(part);
+      });
+    }
+    std::sort(parts.begin(), parts.end());
+    return parts;
+  }
+
+  /// Narrows a part of pq to its triangle; returns false if nothing is left.
+  bool clip(Vec2 p, Vec2 q, SegmentPart& part) const {
+    constexpr double kRounding = 1e-14;  // relative to the extent of the plane
+    for (int h = 3 * part.face; h < 3 * part.face + 3; ++h) {
+      const Vec2 u = place_of(m_, pair_.x, h), edge = place_of(m_, pair_.x, next(h)) - u;
+      const double slack = kRounding * pair_.extent * norm(edge);
+      const double at_p = cross(edge, p - u) + slack, at_q = cross(edge, q - u) + slack;
+      if (at_p < 0 && at_q < 0) return false;
+      const double crossing = at_p / (at_p - at_q);
+      if (at_p < 0) part.s = (std::max)(part.s, crossing);
+      if (at_q < 0) part.t = (std::min)(part.t, crossing);
+    }
+    return part.s <= part.t;
+  }
+
+  void add_segment(Vec2 p, Vec2 q, const Array<SegmentPart>& parts) {
+    double at = 0;
+    for (int next = 0; next < parts.size();) {
+      SegmentPart best;
+      best.t = at;
+      for (; next < parts.size() && parts[next].s <= at + kTouch; ++next)
+        if (parts[next].t > best.t) best = parts[next];
+      if (best.t > at + kTouch) {
+        append(best.motion * p, best.motion * q, best.face, at, best.t);
+        at = best.t;
+      } else if (next < parts.size()) {
+        is_open_ = false;
+        at = parts[next].s;
+      }
+    }
+    if (at < 1 - kTouch) is_open_ = false;
+  }
+
+  void append(Vec2 p, Vec2 q, int face, double s, double t) {
+    if (is_open_)
+      polylines_.back().pop_back();  // its last point is the first of this part
+    else
+      polylines_.emplace_back();
+    for (double r : {s, t})
+      polylines_.back().push_back(data_.own(closest_in_face(m_, pair_.x, face, p + r * (q - p))));
+    is_open_ = true;
+  }
+
+  const MapData& data_;
+  const EmbeddedPair& pair_;
+  const HalfEdgeMesh& m_;
+  std::vector<Polyline> polylines_;
+  bool is_open_ = false;  // true if the next part extends the last polyline
+};
+
 // ---- meta mesh ----
 
 class MetaMeshBuilder {
@@ -9796,26 +9897,12 @@ class MetaMeshBuilder {
     return mesh;
   }
 
+ private:
   struct Corner {
     CornerKey key;
-    SurfacePoint on_a, on_b;  // in ids of A ⊔ B
+    SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
 
-  /// Returns the corner of a polygon where its side `piece(i)` begins.
-  Corner corner_at(const OverlayPolygon& p, int i) const {
-    const int e = p.piece(i > 0 ? i - 1 : p.count - 1), after = p.piece(i);
-    Corner c = same_triangle(e, after)
-                   ? vertex(p, after)
-                   : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
-    c.key = key_of(p, i);
-    for (int k = 0; k < 3 && c.key[0] == kAtCone; ++k) {
-      if (cone_at(3 * p.ta + k) == c.key[1]) c.on_a = surface_point(p.ta, unit3(k));
-      if (cone_at(3 * p.tb + k) == c.key[1]) c.on_b = surface_point(p.tb, unit3(k));
-    }
-    return c;
-  }
-
- private:
   /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
     Array<std::pair<CornerKey, int>> order;
@@ -9839,9 +9926,18 @@ class MetaMeshBuilder {
   }
 
   void add_corners(const OverlayPolygon& p) {
-    for (int i = 0; i < p.count; ++i) {
-      Corner c = corner_at(p, i);
-      if (c.key == key_of(p, i > 0 ? i - 1 : p.count - 1)) continue;  // at a cone
+    for (int i = 0, last = p.count - 1; i < p.count; last = i++) {
+      const CornerKey key = key_of(p, i);
+      if (key == key_of(p, last)) continue;  // at a cone
+      const int e = p.piece(last), after = p.piece(i);
+      Corner c = same_triangle(e, after)
+                     ? vertex(p, after)
+                     : crossing(p, (std::min)(e, after), (std::max)(e, after) - 3);
+      for (int k = 0; k < 3 && key[0] == kAtCone; ++k) {
+        if (cone_at(3 * p.ta + k) == key[1]) c.on_a = surface_point(p.ta, unit3(k));
+        if (cone_at(3 * p.tb + k) == key[1]) c.on_b = surface_point(p.tb, unit3(k));
+      }
+      c.key = key;
       c.on_b.face -= pair_.s.faces_a;
       corners_.push_back(c);
     }
@@ -9905,80 +10001,6 @@ class MetaMeshBuilder {
   const EmbeddedPair& pair_;
   const HalfEdgeMesh& m_;
   Array<Corner> corners_;
-};
-
-// ---- paths ----
-
-/// Maps a path along edges: sides of polygons lie on them.
-class PathMapper {
- public:
-  explicit PathMapper(const MapData& data) : data_(data), builder_(data) {}
-
-  std::vector<Polyline> map(const std::vector<int>& vertices, Side from) {
-    for (std::size_t i = 0; i + 1 < vertices.size() && data_.ok(); ++i) {
-      const Array<int> edge = data_.origin(from).along(vertices[i], vertices[i + 1]);
-      if (edge.empty()) is_open_ = false;
-      for (int directed : edge)
-        add_edge(3 * data_.first_face(from) + (std::max)(directed, ~directed), directed < 0, from);
-    }
-    return std::move(polylines_);
-  }
-
- private:
-  static constexpr double kTouch = 1e-12;  // ignores gaps below this part of an edge
-
-  /// A side of a polygon on an edge: where it begins and ends there, and on the other surface.
-  struct Stretch {
-    double s, t;
-    SurfacePoint begin, end;
-    bool operator<(const Stretch& o) const {
-      return s != o.s ? s < o.s : begin.face < o.begin.face;
-    }
-  };
-
-  /// Adds the sides of polygons that lie on half-edge h, seen from its tip if `is_reversed`.
-  void collect(int h, bool is_reversed, Side from, Array<Stretch>& stretches) const {
-    const int side = (from == Side::kA ? 0 : 3) + h % 3;
-    data_.pair.by_face.for_each_in(h / 3, [&](int number) {
-      const OverlayPolygon& p = data_.pair.overlay.polygons[number];
-      for (int i = 0; i < p.count; ++i) {
-        if (p.piece(i) != side || number >= data_.pair.n_given) continue;
-        MetaMeshBuilder::Corner c = builder_.corner_at(p, i),
-                                d = builder_.corner_at(p, i + 1 < p.count ? i + 1 : 0);
-        if (from == Side::kB) std::swap(c.on_a, c.on_b), std::swap(d.on_a, d.on_b);
-        const double s = c.on_a.barycentric[(h + 1) % 3], t = d.on_a.barycentric[(h + 1) % 3];
-        stretches.push_back(is_reversed ? Stretch{1 - t, 1 - s, d.on_b, c.on_b}
-                                        : Stretch{s, t, c.on_b, d.on_b});
-      }
-    });
-  }
-
-  void add_edge(int h, bool is_reversed, Side from) {
-    const int twin = data_.pair.s.mesh.twin[h];
-    Array<Stretch> stretches;
-    collect(h, is_reversed, from, stretches);
-    if (twin >= 0) collect(twin, !is_reversed, from, stretches);
-    std::sort(stretches.begin(), stretches.end());
-    double at = 0;
-    for (const Stretch& stretch : stretches) {
-      if (!(stretch.t > at + kTouch)) continue;
-      if (stretch.s > at + kTouch) is_open_ = false;
-      if (is_open_)
-        polylines_.back().pop_back();  // its last point is the first of this part
-      else
-        polylines_.emplace_back();
-      for (const SurfacePoint& p : {stretch.begin, stretch.end})
-        polylines_.back().push_back(data_.own(p));
-      is_open_ = true;
-      at = stretch.t;
-    }
-    if (at < 1 - kTouch) is_open_ = false;
-  }
-
-  const MapData& data_;
-  const MetaMeshBuilder builder_;
-  std::vector<Polyline> polylines_;
-  bool is_open_ = false;  // true if the next part extends the last polyline
 };
 
 // ---- distortion ----
