@@ -622,8 +622,8 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// along a path through these; the half-turns, and the translations that they make, take both sides
 /// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
 /// vertices. A surface that is closed alone is cut open at one place. Tubes of ten diameters or
-/// more with both ends open count as closed, if the other surface is such a tube or closed: a fan
-/// closes each end, in the embedded mesh only. Its triangles are optimised like the others.
+/// more, open at both ends or at one, count as closed, if the other surface is such a tube or
+/// closed: a fan closes each end, in the embedded mesh only, and is optimised like the rest.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -11232,20 +11232,22 @@ inline SharedPrepared with_ends_closed(const SharedPrepared& open, const HalfEdg
   return is_surface ? std::make_shared<const Prepared>(std::move(p)) : open;
 }
 
-/// True if a surface has two openings that are ten diameters or more apart. Laid out flat, its
-/// rings would shrink as exp(-length / radius) to one end.
+/// True for a tube of ten diameters or more, open at both ends or at one: from an opening to the
+/// other one, or to what is farthest from it. Laid out flat, its rings would shrink as
+/// exp(-length / radius) to one end.
 inline bool is_long_tube(const Surface& s) {
+  constexpr double kBulge = 2;  // area of a tube, in perimeters times lengths
   const HalfEdgeMesh& m = s.mesh;
-  if (m.loops() != 2) return false;
+  if (m.loops() < 1 || m.loops() > 2) return false;
   const Array<double> distance = edge_distances(s, m.tail[m.boundary[0]]);
-  double perimeter[2] = {0, 0}, apart = kInfinity;
+  double perimeter[2] = {0, 0}, length = kInfinity;
   for (int k = 0; k < m.boundary.size(); ++k) {
     perimeter[k >= m.loop[1]] += s.edge_length(m.boundary[k]);
-    if (k >= m.loop[1]) apart = (std::min)(apart, distance[m.tail[m.boundary[k]]]);
+    if (k >= m.loop[1]) length = (std::min)(length, distance[m.tail[m.boundary[k]]]);
   }
+  if (m.loops() == 1) length = *std::max_element(distance.begin(), distance.end());
   const double widest = (std::max)(perimeter[0], perimeter[1]);
-  return apart > kLongTube * kLongTube * widest &&
-         widest * widest * kLongTube * kLongTube < s.total_area;
+  return length > kLongTube * kLongTube * widest && s.total_area < kBulge * widest * length;
 }
 
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================

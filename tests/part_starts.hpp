@@ -326,6 +326,13 @@ TEST_CASE("only long tubes are closed, in any unit, and exact landmarks on rims 
     CHECK(warnings(ism::compute_map(large, b, {}, options)) == 2);
     CHECK(warnings(ism::compute_map(short_one, short_one, {}, options)) == 0);
   }
+  TriangleMesh sock = a;  // 30 diameters long, open at one end
+  sock.vertices.conservativeResize(a.vertices.rows() + 1, Eigen::NoChange);
+  sock.vertices.row(a.vertices.rows()) << 0, 0, 60;
+  sock.triangles.conservativeResize(a.triangles.rows() + 7, Eigen::NoChange);
+  for (int i = 0; i < 7; ++i)
+    sock.triangles.row(a.triangles.rows() + i) << 210 + i, 210 + (i + 1) % 7, 217;
+  CHECK(warnings(ism::compute_map(sock, sock, {}, options)) == 2);
   shapes::Rng rng(1);
   TriangleMesh sheet = shapes::perturbed_grid(60, 60, 0.2, rng).mesh;  // with a pinhole
   sheet.triangles.row(3000) = sheet.triangles.row(sheet.triangles.rows() - 1).eval();
