@@ -12692,6 +12692,8 @@ inline std::string end_of(const Landmark& l, bool of_a) {
                    letter(of_a ? Side::kA : Side::kB)});
 }
 
+inline bool is_at_least_0(double x) { return x >= 0 && std::isfinite(x); }
+
 /// Places landmarks; skips guiding ones with a warning if an end was dropped with part of its mesh.
 inline bool place_landmarks(const Prepared& a, const Prepared& b,
                             const std::vector<Landmark>& landmarks, bool are_exact,
@@ -12705,6 +12707,7 @@ inline bool place_landmarks(const Prepared& a, const Prepared& b,
     };
     if (const std::string why = on_a.fault(l.a); !why.empty()) return refuse(why, true);
     if (const std::string why = on_b.fault(l.b); !why.empty()) return refuse(why, false);
+    if (!is_at_least_0(l.weight)) return refuse("its weight must be at least 0", true);
     const bool is_on_a = on_a.find(l.a, here.a), is_on_b = on_b.find(l.b, here.b);
     if (!is_on_a || !is_on_b) {
       const std::string lost = end_of(l, !is_on_a) + " was dropped when the mesh was prepared";
@@ -12864,16 +12867,18 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
 
 inline bool check_options(const Options& o, Outcome& outcome) {
   if (!check_arithmetic(outcome)) return false;
-  const auto at_least_0 = [](double x) { return x >= 0 && std::isfinite(x); };
   const struct {
     bool is_met;
     const char* text;
   } rules[] = {{o.measure.is_complete(), "measure must have a density"},
                {std::isfinite(o.coverage_weight), "coverage_weight must be finite"},
                {o.history_length >= 1, "history_length must be at least 1"},
-               {at_least_0(o.omega_start), "omega_start must be at least 0"},
+               {is_at_least_0(o.omega_start), "omega_start must be at least 0"},
                {o.coarsest >= 0, "coarsest must be at least 0"},
-               {at_least_0(o.refine), "refine must be at least 0"},
+               {is_at_least_0(o.refine), "refine must be at least 0"},
+               {std::all_of(o.curves.begin(), o.curves.end(),
+                            [](const Curve& c) { return is_at_least_0(c.weight); }),
+                "weights of curves must be at least 0"},
                {o.max_iterations >= 0, "max_iterations must be at least 0"},
                {o.max_seconds > 0, "max_seconds must be positive"},
                {o.tolerance >= 0, "tolerance must be at least 0"},
@@ -13185,6 +13190,7 @@ class Run {
       }
       refine(options_, pair_, placed_);
       result_.status = Status::kNoMapYet;
+      result_.message = words_of(Status::kNoMapYet).sentence;
       is_embedding_ = true;
       if (goal == Goal::kStart) options_.coarsest = 0;  // landmarks stay together
       whole_ = pair_;

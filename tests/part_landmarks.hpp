@@ -490,6 +490,8 @@ TEST_CASE("points that are none of a mesh, and places used twice, are refused") 
     refuse({{4, SurfacePoint{3, w}}},
            "landmark 4 (triangle 3): barycentric coordinates on B must be at least 0 with sum 1",
            3);
+  for (double weight : {-1.0, nan, kInfinity})
+    refuse({{4, 7, weight}}, "landmark 4 7: its weight must be at least 0", 4);
   refuse_exact({{p, 4}, {p, 7}}, "the point in triangle 3 of A is in another landmark", 3);
   refuse_exact({{3, q}, {4, q}}, "the point in triangle 9 of B is in another landmark", 9);
   refuse_exact({{a.triangles(3, 1), 4}, {SurfacePoint{3, {0, 1, 0}}, 7}},

@@ -1226,6 +1226,12 @@ TEST_CASE("options out of range are refused by name") {
   refuse("max_iterations", &Options::max_iterations, Ints{-1});
   refuse("tolerance", &Options::tolerance, Doubles{-1, kNan});
   refuse("threads", &Options::threads, Ints{-1});
+  refuse_with(
+      "weights of curves",
+      [](Options& o, double weight) {
+        o.curves = {{{0, 1}, {0, 1}, weight}};
+      },
+      Doubles{-1, kNan, kInf});
 }
 
 TEST_CASE("meshes that are no surfaces are refused by name") {
