@@ -15,6 +15,8 @@ install doctest-dev has_header doctest/doctest.h
 install libboost-dev has_header boost/multiprecision/cpp_int.hpp
 install libtinygltf-dev has_header tiny_gltf.h
 install assimp-utils command -v assimp
+install mono-mcs command -v mcs
+install mono-runtime command -v mono
 
 cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON \
   -DISM_BUILD_BENCH=ON "$@"

@@ -26,11 +26,15 @@ ln -s /usr/include/nlohmann "$work/include"
   -DISM_STB_DIR=/usr/include/stb -DISM_JSON_DIR="$work/include" \
   -DCMAKE_TOOLCHAIN_FILE="$project/tests/consumers/mingw.cmake" -DEigen3_DIR="$eigen" \
   -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE="-O1 -Werror" > "$work/log" 2>&1 &&
-  "$cmake" --build "$work/build" --target ism_map --target quick_start >> "$work/log" 2>&1 || {
+  "$cmake" --build "$work/build" --target ism_map --target quick_start --target ism_c \
+    >> "$work/log" 2>&1 &&
+  x86_64-w64-mingw32-gcc-posix -std=c99 -pedantic -Wall -Wextra -Werror -I "$project/examples/c" \
+    "$project/examples/c/map_hands.c" "$work/build/ism_c.dll" -o "$work/build/map_hands.exe" \
+    >> "$work/log" 2>&1 || {
   cat "$work/log"
   exit 1
 }
-echo "ism_map, quick_start: built"
+echo "ism_map, quick_start, ism_c: built"
 
 wine="$(sed -n 's/^ISM_WINE:FILEPATH=//p' "$work/build/CMakeCache.txt")"
 if [[ "$wine" == *NOTFOUND* ]]; then
@@ -41,8 +45,10 @@ pair="$project/data/starfish"
 cd "$work"
 "$wine" build/quick_start.exe "$pair/A.obj" "$pair/B.obj" "$pair/landmarks.txt" > quick_start.txt
 grep "is an isometry" quick_start.txt
+"$wine" build/map_hands.exe "$pair/A.obj" "$pair/B.obj" "$pair/landmarks.txt" > map_hands.txt
+diff -b <(head -n 3 map_hands.txt) quick_start.txt
 "$wine" build/ism_map.exe "$pair/A.obj" "$pair/B.obj" --landmarks "$pair/landmarks.txt" \
   --iterations 3 --picture -o out
 for file in out/*; do [ -s "$file" ] || { echo "$file is empty" && exit 1; }; done
 [ "$(find out -name '*.tmp')" = "" ]
-echo "ism_map, quick_start: work"
+echo "ism_map, quick_start, map_hands: work"
