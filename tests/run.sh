@@ -17,6 +17,10 @@ install libtinygltf-dev has_header tiny_gltf.h
 install assimp-utils command -v assimp
 install mono-mcs command -v mcs
 install mono-runtime command -v mono
+for module in numpy pytest pip setuptools wheel scipy matplotlib tqdm; do
+  install python3-$module /usr/bin/python3 -c "import $module"
+done
+install python3-venv /usr/bin/python3 -c "import ensurepip"
 
 cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DISM_BUILD_EXAMPLES=ON -DISM_BUILD_TESTS=ON \
   -DISM_BUILD_BENCH=ON "$@"

@@ -45,7 +45,8 @@ pair="$project/data/starfish"
 cd "$work"
 "$wine" build/quick_start.exe "$pair/A.obj" "$pair/B.obj" "$pair/landmarks.txt" > quick_start.txt
 grep "is an isometry" quick_start.txt
-"$wine" build/map_hands.exe "$pair/A.obj" "$pair/B.obj" "$pair/landmarks.txt" > map_hands.txt
+"$wine" build/map_hands.exe "$pair/A.obj" "$pair/B.obj" "$pair/landmarks.txt" > map_hands.txt \
+  2> map_hands.log
 diff -b <(head -n 3 map_hands.txt) quick_start.txt
 "$wine" build/ism_map.exe "$pair/A.obj" "$pair/B.obj" --landmarks "$pair/landmarks.txt" \
   --iterations 3 --picture -o out
