@@ -36,7 +36,8 @@ m = ism.map(a, b, landmarks, progress=True)
 print(m)
 for v in landmarks[:, 0]:
     image = m.a_to_b(v)
-    print(f"vertex {v} of A goes to {image.positions[0].round(4)} in triangle {image.faces[0]} of B")
+    position, triangle = image.positions[0].round(4), image.faces[0]
+    print(f"vertex {v} of A goes to {position} in triangle {triangle} of B")
 
 # %% Carry values: colors at the vertices of A, and what they are on B; gray where nothing is mapped
 colors = 0.5 + 0.5 * np.sin(25 * a[0] / np.ptp(a[0], axis=0).max())

@@ -13,8 +13,8 @@ a map (:class:`Map`), which maps points and values in both directions (:class:`D
 ``ism.Run`` does the same in steps. Ids are those of the given meshes, from 0. Failures are
 exceptions (:class:`Error`) with a sentence and the offending ids.
 
-Threads: a map may be used by any number of threads; a run by one at a time. While the library works,
-other Python threads run.
+Any number of threads may use a map, and one at a time a run. While the library works, other Python
+threads run.
 
 It implements: Patrick Schmidt, Janis Born, Marcel Campen, Leif Kobbelt: Distortion-Minimizing
 Injective Maps Between Surfaces. ACM Transactions on Graphics 38(6), 2019.

@@ -57,7 +57,7 @@ def _message(m: lib.Message) -> Message:
 
 
 class _Teller:
-    """Called by the library while it works, in the same thread; Python then handles signals, too."""
+    """Called by the library while it works, in its thread; Python then handles signals, too."""
 
     def __init__(self, progress: Optional[Progress]):
         self.progress = progress
