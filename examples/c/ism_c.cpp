@@ -268,8 +268,9 @@ ism_status ism_map_create(ism_run* run, ism_map** map) {
     const ism::Result& result = run->solver->result();
     auto made = std::make_unique<ism_map>();
     made->map = ism::SurfaceMap(result);
+    const std::string& why = made->map.message();
     if (made->map.status() != ism::Status::kDone)
-      return fail(int(made->map.status()), made->map.message().c_str());
+      return fail(int(made->map.status()), why.empty() ? "no map yet" : why.c_str());
     *map = made.release();
     return ism_status(result.status);
   });

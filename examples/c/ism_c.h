@@ -87,8 +87,8 @@ typedef struct ism_result {
 } ism_result;
 
 /// The common refinement of A and B: polygons of 3 to 6 corners, with one connectivity and two
-/// geometries; on each the map is affine. Distortion is the symmetric Dirichlet energy per area, ≥
-/// 2, and σ the singular values, of surfaces scaled as in the run.
+/// geometries; on each the map is affine. Distortion is the symmetric Dirichlet energy per area, at
+/// least 2, and σ the singular values, of surfaces scaled as in the run.
 typedef struct ism_meta {
   int32_t n_vertices, n_polygons, n_corners;
   const double *on_a, *on_b, *plane;  // vertices, #×3 on either surface, #×2 in a common plane
@@ -97,9 +97,8 @@ typedef struct ism_meta {
   const int32_t* corners;             // vertices, counter-clockwise
   const double *corner_a, *corner_b;  // #×3, barycentric coordinates of corners in face_a, face_b
   const double* distortion;  // polygons, #×5: areas on A and B, σ_min, σ_max, distortion
-  double mean, median, p95, largest;  // of the distortion, weighted by area
-  double sigma_min, sigma_max;        // extremes
-  double area_a, area_b;              // covered
+  double mean, median, p95, largest;            // of the distortion, weighted by area
+  double sigma_min, sigma_max, area_a, area_b;  // extremes; covered areas
 } ism_meta;
 
 /// A sparse matrix by rows (CSR). Value i is the sum of weights[k] times value sources[k], k from

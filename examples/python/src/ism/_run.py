@@ -210,7 +210,7 @@ class Run:
         state, pointer = self.state(), c.c_void_p()
         status = lib.call("ism_map_create", self._pointer, c.byref(pointer))
         if not pointer:
-            raise lib.error_of(status, state.message or "there is no map yet", state.ids)
+            raise lib.error_of(status, library.ism_last_error().decode(), state.ids)
         return Map(pointer, state, *self._sizes)
 
 
