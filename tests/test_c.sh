@@ -19,7 +19,8 @@ work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cc="${CC:-cc}"
 strict=(-std=c99 -pedantic -Wall -Wextra -Werror)
-export LD_LIBRARY_PATH="$(dirname "$shared")" DYLD_LIBRARY_PATH="$(dirname "$shared")"
+folder="$(dirname "$shared")"
+export LD_LIBRARY_PATH="$folder" DYLD_LIBRARY_PATH="$folder"
 
 fail() {
   [ ! -e "$work/log" ] || cat "$work/log"

@@ -11,7 +11,9 @@ project="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 package="$project/examples/python"
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
-export PATH="$(dirname "$cmake"):$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
+PATH="$(dirname "$cmake"):$PATH"
+export PATH PIP_DISABLE_PIP_VERSION_CHECK=1
+export CMAKE_ARGS="-DCMAKE_CXX_FLAGS_RELEASE=-O1"  # compiles sooner
 python="${PYTHON:-/usr/bin/python3}"
 [ -x "$(command -v "$python")" ] || python=python3
 
@@ -37,7 +39,7 @@ needs python3-wheel wheel
 
 # A copy, so that nothing is built in the project.
 mkdir -p "$work/project/examples/c" "$work/project/examples/python"
-cp "$project/ism.hpp" "$project/CMakeLists.txt" "$work/project"
+cp "$project/ism.hpp" "$project/CMakeLists.txt" "$project/LICENSE" "$work/project"
 cp "$project/examples/c/"ism_c.* "$work/project/examples/c"
 (cd "$package" && cp -r src pyproject.toml setup.py "$work/project/examples/python")
 ln -s "$project/data" "$work/project/data"

@@ -49,6 +49,7 @@ class BuildWithLibrary(build_py):
         is_in_place = getattr(self, "editable_mode", False)
         package = HERE / "src" / "ism" if is_in_place else pathlib.Path(self.build_lib) / "ism"
         shutil.copy(str(library.resolve()), str(package / library.name))
+        shutil.copy(str(PROJECT / "LICENSE"), str(package / "LICENSE"))
 
 
 class WheelOfLibrary(bdist_wheel):

@@ -173,7 +173,7 @@ class Direction:
         if points is None:
             points = np.arange(self._n_vertices, dtype=np.int32)
         elif isinstance(points, Points):
-            points, barycentric = points.faces, points.barycentric
+            barycentric, points = points.barycentric, points.faces
         ids = np.ascontiguousarray(np.atleast_1d(integers(points, "points")))
         if ids.ndim != 1:
             raise InputError(f"points must have shape (n,), not {ids.shape}")
@@ -326,4 +326,4 @@ class Map:
         """The distortion, in all and of each polygon of the meta mesh, see :class:`Distortion`."""
         m = self._handle.meta()
         polygons = self._handle.array(m.distortion, c.c_double, m.n_polygons, 5)
-        return Distortion(*(getattr(m, name) for name in lib.SUMMARY), polygons)
+        return Distortion(**{name: getattr(m, name) for name in lib.SUMMARY}, polygons=polygons)
