@@ -114,11 +114,9 @@ ism::LandmarkPoint end_of(int id, const double (&barycentric)[3]) {
 std::vector<ism::Landmark> landmarks_of(const ism_landmark* items, int n) {
   need_array(items, n, "landmarks");
   std::vector<ism::Landmark> landmarks;
-  for (const ism_landmark* l = items; l != items + n; ++l) {
-    need(l->weight >= 0, "the weight of a landmark is negative or not a number");
+  for (const ism_landmark* l = items; l != items + n; ++l)
     landmarks.push_back(
         {end_of(l->a, l->barycentric_a), end_of(l->b, l->barycentric_b), l->weight});
-  }
   return landmarks;
 }
 
@@ -268,9 +266,8 @@ ism_status ism_map_create(ism_run* run, ism_map** map) {
     const ism::Result& result = run->solver->result();
     auto made = std::make_unique<ism_map>();
     made->map = ism::SurfaceMap(result);
-    const std::string& why = made->map.message();
     if (made->map.status() != ism::Status::kDone)
-      return fail(int(made->map.status()), why.empty() ? "no map yet" : why.c_str());
+      return fail(int(made->map.status()), made->map.message().c_str());
     *map = made.release();
     return ism_status(result.status);
   });
