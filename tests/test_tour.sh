@@ -77,12 +77,6 @@ for step in 01 02 03 04 05 06 07 08 09 10; do
   [ -n "${pictures[$step]-}" ] || fail "step $step has no picture"
 done
 
-# ---- links ----
-
-for link in $(grep -oE '\]\([^)]+\)' "$temporary/prose" | tr -d '()]' | grep -vE '^(https?:|#)'); do
-  [ -e "$root/examples/${link%%#*}" ] || fail "the link $link leads nowhere"
-done
-
 # ---- what is said ----
 
 size() { od -An -t x1 -j 16 -N 8 "$1"; }  # of a PNG file
