@@ -1,6 +1,6 @@
 #!/bin/bash
-# Looks at examples/tour.md: what it shows is in the programs, what it names is in the header, what
-# it links is there, and the programs hold what it says.
+# Looks at examples/tour.md: what it shows is in the programs, what it names is in the header, and
+# the programs hold what it says.
 #   test_tour.sh TOUR
 set -u
 tour=$1
@@ -49,7 +49,6 @@ check_names() {  # step, line
 step=00 code='' in_code=false in_names=false
 declare -A blocks names pictures
 while IFS= read -r line; do
-  [[ $in_code == true ]] || echo "$line" >> "$temporary/prose"
   if [[ $line =~ ^'## '([0-9]+)'. ' ]]; then
     step=$(printf '%02d' "${BASH_REMATCH[1]}")
   elif [[ $line == '```cpp' ]]; then
