@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds and runs a program that uses the library in every way the README names: the projects in
+# Builds and runs a program that uses the library in every way that examples/reference.md names: the projects in
 # tests/consumers/, by CMake, pkg-config and hand. All of them compile the same text, once.
 #   test_consumers.sh CMAKE CXX_COMPILER FLAGS_OF_EIGEN...
 #   EIGEN_FOLDERS="dir..."   other versions of Eigen (default: where Debian's r-cran-rcppeigen
