@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds and runs a program that uses the library in every way that examples/reference.md names: the projects in
-# tests/consumers/, by CMake, pkg-config and hand. All of them compile the same text, once.
+# Builds and runs a program that uses the library in every way that examples/reference.md names: the
+# projects in tests/consumers/, by CMake, pkg-config and hand. All of them compile the same text,
+# once.
 #   test_consumers.sh CMAKE CXX_COMPILER FLAGS_OF_EIGEN...
 #   EIGEN_FOLDERS="dir..."   other versions of Eigen (default: where Debian's r-cran-rcppeigen
 #                            has 3.3)
