@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# Makes the page: ism.hpp compiled to WebAssembly, and all that belongs to it, in one file that runs
-# from any server and from the file system. On Debian and Ubuntu it installs what is missing.
-#   BUILD=dir  where it is made (default: build/web of the project); the page is BUILD/index.html
+# Compiles ism.hpp to WebAssembly, and makes of it
+#   BUILD/index.html  the page, one file that runs from any server and from the file system
+#   BUILD/module/     the module, a folder to import from; with npm, also a package, BUILD/*.tgz
+# On Debian and Ubuntu it installs what is missing, but for npm.
+#   BUILD=dir  where they are made (default: build/web of the project)
 #   EIGEN=dir, STB=dir  the folders with Eigen/Core and with stb_image.h, if they are elsewhere
 set -euo pipefail
 
@@ -36,7 +38,26 @@ compile() {
 compile "$build/ism.cpp" examples/map_picture.cpp examples/web/session.cpp
 em++ -O2 -msimd128 -fno-rtti --bind "$build"/{ism,map_picture,session}.o \
   -sTOTAL_STACK=8MB -sALLOW_MEMORY_GROWTH -sMODULARIZE -sEXPORT_NAME=createIsm \
-  -sEXPORTED_RUNTIME_METHODS=FS -sENVIRONMENT=worker,node -o "$build/ism.js"
+  -sEXPORTED_RUNTIME_METHODS=FS -sENVIRONMENT=worker,node -sDYNAMIC_EXECUTION=0 \
+  -sNODEJS_CATCH_EXIT=0 -sNODEJS_CATCH_REJECTION=0 -o "$build/ism.js"
+cat "$build/ism.js" examples/web/worker.js > "$build/worker.js"
+
+# size FILE: in bytes, as it is and compressed.
+size() { echo "$(wc -c < "$1") bytes, $(gzip -9 -c "$1" | wc -c) compressed"; }
+
 node examples/web/pack.js examples/web "$build" data "$build/index.html"
-echo "The page is $build/index.html: $(wc -c < "$build/index.html") bytes," \
-  "$(gzip -9 -c "$build/index.html" | wc -c) compressed."
+echo "The page is $build/index.html: $(size "$build/index.html")."
+
+module="$build/module"
+rm -rf "$module" "$build"/*.tgz
+mkdir "$module"
+cp "$build"/{worker.js,ism.wasm} examples/web/engine.mjs examples/web/module/{ism.mjs,ism.d.mts} \
+  examples/web/module/README.md LICENSE "$module"
+# The version stands in the header only.
+version="$(sed -nE 's/^#define ISM_VERSION_(MAJOR|MINOR|PATCH) +([0-9]+).*/\2/p' ism.hpp | paste -sd .)"
+sed "2a\\  \"version\": \"$version\"," examples/web/module/package.json > "$module/package.json"
+echo "The module is $module; ism.wasm: $(size "$module/ism.wasm")."
+if command -v npm > /dev/null; then
+  package="$(cd "$build" && npm pack --silent --offline ./module)"
+  echo "The package is $build/$package: $(wc -c < "$build/$package") bytes."
+fi

@@ -22,14 +22,16 @@ for (const name of ['starfish', 'hand', 'face'])
     landmarks: read(data, name, 'landmarks.txt')
   };
 
-const worker = read(built, 'ism.js') + read(sources, 'worker.js');
+const worker = read(built, 'worker.js');
 if (worker.includes('</script')) throw new Error('the worker ends its own element');
 const assets = asset('wasm', fs.readFileSync(path.join(built, 'ism.wasm'))) +
     asset('data', JSON.stringify(pairs)) +
     `<script type="text/plain" id="worker">${worker}</script>`;
 
+// Scripts of the page see each other's names without exports.
+const script = name => read(sources, name).replace(/^export /gm, '');
 const page = read(sources, 'index.html')
                  .replace('<!--@assets@-->', () => assets)
-                 .replace(/\/\*@([a-z]+\.(css|js))@\*\//g, (_, name) => read(sources, name));
+                 .replace(/\/\*@([a-z]+\.(css|m?js))@\*\//g, (_, name) => script(name));
 fs.mkdirSync(path.dirname(out), {recursive: true});
 fs.writeFileSync(out, page);

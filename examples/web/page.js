@@ -61,34 +61,21 @@ async function readPairs() {
   return pairs;
 }
 
-// ---- the worker ----
+// ---- the engine ----
 
-class Solver {
-  constructor(script) {
-    this.worker = new Worker(URL.createObjectURL(new Blob([script], {type: 'text/javascript'})));
-    this.waiting = new Map();
-    this.count = 0;
-    this.worker.onmessage = ({data: {id, result, error}}) => {
-      const {resolve, reject} = this.waiting.get(id);
-      this.waiting.delete(id);
-      if (error)
-        reject(new Error(error));
-      else
-        resolve(result);
-    };
-    this.worker.onerror = event => {
-      for (const {reject} of this.waiting.values()) reject(new Error(event.message));
-      this.waiting.clear();
-    };
-  }
+function startEngine(script) {
+  return new Engine(new Worker(URL.createObjectURL(new Blob([script], {type: 'text/javascript'}))));
+}
 
-  ask(call, values = {}, transfer = []) {
-    const id = ++this.count;
-    return new Promise((resolve, reject) => {
-      this.waiting.set(id, {resolve, reject});
-      this.worker.postMessage({id, call, values}, transfer);
-    });
-  }
+// What is set, as the engine's options.
+function optionsOf({measure, coverage, omega, memory, variant, exact}) {
+  const options = {measure, coverageWeight: coverage, exactLandmarks: exact};
+  if (variant === 'full')
+    Object.assign(options, {omegaStart: omega, historyLength: memory});
+  else  // SPN (§5.3), and without its memory PN (§5.1)
+    Object.assign(
+        options, {omegaStart: 0, coarsest: 0, historyLength: variant === 'pn' ? 1 : memory});
+  return options;
 }
 
 // ---- the page ----
@@ -130,7 +117,7 @@ class Page {
     $('status').classList.toggle('refused', isRefusal);
   }
 
-  options() {
+  settings() {
     return {
       measure: $('measure').value,
       coverage: Number($('coverage_weight').value),
@@ -142,7 +129,13 @@ class Page {
   }
 
   request() {
-    return {landmarks: this.landmarks.pairs.map(pair => [...pair]), options: this.options()};
+    return {landmarks: this.landmarks.pairs.map(pair => [...pair]), settings: this.settings()};
+  }
+
+  // Begins a run, or changes it.
+  send(call, {landmarks, settings}) {
+    return this.solver.ask(
+        call, {landmarks: landmarkRows(landmarks), options: optionsOf(settings)});
   }
 
   // ---- meshes ----
@@ -215,7 +208,7 @@ class Page {
     this.clearMap();
     this.seconds = 0;  // of all steps
     this.accepted = this.request();
-    this.take(await this.solver.ask('start', this.accepted));
+    this.take(await this.send('start', this.accepted));
     for (const id of ['play', 'step']) $(id).disabled = !this.state.more;
     $('restart').disabled = false;
   }
@@ -225,13 +218,14 @@ class Page {
     this.needsDrawing = true;
     return this.enqueue(async () => {
       if (!this.state) return;
-      const request = this.request(), {omega, variant} = this.accepted.options;
-      if (!this.hasMap || request.options.omega !== omega || request.options.variant !== variant) {
+      const request = this.request(), {omega, variant} = this.accepted.settings;
+      if (!this.hasMap || request.settings.omega !== omega ||
+          request.settings.variant !== variant) {
         await this.begin();  // these are about how a run begins
         if (this.wasPlaying) this.play();
         return;
       }
-      const outcome = await this.solver.ask('change', request);
+      const outcome = await this.send('change', request);
       if (!outcome.usable) return this.refuse(outcome);
       this.accepted = request;
       this.proof = '';
@@ -247,7 +241,7 @@ class Page {
     this.pause();
     this.wasPlaying = false;
     this.landmarks.set(this.accepted.landmarks);
-    this.setOptions(this.accepted.options);
+    this.setSettings(this.accepted.settings);
     this.say(`Not changed: ${outcome.message}`, true);
   }
 
@@ -327,7 +321,8 @@ class Page {
   }
 
   sentence(state) {
-    return `${this.capital(state.status)}: ${state.message}.`.replace(/\.\.$/, '.');
+    const sentences = [state.message, ...state.warnings.map(w => `warning: ${w.message}`)];
+    return `${this.capital(state.status)}: ${sentences.join('; ')}.`.replace(/\.\.$/, '.');
   }
 
   takePicture(picture) {
@@ -452,7 +447,7 @@ class Page {
     this.showSettings();
   }
 
-  setOptions({measure, coverage, omega, memory, variant, exact}) {
+  setSettings({measure, coverage, omega, memory, variant, exact}) {
     Object.assign($('measure'), {value: measure});
     Object.assign($('variant'), {value: variant});
     $('coverage_weight').value = coverage;
@@ -612,10 +607,9 @@ let thePage = null;
 
 async function main() {
   try {
-    const solver = new Solver($('worker').textContent);
-    const wasm = await asset('wasm');
-    const {heat} = await solver.ask('begin', {wasm}, [wasm]);
-    const pairs = await readPairs();
+    const solver = startEngine($('worker').textContent);
+    await solver.ask('begin', {wasm: await WebAssembly.compile(await asset('wasm'))});
+    const heat = await solver.ask('heat'), pairs = await readPairs();
     $('pair').replaceChildren(...Object.keys(pairs).map(name => new Option(name)));
     thePage = new Page(solver, heat, pairs);
     await thePage.openPair(Object.keys(pairs)[0]);

@@ -1,6 +1,7 @@
-// session.cpp: ism::Solver for a page in a browser, compiled to WebAssembly by build.sh. A worker
-// owns a Session and talks to the page; see worker.js. Meshes come and go as files of emscripten's
-// file system in memory, so reading and writing them is that of all examples.
+// session.cpp: ism::Solver for the page and for the module, compiled to WebAssembly by build.sh. A
+// worker owns a Session and talks to either; see worker.js. The page's meshes come and go as files
+// of emscripten's file system in memory, so reading and writing them is that of all examples; those
+// of the module are arrays, which engine.mjs and ism.mjs have checked.
 
 #include "../map_picture.hpp"
 #include "../mesh_io.hpp"
@@ -9,6 +10,7 @@
 #include <emscripten/bind.h>
 #include <emscripten/val.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -41,6 +43,11 @@ val floats_of(const Matrix& m) {
   return array_of(std::vector<float>(m.data(), m.data() + m.size()));
 }
 
+template <class Matrix>
+val doubles_of(const Matrix& m) {
+  return array_of(m.data(), static_cast<std::size_t>(m.size()));
+}
+
 template <class T>
 val list_of(const std::vector<T>& items, val (*convert)(const T&)) {
   val list = val::array();
@@ -48,21 +55,46 @@ val list_of(const std::vector<T>& items, val (*convert)(const T&)) {
   return list;
 }
 
-val outcome_of(const ism::Outcome& outcome) {
+val id_of(const ism::ElementId& e) {
+  constexpr const char* elements[] = {"vertex", "face", "corner"};
   val v = val::object();
+  v.set("side", e.side == Side::kA ? "a" : "b");
+  v.set("element", elements[static_cast<int>(e.element)]);
+  v.set("id", e.id);
+  return v;
+}
+
+template <class Told>  // ism::Outcome or ism::Warning
+val told(const Told& what) {
+  val v = val::object();
+  v.set("message", what.message);
+  v.set("ids", list_of(what.ids, id_of));
+  return v;
+}
+
+val outcome_of(const ism::Outcome& outcome) {
+  val v = told(outcome);
   v.set("status", ism::to_string(outcome.status));
   v.set("usable", ism::is_usable(outcome.status));
-  std::string message = outcome.message;
-  for (const ism::Warning& w : outcome.warnings)
-    message += (message.empty() ? "warning: " : "; warning: ") + w.message;
-  v.set("message", message);
+  v.set("warnings", list_of(outcome.warnings, told<ism::Warning>));
   return v;
 }
 
 val refusal(const std::string& message) {
-  val v = val::object();
+  ism::Outcome outcome;
+  outcome.message = message;
+  val v = outcome_of(outcome);
+  v.set("status", "invalid input");
+  v.set("usable", false);
   v.set("ok", false);
-  v.set("message", message);
+  return v;
+}
+
+val summary_of(const ism::DistortionSummary& s) {
+  val v = val::object();
+  v.set("mean", s.mean), v.set("median", s.median), v.set("p95", s.p95);
+  v.set("largest", s.largest), v.set("sigmaMin", s.sigma_min), v.set("sigmaMax", s.sigma_max);
+  v.set("areaA", s.area_a), v.set("areaB", s.area_b);
   return v;
 }
 
@@ -98,27 +130,49 @@ ism::DistortionMeasure measure_named(const std::string& name) {
   return ism::symmetric_dirichlet();
 }
 
-/// What the sliders say: {measure, coverage, omega, memory, variant, exact}.
-ism::Options options_of(const val& v) {
-  ism::Options options;
-  options.measure = measure_named(v["measure"].as<std::string>());
-  options.coverage_weight = v["coverage"].as<double>();
-  options.exact_landmarks = v["exact"].as<bool>();
-  options.omega_start = v["omega"].as<double>();
-  options.history_length = v["memory"].as<int>();
-  const std::string variant = v["variant"].as<std::string>();
-  if (variant != "full") {  // SPN (§5.3), and without its memory PN (§5.1)
-    options.omega_start = options.coarsest = 0;
-    if (variant == "pn") options.history_length = 1;
-  }
-  return options;
+/// Sets what is given.
+template <class T>
+void set(T& x, const val& given) {
+  if (!given.isUndefined()) x = given.as<T>();
 }
 
-/// [[vertex of A, vertex of B], ...]
-std::vector<ism::Landmark> landmarks_of(const val& list) {
+void set(std::vector<int>& ids, const val& given) {
+  if (!given.isUndefined()) ids = emscripten::convertJSArrayToNumberVector<int>(given);
+}
+
+/// Options by their names in ism::Options, in camel case.
+ism::Options options_of(const val& v) {
+  ism::Options o;
+  std::string measure, boundary;
+  set(measure, v["measure"]), set(boundary, v["boundary"]);
+  o.measure = measure_named(measure);
+  if (boundary == "fixed") o.boundary = ism::Boundary::kFixed;
+  if (boundary == "slide") o.boundary = ism::Boundary::kSlide;
+  set(o.max_iterations, v["maxIterations"]), set(o.tolerance, v["tolerance"]);
+  set(o.max_seconds, v["maxSeconds"]), set(o.coverage_weight, v["coverageWeight"]);
+  set(o.keep_scale, v["keepScale"]), set(o.exact_landmarks, v["exactLandmarks"]);
+  set(o.weld, v["weld"]), set(o.candidates, v["candidates"]);
+  set(o.coarsest, v["coarsest"]), set(o.refine, v["refine"]);
+  set(o.history_length, v["historyLength"]), set(o.omega_start, v["omegaStart"]);
+  set(o.outer_a, v["outerA"]), set(o.outer_b, v["outerB"]);
+  set(o.pins_a, v["pinsA"]), set(o.pins_b, v["pinsB"]);
+  set(o.as_published, v["asPublished"]);
+  return o;
+}
+
+/// A row of nine numbers per landmark: a, b, its weight, barycentric coordinates in a and in b,
+/// zeros if it is a vertex.
+std::vector<ism::Landmark> landmarks_of(const val& rows) {
+  constexpr std::size_t kColumns = 9;
+  const std::vector<double> x = emscripten::convertJSArrayToNumberVector<double>(rows);
+  const auto end_of = [](double id, const double* barycentric) {
+    const Eigen::Vector3d p(barycentric);
+    const int i = static_cast<int>(id);
+    return p.isZero(0) ? ism::LandmarkPoint(i) : ism::LandmarkPoint(ism::SurfacePoint{i, p});
+  };
   std::vector<ism::Landmark> landmarks;
-  for (int i = 0, n = list["length"].as<int>(); i < n; ++i)
-    landmarks.push_back({list[i][0].as<int>(), list[i][1].as<int>()});
+  for (std::size_t i = 0; i < x.size(); i += kColumns)
+    landmarks.push_back({end_of(x[i], &x[i + 3]), end_of(x[i + 1], &x[i + 6]), x[i + 2]});
   return landmarks;
 }
 
@@ -206,13 +260,25 @@ class Session {
     return v;
   }
 
+  /// Takes a mesh as it is, #V×3 doubles and #F×3 ids; what it needs, the library mends itself.
+  void take(int side, val positions, val triangles) {
+    const auto x = emscripten::convertJSArrayToNumberVector<double>(positions);
+    const auto f = emscripten::convertJSArrayToNumberVector<int>(triangles);
+    auto mesh = std::make_shared<ism::TriangleMesh>();
+    mesh->vertices = Eigen::Map<const ism::Points3>(x.data(), Eigen::Index(x.size() / 3), 3);
+    mesh->triangles = Eigen::Map<const ism::Triangles>(f.data(), Eigen::Index(f.size() / 3), 3);
+    solver_.reset();
+    mesh_[side] = mesh;
+  }
+
   /// Begins anew.
   val start(val landmarks, val options) {
     last_.reset();
+    stop_ = false;
     if (!mesh_[0] || !mesh_[1]) return refusal("open two meshes first");
     constexpr Eigen::Index kMost = 120000;  // for the 2 GB that a page has
     if (mesh_[0]->triangles.rows() + mesh_[1]->triangles.rows() > kMost)
-      return refusal("a page has memory for 120,000 triangles in all: take coarser meshes");
+      return refusal("there is memory for 120,000 triangles in all: take coarser meshes");
     solver_ = std::make_unique<ism::Solver>(*mesh_[0], *mesh_[1], landmarks_of(landmarks),
                                             with_progress(options));
     return state(solver_->result().status == ism::Status::kNoMapYet);
@@ -227,6 +293,93 @@ class Session {
   val step() {
     is_new_ = false;
     return state(solver_->step());
+  }
+
+  /// Steps for some seconds, at least once. Tells less than step(), as the state of a run costs
+  /// some steps while decimated surfaces are mapped.
+  val advance(double seconds) {
+    val v = val::object();
+    v.set("more", solver_->advance(seconds));
+    v.set("fraction", solver_->fraction());
+    v.set("what", what_);
+    return v;
+  }
+
+  /// Ends the run where it is, for map().
+  void cancel() {
+    stop_ = true;
+    solver_->step();
+  }
+
+  /// Ends the run: the outcome, with the figures of the map if there is one. The rest of it is asked
+  /// for by images(), transfer() and meta().
+  val map() {
+    const ism::Result& result = solver_->result();
+    val v = outcome_of(result);
+    if (!ism::is_usable(result.status)) return v;
+    map_ = ism::SurfaceMap(result);
+    if (map_.status() != ism::Status::kDone) {
+      v.set("usable", false);
+      v.set("status", ism::to_string(map_.status()));
+      v.set("message", map_.message());
+      return v;
+    }
+    meta_ = map_.meta_mesh();
+    distortion_ = map_.distortion();
+    const ism::IterationLog& last = result.final_state();
+    v.set("coverageA", last.coverage_a), v.set("coverageB", last.coverage_b);
+    v.set("iterations", static_cast<int>(result.log.size()));
+    v.set("seconds", result.start.seconds + result.seconds);
+    v.set("distortion", summary_of(ism::summarize(distortion_)));
+    solver_.reset();  // its memory serves what follows
+    return v;
+  }
+
+  /// Images of vertices `ids` of a side, or, with barycentric coordinates, of points in triangles.
+  val images(int from, val ids, val barycentric) const {
+    const auto points = emscripten::convertJSArrayToNumberVector<int>(ids);
+    std::vector<double> places;
+    const bool are_vertices = barycentric.isUndefined();
+    if (!are_vertices) places = emscripten::convertJSArrayToNumberVector<double>(barycentric);
+    const std::size_t n = points.size();
+    std::vector<int> faces(n);
+    std::vector<double> weights(3 * n), positions(3 * n);
+    for (std::size_t i = 0; i < n; ++i) {
+      const ism::SurfacePoint p = are_vertices ? image(from, points[i])
+                                               : image(from, ism::SurfacePoint{
+                                                             points[i], place(&places[3 * i])});
+      faces[i] = p.face;
+      place(&weights[3 * i]) = p.barycentric;
+      place(&positions[3 * i]) = from == 0 ? map_.position_on_b(p) : map_.position_on_a(p);
+    }
+    val v = val::object();
+    v.set("faces", array_of(faces)), v.set("barycentric", array_of(weights));
+    v.set("positions", array_of(positions));
+    return v;
+  }
+
+  /// The matrix that carries values of elements of a side to elements of the other one, by rows.
+  val transfer(int from, int source, int target) const {
+    const ism::Transfer t =
+        ism::transfer(meta_, Side(from), ism::Element(source), ism::Element(target));
+    val v = val::object();
+    v.set("columns", t.n_sources);
+    v.set("offsets", array_of(t.offsets)), v.set("sources", array_of(t.sources));
+    v.set("weights", array_of(t.weights));
+    return v;
+  }
+
+  /// The common refinement of both meshes, with the distortion of its polygons.
+  val meta() const {
+    val v = val::object();
+    v.set("onA", doubles_of(meta_.on_a)), v.set("onB", doubles_of(meta_.on_b));
+    v.set("plane", doubles_of(meta_.plane));
+    v.set("faceA", array_of(meta_.face_a)), v.set("faceB", array_of(meta_.face_b));
+    v.set("offsets", array_of(meta_.offsets)), v.set("corners", array_of(meta_.corners));
+    v.set("cornerA", doubles_of(meta_.corner_a)), v.set("cornerB", doubles_of(meta_.corner_b));
+    static_assert(sizeof(ism::PolygonDistortion) == 5 * sizeof(double), "JavaScript reads rows");
+    v.set("distortion", array_of(&distortion_.data()->area_a, 5 * distortion_.size()));
+    return v;
   }
 
   /// The overlay and both embeddings, in triangles; undefined while there is no map.
@@ -270,12 +423,23 @@ class Session {
  private:
   ism::Options with_progress(const val& settings) {
     ism::Options options = options_of(settings);
+    options.stop = &stop_;
     options.progress = [this](const ism::Progress& p) {
       what_ = p.what;
       if (p.iteration) last_ = *p.iteration, is_new_ = true;
       return true;
     };
     return options;
+  }
+
+  using Place = Eigen::Map<Eigen::Vector3d>;
+  static Place place(double* numbers) { return Place(numbers); }
+
+  ism::SurfacePoint image(int from, int vertex) const {
+    return from == 0 ? map_.forward_vertex(vertex) : map_.backward_vertex(vertex);
+  }
+  ism::SurfacePoint image(int from, const ism::SurfacePoint& p) const {
+    return from == 0 ? map_.forward(p) : map_.backward(p);
   }
 
   /// Where the run is; `log` is that of the last iteration, after a change of one before it.
@@ -335,6 +499,10 @@ class Session {
   std::optional<ism::IterationLog> last_;
   bool is_new_ = false;
   std::string what_;
+  std::atomic<bool> stop_{false};
+  ism::SurfaceMap map_;  // of map(), as are these
+  ism::MetaMesh meta_;
+  std::vector<ism::PolygonDistortion> distortion_;
 };
 
 /// The colours of densities 2 to 8, their logarithms equally apart, n times red, green, blue.
@@ -352,9 +520,16 @@ EMSCRIPTEN_BINDINGS(ism) {
   emscripten::class_<Session>("Session")
       .constructor<>()
       .function("open", &Session::open)
+      .function("take", &Session::take)
       .function("start", &Session::start)
       .function("change", &Session::change)
       .function("step", &Session::step)
+      .function("advance", &Session::advance)
+      .function("cancel", &Session::cancel)
+      .function("map", &Session::map)
+      .function("images", &Session::images)
+      .function("transfer", &Session::transfer)
+      .function("meta", &Session::meta)
       .function("picture", &Session::picture)
       .function("verify", &Session::verify)
       .function("save", &Session::save);

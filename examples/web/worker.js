@@ -1,6 +1,7 @@
-// The solver, beside the page's own thread, so that the page never freezes. A request is
-// {id, call, values}, the answer {id, result}; arrays change hands without a copy. What stands
-// before this text in the worker is ism.js, emscripten's frame for session.cpp.
+// The solver in a worker, so that the page never freezes; of the page, and of the module in browsers
+// and in node. A request is {id, call, values}, the answer {id, result} or {id, error}; arrays change
+// hands without a copy. engine.mjs is the other end. What stands before this text in the worker is
+// ism.js, emscripten's frame for session.cpp.
 'use strict';
 
 let ism = null;
@@ -9,10 +10,22 @@ let session = null;
 const calls = {
   async begin({wasm}) {
     // Sentences of the library's own are in results; what emscripten prints is a fault.
-    ism = await createIsm({wasmBinary: wasm, print: console.log, printErr: console.error});
+    ism = await createIsm({
+      instantiateWasm(imports, done) {
+        WebAssembly.instantiate(wasm, imports).then(instance => done(instance, wasm));
+        return {};  // it comes later
+      },
+      print: console.log,
+      printErr: console.error
+    });
     session = new ism.Session();
-    return {heat: ism.heatColors(256)};
   },
+
+  heat() {
+    return ism.heatColors(256);
+  },
+
+  // ---- of the page ----
 
   open({side, name, bytes}) {
     const path = '/' + name.replace(/\//g, '_');
@@ -23,7 +36,9 @@ const calls = {
     return result;
   },
 
-  start({landmarks, options}) {
+  // With meshes of the module's; without, those that are open.
+  start({meshes = [], landmarks, options}) {
+    meshes.forEach(({positions, triangles}, side) => session.take(side, positions, triangles));
     return session.start(landmarks, options);
   },
 
@@ -59,7 +74,36 @@ const calls = {
     }
     return result;
   },
+
+  // ---- of the module ----
+
+  slice({seconds}) {
+    return session.advance(seconds);
+  },
+
+  cancel() {
+    session.cancel();
+  },
+
+  map() {
+    return session.map();
+  },
+
+  images({side, ids, barycentric}) {
+    return session.images(side, ids, barycentric);
+  },
+
+  transfer({side, source, target}) {
+    return session.transfer(side, source, target);
+  },
+
+  meta() {
+    return session.meta();
+  },
 };
+
+// What the engine throws is a number if the library had no memory, as it throws nothing itself.
+const sentenceOf = error => typeof error === 'number' ? 'out of memory' : String(error);
 
 // The buffers of all typed arrays in a result.
 function buffersOf(value, found = []) {
@@ -70,12 +114,13 @@ function buffersOf(value, found = []) {
   return found;
 }
 
-onmessage = async event => {
+const port = typeof self === 'object' ? self : require('worker_threads').parentPort;
+port.onmessage = async event => {
   const {id, call, values} = event.data;
   try {
     const result = await calls[call](values);
-    postMessage({id, result}, buffersOf(result));
+    port.postMessage({id, result}, buffersOf(result));
   } catch (error) {
-    postMessage({id, error: String(error)});
+    port.postMessage({id, error: sentenceOf(error)});
   }
 };
