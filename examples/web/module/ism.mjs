@@ -146,7 +146,7 @@ function like(values, sums) {
   if (!ArrayBuffer.isView(values)) return sums;
   const kind = values[Symbol.toStringTag];  // also of subclasses, as node's Buffer
   const Kind = globalThis[kind];
-  if (!kind.includes('Int')) return Kind.from(sums);
+  if (kind.startsWith('Float')) return Kind.from(sums);
   const n = 2 ** (8 * values.BYTES_PER_ELEMENT), low = kind.startsWith('Int') ? -n / 2 : 0;
   return Kind.from(sums, x => Math.min(Math.max(Math.round(x), low), low + n - 1));
 }
