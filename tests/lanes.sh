@@ -82,6 +82,7 @@ CMAKE
 # What needs whole builds of its own, or takes memory at will, is not for every lane; nor are the
 # examples, where a lane is about the header.
 scripts='test_c$|test_python|test_consumers|test_windows|test_flags|test_cli|test_web|reference'
+scripts+='|test_module|test_packaging'
 memory='test_machine|test_failures'
 lean=(-DISM_BUILD_BENCH=OFF -DISM_BUILD_EXAMPLES=OFF)
 sanitizer=(-DCMAKE_BUILD_TYPE=None -DISM_NATIVE=OFF -DISM_BUILD_BENCH=OFF)

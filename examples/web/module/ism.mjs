@@ -132,6 +132,17 @@ async function startEngine() {
 
 // ---- maps ----
 
+// Of a map. What fails without a sentence of the library's, as for want of memory, may leave anything
+// behind.
+async function ask(engine, call, values, transfer) {
+  try {
+    return await engine.ask(call, values, transfer);
+  } catch (error) {
+    engine.end(error.message);
+    throw error;
+  }
+}
+
 const buffersOf = arrays => Object.values(arrays).filter(ArrayBuffer.isView).map(x => x.buffer);
 
 const errorOf = ({message, status, ids: named}) => new IsmError(message, status, named);
@@ -181,7 +192,7 @@ class Direction {
       const wrong = values.ids.findIndex((face, i) => face >= 0 && !isPoint(values.barycentric, i));
       if (wrong >= 0) refuse(`barycentric: those of point ${wrong} are not at least 0 with sum 1`);
     }
-    return this.#engine.ask('images', values, buffersOf(values));
+    return ask(this.#engine, 'images', values, buffersOf(values));
   }
 
   // In both, elements are named by what they are: 'vertex', 'face', 'corner'.
@@ -222,7 +233,7 @@ class Direction {
     const key = 3 * from + to;
     if (!this.#matrices.has(key))
       this.#matrices.set(
-          key, this.#engine.ask('transfer', {side: this.#side, source: from, target: to}));
+          key, ask(this.#engine, 'transfer', {side: this.#side, source: from, target: to}));
     return this.#matrices.get(key);
   }
 }
@@ -242,7 +253,7 @@ class SurfaceMap {
 
   get meta() {
     if (this.#engine.ended) return Promise.reject(this.#engine.ended);
-    this.#meta = this.#meta || this.#engine.ask('meta');
+    this.#meta = this.#meta || ask(this.#engine, 'meta');
     return this.#meta;
   }
 
