@@ -16,9 +16,6 @@ class Ism(ConanFile):
     topics = ("geometry", "meshes", "surface-maps", "correspondence")
     package_type = "static-library"
     settings = "os", "compiler", "build_type", "arch"
-    options = {"fPIC": [True, False]}
-    default_options = {"fPIC": True}
-    implements = ["auto_shared_fpic"]
 
     def _project(self):
         return os.path.join(self.recipe_folder, "..", "..", "..")
@@ -34,7 +31,7 @@ class Ism(ConanFile):
             copy(self, name, self._project(), self.export_sources_folder)
 
     def requirements(self):
-        self.requires("eigen/[>=3.3 <6]", transitive_headers=True)
+        self.requires("eigen/[>=3.3 <4]", transitive_headers=True)
 
     def validate(self):
         check_min_cppstd(self, 17)
