@@ -110,7 +110,7 @@ export interface Direction {
   images(points: Pick<Points, 'faces' | 'barycentric'>): Promise<Points>;
   /** Carries values to the other mesh, so many columns for each element, to an array of the same
    *  type; integers are rounded. What is not covered has the value `fill`, or 0. */
-  transfer<T extends Numbers>(values: T, columns?: number, elements?: Elements & {fill?: number}):
+  transfer<T extends Numbers>(values: T, columns?: number, options?: Elements & {fill?: number}):
       Promise<T extends number[] ? Float64Array : T>;
   /** The matrix of `transfer`. */
   matrix(elements?: Elements): Promise<Matrix>;

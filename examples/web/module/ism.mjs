@@ -15,8 +15,8 @@ const refuse = message => {
 
 // ---- arguments ----
 
-const isNumbers = x =>
-    Array.isArray(x) || (ArrayBuffer.isView(x) && typeof x[0] !== 'bigint' && !(x instanceof DataView));
+const isNumbers = x => Array.isArray(x) ||
+    (ArrayBuffer.isView(x) && !(x instanceof DataView) && typeof x[0] !== 'bigint');
 
 // A copy, which the worker may have.
 function numbers(values, name) {
@@ -132,8 +132,8 @@ async function startEngine() {
 
 // ---- maps ----
 
-// Of a map. What fails without a sentence of the library's, as for want of memory, may leave anything
-// behind.
+// Of a map. What fails without a sentence of the library's, as for want of memory, may leave
+// anything behind.
 async function ask(engine, call, values, transfer) {
   try {
     return await engine.ask(call, values, transfer);
