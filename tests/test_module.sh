@@ -43,4 +43,5 @@ else
 fi
 chromium="$(command -v chromium chromium-browser google-chrome | head -n 1 || true)"
 [ -n "$chromium" ] || echo "browser: skipped, chromium is missing (Debian and Ubuntu: chromium)"
-node "$project/tests/test_module.mjs" node_modules/ism-hpp "$project/data" "$quick_start" "$chromium"
+node "$project/tests/test_module.mjs" node_modules/ism-hpp "$project/data" "$quick_start" \
+  "$chromium"

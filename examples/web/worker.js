@@ -1,7 +1,7 @@
 // The solver in a worker, so that the page never freezes; of the page, and of the module, also in
-// node. A request is {id, call, values}, the answer {id, result} or {id, error}; arrays change hands
-// without a copy. engine.mjs is the other end. What stands before this text in the worker is ism.js,
-// emscripten's frame for session.cpp.
+// node. A request is {id, call, values}, the answer {id, result} or {id, error}; arrays change
+// hands without a copy. engine.mjs is the other end. What stands before this text in the worker is
+// ism.js, emscripten's frame for session.cpp.
 'use strict';
 
 let ism = null;

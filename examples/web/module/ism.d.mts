@@ -172,5 +172,5 @@ export interface SurfaceMap {
   free(): void;
 }
 
-/** Maps A onto B: injective, continuous, of low distortion. Calls may overlap: each has a worker. */
+/** Maps A onto B: injective, continuous, of low distortion. Calls may overlap. */
 export function map(a: Mesh, b: Mesh, options?: Options): Promise<SurfaceMap>;
