@@ -8,12 +8,12 @@ import fs from 'node:fs';
 import http from 'node:http';
 import os from 'node:os';
 import path from 'node:path';
-import {pathToFileURL} from 'node:url';
+import {fileURLToPath, pathToFileURL} from 'node:url';
 
 import {runCases} from './module_cases.mjs';
 
 const [module, data, quickStart, chromium] = process.argv.slice(2);
-const cases = path.join(import.meta.dirname, 'module_cases.mjs');
+const cases = fileURLToPath(new URL('./module_cases.mjs', import.meta.url));
 
 const rowsIn = text => text.split('\n').map(line => line.replace(/#.*/, '').trim().split(/\s+/));
 
@@ -51,18 +51,28 @@ function typed({a, b, ...others}) {
   return {a: of(a), b: of(b), ...others};
 }
 
-// A module without its program or its worker says so, and maps when they are there.
+// A module without its program or its worker, or with others, says so, and maps when they are there.
 async function testMissingFiles() {
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'ism_module_'));
   for (const file of ['ism.mjs', 'engine.mjs']) fs.copyFileSync(
       path.join(module, file), path.join(folder, file));
-  const {map} = await import(pathToFileURL(path.join(folder, 'ism.mjs')));
+  const load = query => import(pathToFileURL(path.join(folder, 'ism.mjs')) + query);
   const square = {positions: [0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0], triangles: [0, 1, 2, 0, 2, 3]};
-  for (const file of ['ism.wasm', 'worker.js']) {
-    await assert.rejects(map(square, square), new RegExp(file));
-    fs.copyFileSync(path.join(module, file), path.join(folder, file));
-  }
-  const m = await map(square, square, {maxIterations: 2});
+  const refuses = (sentence, {map}) => assert.rejects(
+      map(square, square),
+      error => error.name === 'IsmError' && error.status === 'failed call' &&
+          sentence.test(error.message));
+  const library = await load('');
+  await refuses(/ism.wasm/, library);
+  fs.writeFileSync(path.join(folder, 'ism.wasm'), 'no program');
+  await refuses(/WebAssembly/, library);
+  fs.copyFileSync(path.join(module, 'ism.wasm'), path.join(folder, 'ism.wasm'));
+  await refuses(/worker.js/, library);
+  fs.copyFileSync(path.join(module, 'worker.js'), path.join(folder, 'worker.js'));
+  fs.writeFileSync(
+      path.join(folder, 'ism.wasm'), Buffer.from([0, 0x61, 0x73, 0x6d, 1, 0, 0, 0]));  // an empty one
+  await refuses(/./, await load('?again'));
+  const m = await library.map(square, square, {maxIterations: 2});  // it has the right one
   assert.ok(m.distortion.mean < 2.01);
   fs.rmSync(folder, {recursive: true});
   console.log('passed: says which file is missing');  // m is not freed: node ends nevertheless

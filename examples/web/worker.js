@@ -9,14 +9,16 @@ let session = null;
 
 const calls = {
   async begin({wasm}) {
-    // Sentences of the library's own are in results; what emscripten prints is a fault.
-    ism = await createIsm({
-      instantiateWasm(imports, done) {
-        WebAssembly.instantiate(wasm, imports).then(instance => done(instance, wasm));
-        return {};  // it comes later
-      },
-      print: console.log,
-      printErr: console.error
+    ism = await new Promise((resolve, reject) => {
+      const instantiateWasm = (imports, done) => {
+        WebAssembly.instantiate(wasm, imports)
+            .then(instance => done(instance, wasm))
+            .catch(reject);  // e.g. there is no memory for it
+        return {};           // it comes later
+      };
+      // Sentences of the library's own are in results; what emscripten prints is a fault.
+      createIsm({instantiateWasm, print: console.log, printErr: console.error})
+          .then(resolve, reject);
     });
     session = new ism.Session();
   },

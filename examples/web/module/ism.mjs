@@ -86,12 +86,16 @@ function optionsOf(given) {
 
 // ---- the worker ----
 
+// A module of node's. Bundlers leave it alone.
+const nodes = name => import(/* webpackIgnore: true */ /* @vite-ignore */ `node:${name}`);
+
 // Node's workers, where browsers have their own, with the face of those.
-function startWorker() {
+async function startWorker() {
   if (typeof Worker === 'function')
     return new Worker(new URL('./worker.js', import.meta.url), {name: 'ism'});
-  const {Worker: NodeWorker} = process.getBuiltinModule('worker_threads');
-  const worker = new NodeWorker(new URL('./worker.js', import.meta.url));
+  const {Worker: NodeWorker} = await nodes('worker_threads');
+  const here = import.meta.url;  // bundlers have found the worker above, and need no second one
+  const worker = new NodeWorker(new URL('worker.js', here));
   const face = {
     waiting: 0,  // a program may end while its maps wait for questions
     postMessage(message, transfer) {
@@ -110,30 +114,13 @@ function startWorker() {
 
 async function readProgram() {
   const url = new URL('./ism.wasm', import.meta.url);
-  if (url.protocol === 'file:' && typeof process === 'object')
-    return process.getBuiltinModule('fs/promises').readFile(url);
+  if (url.protocol === 'file:') return (await nodes('fs/promises')).readFile(url);
   const response = await fetch(url);
-  if (!response.ok) throw new IsmError(`${url}: ${response.status}`, 'failed call');
+  if (!response.ok) throw new Error(`${url}: ${response.status}`);
   return response.arrayBuffer();
 }
 
-let program = null;  // compiled once, for all workers
-
-async function startEngine() {
-  program = program || readProgram().then(bytes => WebAssembly.compile(bytes));
-  const wasm = await program.catch(error => {
-    program = null;  // the next call tries again
-    throw error;
-  });
-  const engine = new Engine(startWorker());
-  await engine.ask('begin', {wasm});
-  return engine;
-}
-
-// ---- maps ----
-
-// Of a map. What fails without a sentence of the library's, as for want of memory, may leave
-// anything behind.
+// What fails without a sentence of the library's, as for want of memory, may leave anything behind.
 async function ask(engine, call, values, transfer) {
   try {
     return await engine.ask(call, values, transfer);
@@ -142,6 +129,21 @@ async function ask(engine, call, values, transfer) {
     throw error;
   }
 }
+
+let program = null;  // compiled once, for all workers
+
+async function startEngine() {
+  program = program || readProgram().then(bytes => WebAssembly.compile(bytes));
+  const wasm = await program.catch(error => {
+    program = null;  // the next call tries again
+    throw new IsmError(error.message, 'failed call');
+  });
+  const engine = new Engine(await startWorker());
+  await ask(engine, 'begin', {wasm});
+  return engine;
+}
+
+// ---- maps ----
 
 const buffersOf = arrays => Object.values(arrays).filter(ArrayBuffer.isView).map(x => x.buffer);
 
