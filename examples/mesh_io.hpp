@@ -133,6 +133,9 @@ inline std::string ply_text(const std::string& comment, const ism::Points3& vert
 inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles);
 inline std::vector<std::vector<int>> polygons_of(const ism::MetaMesh& meta);
 
+/// The edges of triangles, each once, the lower vertex first.
+inline std::vector<std::array<int, 2>> edges_of(const ism::Triangles& triangles);
+
 /// Reads a whole text as one number or one integer; false if it is anything else.
 inline bool parse_number(std::string_view text, double& value);
 inline bool parse_integer(std::string_view text, long long& value);
@@ -1640,6 +1643,16 @@ inline std::vector<std::vector<int>> polygons_of(const ism::Triangles& triangles
   for (Eigen::Index f = 0; f < triangles.rows(); ++f)
     polygons.push_back({triangles(f, 0), triangles(f, 1), triangles(f, 2)});
   return polygons;
+}
+
+inline std::vector<std::array<int, 2>> edges_of(const ism::Triangles& triangles) {
+  std::vector<std::array<int, 2>> edges;
+  for (Eigen::Index f = 0; f < triangles.rows(); ++f)
+    for (int k = 0; k < 3; ++k)
+      edges.push_back(detail::ascending(triangles(f, k), triangles(f, (k + 1) % 3)));
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
 }
 
 inline std::vector<std::vector<int>> polygons_of(const ism::MetaMesh& meta) {
