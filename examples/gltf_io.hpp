@@ -59,10 +59,18 @@ struct Surface {
   std::vector<std::string> notes;
   ism::TriangleMesh mesh;
   std::vector<Part> parts;
+  /// Per vertex, the first one of the same node at the same place that follows the same joints and
+  /// moves alike in all morph targets: copies along seams of normals and texture coordinates. The
+  /// two sides of a closed mouth that a joint or a morph target opens differ.
+  std::vector<int> same;
 };
 inline Surface surface_of(const File& file);
 
-/// The same as other files are read, with the texture coordinates TEXCOORD_0.
+/// The mesh with the first one in place of all copies of a vertex. Numbers of vertices stay.
+inline ism::TriangleMesh joined(const Surface& surface);
+
+/// The same as other files are read, with the texture coordinates TEXCOORD_0; copies along seams
+/// are in no triangle.
 inline mesh_io::ReadResult read_mesh(const std::string& path);
 
 /// The numbers of an accessor, a row per element; integers that stand for [0, 1] become that.
@@ -446,6 +454,33 @@ inline Eigen::Matrix4d placement(const tinygltf::Model& m, const std::vector<int
   return global_transform(m, parents, joints[root]) * inverse_binds(m, skin)[root];
 }
 
+/// What copies of a vertex have in common, a row per vertex: its place, joints and moves.
+inline ism::Values identities(const tinygltf::Model& m, const tinygltf::Primitive& p) {
+  ism::Values all = numbers(m, p.attributes.at("POSITION"));
+  const auto append = [&](const std::map<std::string, int>& attributes, const std::string& name) {
+    const int id = attribute(attributes, name);
+    if (id < 0) return;
+    const ism::Values more = numbers(m, id);
+    all.conservativeResize(Eigen::NoChange, all.cols() + more.cols());
+    all.rightCols(more.cols()) = more;
+  };
+  for (const char* name : {"JOINTS_0", "WEIGHTS_0", "JOINTS_1", "WEIGHTS_1"})
+    append(p.attributes, name);
+  for (const auto& target : p.targets) append(target, "POSITION");
+  return all;
+}
+
+/// Finds copies among the vertices of a part and of earlier parts of the same node.
+inline void find_copies(const tinygltf::Model& m, const Part& part,
+                        std::map<std::vector<double>, int>& known, Surface& surface) {
+  const ism::Values all = identities(m, at(at(m.meshes, part.mesh).primitives, part.primitive));
+  for (Eigen::Index v = 0; v < all.rows(); ++v) {
+    const double* const row = all.data() + v * all.cols();
+    const int id = part.first_vertex + static_cast<int>(v);
+    surface.same.push_back(known.insert({{row, row + all.cols()}, id}).first->second);
+  }
+}
+
 /// Adds a primitive to a surface. Returns what is wrong, or an empty string.
 inline std::string add_part(const tinygltf::Model& m, Part part, Surface& surface) {
   const tinygltf::Primitive& p = at(at(m.meshes, part.mesh).primitives, part.primitive);
@@ -719,18 +754,31 @@ inline Surface surface_of(const File& file) {
     if (part.mesh < 0) continue;
     part.placed = detail::placement(m, parents, node);
     const std::vector<tinygltf::Primitive>& primitives = at(m.meshes, part.mesh).primitives;
+    std::map<std::vector<double>, int> known;
     for (part.primitive = 0; part.primitive < size_of(primitives); ++part.primitive) {
       const tinygltf::Primitive& p = at(primitives, part.primitive);
       if (attribute(p.attributes, "POSITION") < 0) continue;
       const std::string error = detail::add_part(m, part, surface);
       if (!error.empty()) surface.error = file.path + error;
       if (!error.empty()) return surface;
+      detail::find_copies(m, surface.parts.back(), known, surface);
       others += surface.parts.back().triangles == 0;
     }
   }
+  int copies = 0;
+  for (int v = 0; v < size_of(surface.same); ++v) copies += at(surface.same, v) != v;
+  if (copies > 0)
+    surface.notes.push_back("joined " + std::to_string(copies) + " copies of vertices along seams");
   if (others > 0) surface.notes.push_back(std::to_string(others) + " primitives have no triangles");
   if (surface.mesh.triangles.rows() == 0) surface.error = file.path + ": there are no faces";
   return surface;
+}
+
+inline ism::TriangleMesh joined(const Surface& surface) {
+  ism::TriangleMesh mesh = surface.mesh;
+  for (Eigen::Index i = 0; i < mesh.triangles.size(); ++i)
+    mesh.triangles.data()[i] = at(surface.same, mesh.triangles.data()[i]);
+  return mesh;
 }
 
 /// Texture coordinates of the corners of a surface, v upwards; NaN where there are none, no rows
@@ -764,7 +812,7 @@ inline mesh_io::ReadResult read_mesh(const std::string& path) {
   result.error = surface.error;
   result.ok = result.error.empty();
   result.corner_uv = corner_uv(file.model, surface, [](const Part&) { return 0; });
-  result.mesh = std::move(surface.mesh);
+  result.mesh = joined(surface);
   result.notes = std::move(surface.notes);
   result.edges = mesh_io::edges_of(result.mesh.triangles);
   return result;

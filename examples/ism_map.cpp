@@ -5,6 +5,7 @@
 // `ism_map --help` lists the options and the files. Exit code 0: the map was written (also after
 // Ctrl-C or an iteration limit), 1: the computation failed, 2: bad input; 1 and 2 write nothing.
 
+#include "any_mesh.hpp"
 #include "ism.hpp"
 #include "landmarks.hpp"
 #include "map_glb.hpp"
@@ -51,10 +52,12 @@ using program::seconds_since;
 
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
-Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF, PLY or STL files
-of surfaces without handles, closed or with boundaries; polygons are cut into triangles, and what
-has to be dropped or cut otherwise is printed. The corners of an STL file at one place are one
-vertex; vertices are numbered as they first appear. Of several boundary loops the longest is the
+Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF, PLY, STL or glTF
+files (with tinygltf), or FBX, COLLADA and others (with assimp), of surfaces without handles, closed
+or with boundaries; polygons are cut into triangles, and what has to be dropped or cut otherwise is
+printed. The corners of an STL file, or one for assimp, at one place are one vertex; vertices are
+numbered as they first appear. Vertices of glTF are numbered through all primitives, in the order of
+the nodes, and lie in the scene, those with a skin in its bind pose. Of several boundary loops the longest is the
 outline, the others are openings. Meshes with defects are made surfaces first: vertices at one place
 are welded, triangles turned, of several parts that with the landmarks is taken; what was done is
 printed.
@@ -293,9 +296,9 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
 }
 
 std::string read_meshes(const Arguments& args, Input& input) {
-  mesh_io::ReadResult a = mesh_io::read_mesh(args.a);
+  mesh_io::ReadResult a = any_mesh::read(args.a);
   if (!a.ok) return a.error;
-  mesh_io::ReadResult b = mesh_io::read_mesh(args.b);
+  mesh_io::ReadResult b = any_mesh::read(args.b);
   if (!b.ok) return b.error;
   if (args.transfer_uv && a.corner_uv.rows() == 0 && b.corner_uv.rows() == 0)
     return "--transfer-uv: neither A nor B has texture coordinates (vt)";

@@ -138,6 +138,12 @@ std::string read_arguments(const std::vector<std::string>& words, Arguments& arg
 
 // ==== [2] INPUT ==================================================================================
 
+/// What is mapped.
+struct Input {
+  ism::TriangleMesh a, b;
+  std::vector<ism::Landmark> landmarks;
+};
+
 /// What was asked for has to be there; without --only, a skin does. Returns what is wrong.
 std::string check_source(const Arguments& args, const Character& source) {
   const auto missing = [&](bool is_wanted, bool is_there, const char* what) -> std::string {
@@ -169,24 +175,41 @@ std::string check_output(const Arguments& args) {
   return {};
 }
 
-std::string read_input(Arguments& args, Character& source, Character& target,
-                       std::vector<ism::Landmark>& list) {
+/// Copies of vertices along seams stand for the first one of them.
+void join_copies(const Character& source, const Character& target, Input& input,
+                 std::vector<ism::Curve>& curves) {
+  const auto join = [](const Character& c, int& vertex) {
+    if (vertex >= 0) vertex = gltf_io::at(c.surface.same, vertex);
+  };
+  for (ism::Landmark& l : input.landmarks) join(source, l.a.vertex), join(target, l.b.vertex);
+  for (ism::Curve& curve : curves) {
+    for (int& v : curve.a) join(source, v);
+    for (int& v : curve.b) join(target, v);
+  }
+  input.a = gltf_io::joined(source.surface);
+  input.b = gltf_io::joined(target.surface);
+}
+
+std::string read_input(Arguments& args, Character& source, Character& target, Input& input) {
   const ism::TriangleMesh &a = source.surface.mesh, &b = target.surface.mesh;
+  std::vector<ism::Landmark>& list = input.landmarks;
   std::string error = character::read(args.source, source);
   if (error.empty()) error = character::read(args.target, target);
   if (error.empty()) error = check_source(args, source);
   if (error.empty() && !args.landmarks.empty())
     error = landmarks::read(args.landmarks, a, b, list, &args.options.curves);
+  if (!error.empty()) return error;
+  join_copies(source, target, input, args.options.curves);
   std::vector<ism::LandmarkPoint> ends_a, ends_b;
   for (const ism::Landmark& l : list) ends_a.push_back(l.a), ends_b.push_back(l.b);
-  if (error.empty()) error = program::check_surface(args.source, a, ends_a, args.options);
-  if (error.empty()) error = program::check_surface(args.target, b, ends_b, args.options);
+  if (error.empty()) error = program::check_surface(args.source, input.a, ends_a, args.options);
+  if (error.empty()) error = program::check_surface(args.target, input.b, ends_b, args.options);
   return error.empty() ? check_output(args) : error;
 }
 
 // ==== [3] WHAT IS CARRIED ========================================================================
 
-/// Where the vertices of A go; NaN for those that have no image.
+/// Where the vertices of A go; NaN for those that have no image, as copies.
 ism::Points3 images_of(const ism::SurfaceMap& map) {
   const std::vector<ism::SurfacePoint> points = map.forward_vertices();
   ism::Points3 images(static_cast<Eigen::Index>(points.size()), 3);
@@ -242,9 +265,9 @@ void carry_skin(const Character& source, const retarget::Carrier& carrier,
                 const ism::SurfaceMap& map, Carried& carried) {
   carried.weights = carrier.at_vertices(source.weights);
   const ism::Points3 images = images_of(map);
-  carried.frames = retarget::place_bones(source.bones, source.weights, source.surface.mesh, images);
-  carried.scale =
-      retarget::detail::BoneFitter(source.weights, source.surface.mesh, images).of_all().scale;
+  const ism::TriangleMesh& a = map.mesh(ism::Side::kA);
+  carried.frames = retarget::place_bones(source.bones, source.weights, a, images);
+  carried.scale = retarget::fit_all(a, images).scale;
 }
 
 Carried carry(const Arguments& args, const Character& source, const Character& target,
@@ -334,21 +357,35 @@ int fail(int code, const std::string& error) {
   return code;
 }
 
+/// Characters in files stand upright and look ahead, mostly; bodies are much alike from the front
+/// and from behind.
+void warn_if_turned(const ism::SurfaceMap& map) {
+  constexpr double kQuarter = 0.5 * 3.14159265358979323846;
+  const retarget::Similarity all = retarget::fit_all(map.mesh(ism::Side::kA), images_of(map));
+  const double angle = std::abs(Eigen::AngleAxisd(all.rotation).angle());
+  if (angle > kQuarter)
+    std::fprintf(stderr,
+                 "ism_transfer: warning: the map turns the body by %.0f degrees: if the characters "
+                 "look the same way in their files, landmarks in front and behind are needed\n",
+                 angle * 90 / kQuarter);
+}
+
 int run(Arguments& args) {
   const program::Clock::time_point start = program::Clock::now();
   Character source, target;
-  std::vector<ism::Landmark> list;
-  std::string error = read_input(args, source, target, list);
+  Input input;
+  std::string error = read_input(args, source, target, input);
   if (!error.empty()) return fail(kBadInput, error);
   const ism::Result result =
-      program::compute(source.surface.mesh, target.surface.mesh, list, args.options, args.quiet);
+      program::compute(input.a, input.b, input.landmarks, args.options, args.quiet);
   if (!ism::is_usable(result.status))
     return fail(program::exit_code(result.status, false), result.message);
   for (const ism::Warning& w : result.warnings)
     std::fprintf(stderr, "ism_transfer: warning: %s\n", w.message.c_str());
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const retarget::Carrier carrier(map);
+  const retarget::Carrier carrier(map, target.surface.same);
+  warn_if_turned(map);
   const Carried carried = carry(args, source, target, map, carrier);
   character::Writer writer(source, target, carried);
   const std::string bytes = writer.glb();

@@ -84,13 +84,17 @@ inline std::vector<Eigen::Matrix4d> place_bones(const std::vector<Bone>& bones,
                                                 const ism::TriangleMesh& a,
                                                 const ism::Points3& images);
 
+/// How the whole of A turns and scales.
+inline Similarity fit_all(const ism::TriangleMesh& a, const ism::Points3& images);
+
 /// Vertices of B in the map: their own values; others: those of the nearest point that is.
 class Carrier {
  public:
-  explicit Carrier(const ism::SurfaceMap& map);
+  /// copies_of: per vertex of B, itself, or the vertex in the map whose copy it is.
+  Carrier(const ism::SurfaceMap& map, std::vector<int> copies_of);
 
   /// False for vertices that take the values of the nearest mapped surface.
-  bool is_mapped(int vertex) const { return nearest_[index(vertex)].face < 0; }
+  bool is_mapped(int vertex) const { return nearest_[index(copies_of_[index(vertex)])].face < 0; }
   const ism::MetaMesh& meta() const { return meta_; }
 
   /// Values of the vertices of A at all vertices of B.
@@ -106,6 +110,7 @@ class Carrier {
 
   ism::MetaMesh meta_;
   ism::Transfer transfer_;
+  std::vector<int> copies_of_;
   std::vector<ism::SurfacePoint> nearest_;  // per vertex of B; no face: it is mapped
 };
 
@@ -220,9 +225,6 @@ class BoneFitter {
       if (!images.row(static_cast<Eigen::Index>(v)).allFinite()) areas_[v] = 0;
   }
 
-  Similarity of_all() const {
-    return fit(sums([](int) { return 1.0; }));
-  }
   /// Of what follows one bone.
   Similarity turn(int bone, const Similarity& otherwise) const {
     return fit(sums([&](int v) { return weights_(v, bone); }), otherwise);
@@ -296,6 +298,15 @@ inline Similarity fit(const Moments& sums, const Similarity& otherwise) {
   return s;
 }
 
+inline Similarity fit_all(const ism::TriangleMesh& a, const ism::Points3& images) {
+  const std::vector<double> areas = detail::vertex_areas(a);
+  Moments m;
+  for (Eigen::Index v = 0; v < images.rows(); ++v)
+    if (images.row(v).allFinite())
+      m.add(areas[static_cast<std::size_t>(v)], a.vertices.row(v), images.row(v));
+  return fit(m);
+}
+
 inline std::vector<Eigen::Matrix4d> place_bones(const std::vector<Bone>& bones,
                                                 const ism::Values& weights,
                                                 const ism::TriangleMesh& a,
@@ -307,7 +318,7 @@ inline std::vector<Eigen::Matrix4d> place_bones(const std::vector<Bone>& bones,
     const Bone& bone = bones[i];
     const int id = static_cast<int>(i);
     Similarity place =
-        bone.parent >= 0 ? turns[static_cast<std::size_t>(bone.parent)] : fitter.of_all();
+        bone.parent >= 0 ? turns[static_cast<std::size_t>(bone.parent)] : fit_all(a, images);
     Similarity turn = place;
     if (fitter.is_followed(id)) {
       const Eigen::Vector3d origin = bone.bind.topRightCorner<3, 1>();
@@ -324,9 +335,10 @@ inline std::vector<Eigen::Matrix4d> place_bones(const std::vector<Bone>& bones,
   return frames;
 }
 
-inline Carrier::Carrier(const ism::SurfaceMap& map)
+inline Carrier::Carrier(const ism::SurfaceMap& map, std::vector<int> copies_of)
     : meta_(map.meta_mesh()),
       transfer_(ism::transfer(meta_, ism::Side::kA, ism::Element::kVertex, ism::Element::kVertex)),
+      copies_of_(std::move(copies_of)),
       nearest_(static_cast<std::size_t>(meta_.b->vertices.rows())) {
   const ism::TriangleMesh& b = *meta_.b;
   std::vector<int> mapped;
@@ -347,6 +359,8 @@ inline void Carrier::complete(ism::Values& values) const {
       sum += nearest_[v].barycentric[k] * values.row(meta_.b->triangles(nearest_[v].face, k));
     values.row(static_cast<Eigen::Index>(v)) = sum;
   }
+  for (std::size_t v = 0; v < copies_of_.size(); ++v)
+    values.row(static_cast<Eigen::Index>(v)) = values.row(copies_of_[v]).eval();
 }
 
 inline ism::Values Carrier::at_vertices(const ism::Values& of_a) const {
