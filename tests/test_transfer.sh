@@ -132,10 +132,10 @@ refused_target "primitive 0 of mesh 0: an index refers to vertex 9, but there ar
   "$corners" '\0\2\1\0\1\11\1\2\3\0\3\2' "$mesh"
 refused_target "there are no faces" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 0}]}'
-refused_target "mesh 0: refers to an accessor that does not exist" "$corners" "$ids" \
+refused_target "mesh 0 refers to an accessor that does not exist" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 7}, "indices": 1}]}'
-refused_target "mesh 0: refers to indices that do not exist" "$corners" "$ids" \
-  '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 7}]}'
+refused_target "mesh 0 refers to a material that is not there" "$corners" "$ids" \
+  '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 7}]}'
 sed 's/"count": 12/"count": 13/' good.gltf >bad.gltf
 refused "bad.gltf: accessor 1 reaches beyond its buffer" source.glb bad.gltf -o out.glb
 sed 's/{"mesh": 0}/{"mesh": 0, "children": [0]}/' good.gltf >bad.gltf
