@@ -28,13 +28,29 @@ def to_loops(
     return total / np.maximum(count, 1)[:, None], count > 0
 
 
+def dropped(map: ism.Map, source: Surface, target: Surface) -> tuple[int, int]:
+    """How many vertices of the source and of the target are in parts that were not mapped at all.
+
+    Of several loose parts the library maps one: that with most landmarks, or the largest.
+    """
+    counts = []
+    for direction, surface in ((map.a_to_b, source), (map.b_to_a, target)):
+        nothing = np.zeros((len(surface.positions), 0))
+        _, reached = spread(nothing, direction().covered, surface.triangles, rounds=0)
+        counts.append(len(reached) - int(reached.sum()))
+    return counts[0], counts[1]
+
+
 def sums(rows: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:
     """Row i is the sum of the values, (m, k), whose rows are i."""
-    return np.stack([np.bincount(rows, column, n) for column in values.T], axis=1)
+    result = np.empty((n, values.shape[1]))
+    for k, column in enumerate(values.T):
+        result[:, k] = np.bincount(rows, column, n)
+    return result
 
 
 def spread(
-    values: np.ndarray, is_known: np.ndarray, triangles: np.ndarray
+    values: np.ndarray, is_known: np.ndarray, triangles: np.ndarray, rounds: int = ROUNDS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fills values of vertices, (v, k), from their neighbours, smoothly.
 
@@ -59,7 +75,7 @@ def spread(
         if not len(at):
             break
         reached[at] = True
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         average(reached[j])
     return values, reached
 

@@ -5,7 +5,7 @@ from typing import Any, Callable
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from . import ism, job, landmarks, layers
+from . import carry, ism, job, landmarks, layers
 from .surface import UserError, object_in, read_surface, topology_of
 
 PERIOD = 0.1  # seconds between two looks at the run
@@ -100,6 +100,9 @@ class MAP_SURFACE_OT_map(bpy.types.Operator):
             return {"CANCELLED"}
         for sentence in done.map.warnings:
             self.report({"WARNING"}, sentence)
+        for name, n in zip(names, carry.dropped(done.map, done.source, done.target)):
+            if n > 0:
+                self.report({"WARNING"}, f"{name}: {n} vertices of loose parts are not mapped")
         a, b = done.map.coverage
         settings = scene.map_surface
         settings.map_name = job.keep(mapped)
