@@ -80,9 +80,9 @@ class MAP_SURFACE_OT_map(bpy.types.Operator):
         job.end()
         names = done.source.name, done.target.name
         if done.map is None:
-            is_stopped = done.state is not None and done.state.status == "cancelled"
-            if is_stopped or done.error is None:
-                self.report({"INFO"}, "Stopped before there was a map")
+            is_stopped = getattr(done.error, "status", "") == "no map yet"
+            if is_stopped:
+                self.report({"INFO"}, str(done.error))
             else:
                 self.report({"ERROR"}, _sentence(done.error, names))
             return {"CANCELLED"}
@@ -164,8 +164,9 @@ def _show_progress(context: bpy.types.Context, text: str | None) -> None:
         context.workspace.status_text_set(text)
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+            for region in area.regions:
+                if area.type == "VIEW_3D" and region.type == "UI":  # not the scene
+                    region.tag_redraw()
 
 
 class _Carry:

@@ -200,16 +200,6 @@ class Starfish(Case):
         local = moved(images.positions, np.linalg.inv(np.array(self.target.matrix_world)))
         self.assert_close(coordinates(key.data)[images.covered], local[images.covered], 1e-5)
 
-    def test_wrap_follows_objects_that_moved_since(self):
-        mapped = self.map(self.source, self.target)
-        self.target.matrix_world = Matrix.Translation((5, 0, 0)) @ self.target.matrix_world
-        self.source.matrix_world = Matrix.Scale(2, 4)
-        OPS.wrap()
-        images = mapped.map.a_to_b()
-        key = self.source.data.shape_keys.key_blocks["Target"]
-        at = moved(coordinates(key.data), self.source.matrix_world) - (5, 0, 0)
-        self.assert_close(at[images.covered], images.positions[images.covered], 1e-5)
-
 
 class Copies(Case):
     """A copy that is turned, scaled and perhaps mirrored: what is carried is known."""
@@ -258,6 +248,17 @@ class Copies(Case):
             self.check_shapes(target, inner)
             OPS.shape_keys()  # again: replaced
             self.assertEqual(len(target.data.shape_keys.key_blocks), 3)
+
+    def test_wrap_follows_objects_that_moved_since(self):
+        source, target = make("Source", *bumps(8), TURNED), make("Target", *bumps(11), MIRRORED)
+        mapped = self.map(source, target)
+        target.matrix_world = Matrix.Translation((5, 0, 0)) @ target.matrix_world
+        source.matrix_world = Matrix.Scale(2, 4)
+        OPS.wrap()
+        images = mapped.map.a_to_b()
+        key = source.data.shape_keys.key_blocks["Target"]
+        at = moved(coordinates(key.data), source.matrix_world) - (5, 0, 0)
+        self.assert_close(at[images.covered], images.positions[images.covered], 1e-5)
 
     def test_mirror_maps_a_left_hand_to_a_right_one(self):
         v, f = bumps(12, True)
@@ -491,17 +492,18 @@ class Stops(Case):
     def test_cancel_at_any_time(self):
         surfaces = [read_surface(object, False) for object in self.spheres()]
         delays, rng = [], random.Random(1)
-        for _ in range(8):
+        for _ in range(6):
             run = job.start(*surfaces, [], {})
-            run.wait(rng.uniform(0, 2.5))
+            run.wait(rng.uniform(0, 2))
             self.assertIs(job.current, run)
             start = time.perf_counter()
             run.cancel()
             while run.wait(0.001):
                 pass
             delays.append(time.perf_counter() - start)
-            self.assertTrue(run.map is not None or run.state is None or run.error is not None)
-            if run.map is not None:
+            if run.map is None:
+                self.assertEqual(str(run.error), "cancelled before there was a map")
+            else:
                 self.assertEqual(run.map.status, "cancelled")
             job.end()
         delays = 1000 * np.array(delays)
