@@ -36,12 +36,13 @@ run() {
 
 python3 -B "$addon/make_zip.py" --library "$library" -o "$work/addon.zip"
 run test_addon.py "$blender" -b
-grep -E "^(cancel,|Ran |OK)" "$work/log"
+grep -oE "cancel, .*|^Ran .*|^OK" "$work/log"
 if command -v xvfb-run > /dev/null; then
   run test_window.py timeout 60 xvfb-run -a -s "-screen 0 1280x900x24" "$blender" \
     --enable-event-simulate
   grep -E "^(while|Esc|window)" "$work/log"
   grep -q "^window: ok" "$work/log"
+  if grep -A 9 Traceback "$work/log"; then exit 1; fi  # e.g. of the panel
 else
   echo "the window: skipped, xvfb-run is missing (Debian and Ubuntu: xvfb)"
 fi

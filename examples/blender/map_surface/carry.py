@@ -150,8 +150,12 @@ def sides(meta: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def to_shape(
     map: ism.Map, source: Surface, target: Surface, displacements: np.ndarray
-) -> np.ndarray:
-    """Displacements of the target's vertices, (k, v, 3) from (k, v, 3), each in its own space."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements, (k, v, 3), in the space of the target from those in the space of the source.
+
+    Returns:
+        The displacements, 0 where there are none, and which vertices have one.
+    """
     local, has_one = gradients(map, source, target)
     moves = source.matrix[:3, :3]
     back = inverse_of(target.matrix, target.name)[:3, :3]
@@ -161,7 +165,8 @@ def to_shape(
     carried = np.einsum("vij,vkj->vki", local, rows.reshape(-1, k, 3))
     known = is_covered & has_one
     carried = np.where(known[:, None, None], carried, 0.0).reshape(-1, 3 * k)
-    return spread(carried, known, target.triangles)[0].reshape(-1, k, 3).transpose(1, 0, 2)
+    carried, known = spread(carried, known, target.triangles)
+    return carried.reshape(-1, k, 3).transpose(1, 0, 2), known
 
 
 def wrapped(map: ism.Map, source: Surface, target: Surface) -> tuple[np.ndarray, int]:

@@ -95,6 +95,14 @@ def _empty(name: str, place: Any, object: bpy.types.Object, scene: bpy.types.Sce
     return empty
 
 
+def remove_empties(item: Any) -> None:
+    """Removes those that _empty() made; others are the user's."""
+    made = bpy.data.collections.get(COLLECTION)
+    for empty in (item.source, item.target):
+        if made and empty and empty.name in made.objects:
+            bpy.data.objects.remove(empty)
+
+
 def add_pairs(settings: Any, scene: bpy.types.Scene) -> int:
     """Makes a pair of each selected vertex of the source and that of the target."""
     source, target = settings.source, settings.target

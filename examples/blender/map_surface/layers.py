@@ -16,7 +16,6 @@ from .surface import (
     mesh_of,
     moved,
     numbers,
-    positions_of,
     read_surface,
 )
 
@@ -97,7 +96,7 @@ def shape_keys(mapped: Mapped, source: Object, target: Object) -> Result:
     basis = keys.reference_key
     carried_keys = [key for key in keys.key_blocks if key != basis]
     rest = _coordinates(basis)
-    moves = carry.to_shape(
+    moves, is_known = carry.to_shape(
         mapped.map,
         mapped.source,
         mapped.target,
@@ -119,7 +118,7 @@ def shape_keys(mapped: Mapped, source: Object, target: Object) -> Result:
     for key in carried_keys:  # now that all exist
         copies[key.name].relative_key = copies[key.relative_key.name]
     target.data.update()
-    return len(carried_keys), []
+    return len(carried_keys), _missing(is_known, "vertices")
 
 
 def _next_loops(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -225,10 +224,13 @@ def wrap(mapped: Mapped, source: Object, target: Object, is_in_place: bool) -> R
     _need_own_vertices(source, mapped.source)
     here, there = read_again(mapped, source, target)
     positions, n = carry.wrapped(mapped.map, here, there)
+    if n == len(positions):
+        raise UserError(f"The map covers no vertex of {source.name}")
     if is_in_place:
-        positions = moved(inverse_of(matrix_of(target, mapped.is_reflected), target.name), positions)
+        matrix, name = matrix_of(target, mapped.is_reflected), target.name
     else:
-        positions = moved(inverse_of(here.matrix, source.name), positions)
+        matrix, name = here.matrix, source.name
+    positions = moved(inverse_of(matrix, name), positions)
     if source.data.shape_keys is None:
         source.shape_key_add(name="Basis", from_mix=False)
     keys = source.data.shape_keys

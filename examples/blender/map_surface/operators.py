@@ -41,7 +41,7 @@ class MAP_SURFACE_OT_map(bpy.types.Operator):
         return job.current is None
 
     def _start(self, context: bpy.types.Context) -> bool:
-        """Reads the objects and starts the job; the operator keeps names, which undo cannot harm."""
+        """Reads the objects and starts the job; keeps their names, which undo cannot harm."""
         settings = context.scene.map_surface
         context.view_layer.update()
         names = "", ""
@@ -182,7 +182,7 @@ class _Carry:
             cls.poll_message_set("It works in object mode")
             return False
         if job.kept(context.scene.map_surface.map_name) is None:
-            cls.poll_message_set("There is no map yet, or it was made in another session: map first")
+            cls.poll_message_set("There is no map yet in this session: map first")
             return False
         return True
 
@@ -262,7 +262,7 @@ class MAP_SURFACE_OT_wrap(_Carry, bpy.types.Operator):
         name="Place",
         items=[
             ("TARGET", "On the Target", "The source appears where the target is"),
-            ("SOURCE", "In Place", "The source appears at its own origin, sized as the target's mesh"),
+            ("SOURCE", "In Place", "The source appears at its own origin"),
         ],
     )
 
@@ -290,7 +290,7 @@ class MAP_SURFACE_OT_landmark_add(bpy.types.Operator):
 
 
 class MAP_SURFACE_OT_landmark_remove(bpy.types.Operator):
-    """Removes the active landmark and its empties"""
+    """Removes the active landmark, and its empties if Add Landmarks made them"""
 
     bl_idname = "map_surface.landmark_remove"
     bl_label = "Remove Landmark"
@@ -303,9 +303,7 @@ class MAP_SURFACE_OT_landmark_remove(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.map_surface
         i = min(settings.active_landmark, len(settings.landmarks) - 1)
-        for empty in (settings.landmarks[i].source, settings.landmarks[i].target):
-            if empty is not None:
-                bpy.data.objects.remove(empty)
+        landmarks.remove_empties(settings.landmarks[i])
         settings.landmarks.remove(i)
         settings.active_landmark = max(0, i - 1)
         return {"FINISHED"}

@@ -62,9 +62,10 @@ def mesh_of(object: bpy.types.Object, is_evaluated: bool) -> Iterator[bpy.types.
         evaluated.to_mesh_clear()
 
 
-def positions_of(mesh: bpy.types.Mesh) -> np.ndarray:
+def positions_of(mesh: bpy.types.Mesh, is_evaluated: bool) -> np.ndarray:
     """The vertices in the object's space, (v, 3); those of the basis, if there are shape keys."""
-    items = mesh.shape_keys.reference_key.data if mesh.shape_keys else mesh.vertices
+    has_basis = mesh.shape_keys and not is_evaluated
+    items = mesh.shape_keys.reference_key.data if has_basis else mesh.vertices
     return numbers(items, "co", 3, np.float32).astype(float)
 
 
@@ -111,7 +112,7 @@ def read_surface(
         matrix = matrix_of(object, is_reflected)
         if np.linalg.det(matrix[:3, :3]) < 0:  # else the surface would be inside out
             triangles, loops = triangles[:, ::-1].copy(), loops[:, ::-1].copy()
-        positions = moved(matrix, positions_of(mesh))
+        positions = moved(matrix, positions_of(mesh, is_evaluated))
         n_loops, topology = len(mesh.loops), topology_of(mesh)
     return Surface(
         object.name, positions, triangles, loops, faces, matrix, n_loops, topology

@@ -265,6 +265,9 @@ class Copies(Case):
         source = make("Left", v, f, TURNED)
         self.with_shape(source)
         target = make("Right", v * [-1, 1, 1], f[:, ::-1], TURNED.inverted())
+        self.choose(source, target)
+        for vertex in (0, 12, 100):
+            self.landmark(source, vertex, target, vertex)
         mapped = self.map(source, target, boundary="slide", use_mirror=True)
         self.assertLess(mapped.map.distortion.mean, 2.001)
         OPS.shape_keys()
@@ -372,6 +375,13 @@ class Modifiers(Case):
         mapped = self.map(source, target, use_modifiers=True)
         self.assertGreater(len(mapped.source.positions), 2 * len(v))
         self.assertFalse(np.allclose(mapped.target.positions, world(target)))
+        target.shape_key_add(name="Basis")
+        target.shape_key_add(name="Up").data[0].co.z += 1
+        target.data.shape_keys.key_blocks["Up"].value = 1.0
+        before = mapped.target.positions
+        moved_one = read_surface(target, True).positions - before
+        self.assertGreater(np.abs(moved_one[0]).max(), 0.5)  # evaluated: as shown
+        self.assert_close(read_surface(target, False).positions, world(target), 1e-6)
         OPS.vertex_groups()
         self.assert_close(weights(target, "G"), 0.5 + 0.4 * bumps(12)[0][:, 0], 0.15)
         self.refuses("modifiers of Source change its vertices", OPS.wrap)
@@ -447,6 +457,14 @@ class BadInput(Case):
         self.assertEqual(OPS.map(), {"FINISHED"})  # it is left out
         OPS.landmark_remove()
         self.assertEqual(len(settings.landmarks), 1)
+        self.assertEqual(len([x for x in bpy.data.objects if x.type == "EMPTY"]), 2)
+        own = bpy.data.objects.new("Own", None)
+        bpy.context.scene.collection.objects.link(own)
+        item = settings.landmarks.add()
+        item.source = item.target = own
+        settings.active_landmark = 1
+        OPS.landmark_remove()
+        self.assertIn("Own", bpy.data.objects)
         self.assertEqual(settings.landmarks[0].source.name, "Source 1")
         target.matrix_world = MIRRORED  # empties go with their object
         bpy.context.view_layer.update()
