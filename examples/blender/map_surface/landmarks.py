@@ -80,7 +80,9 @@ def selected_places(object: bpy.types.Object) -> list:
     return [object.matrix_world @ v.co for v in chosen]
 
 
-def _empty(name: str, place: Any, object: bpy.types.Object, scene: bpy.types.Scene):
+def _empty(
+    name: str, place: Any, object: bpy.types.Object, scene: bpy.types.Scene
+) -> bpy.types.Object:
     collection = bpy.data.collections.get(COLLECTION) or bpy.data.collections.new(COLLECTION)
     if COLLECTION not in scene.collection.children:
         scene.collection.children.link(collection)

@@ -5,6 +5,7 @@ Each function returns how many layers were written, and sentences for the user.
 
 import bpy
 import numpy as np
+from bpy.types import Object
 
 from . import carry, uv
 from .job import Mapped
@@ -19,7 +20,6 @@ from .surface import (
     read_surface,
 )
 
-Object = bpy.types.Object
 Result = tuple[int, list[str]]
 LEAST = 1e-5  # a smaller weight is none
 

@@ -1,6 +1,6 @@
 """The operators. Each is a thin layer over functions that need no window."""
 
-from typing import Any, Callable
+from typing import Any, Callable, Optional
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -159,7 +159,7 @@ def progress() -> str:
     return f"{job.current.fraction:.0%}, {job.current.what}" if job.current else ""
 
 
-def _show_progress(context: bpy.types.Context, text: str | None) -> None:
+def _show_progress(context: bpy.types.Context, text: Optional[str]) -> None:
     if context.workspace is not None:
         context.workspace.status_text_set(text)
     for window in context.window_manager.windows:

@@ -2,7 +2,7 @@
 
 import contextlib
 import hashlib
-from typing import Iterator, NamedTuple
+from typing import Any, Iterator, NamedTuple, Optional
 
 import bpy
 import numpy as np
@@ -39,7 +39,7 @@ class Surface(NamedTuple):
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
-def numbers(items: bpy.types.bpy_prop_collection, name: str, columns: int, kind: type) -> np.ndarray:
+def numbers(items: Any, name: str, columns: int, kind: type) -> np.ndarray:
     """An attribute of all items, one row for each."""
     array = np.empty(len(items) * columns, kind)
     items.foreach_get(name, array)
@@ -114,12 +114,12 @@ def read_surface(
             triangles, loops = triangles[:, ::-1].copy(), loops[:, ::-1].copy()
         positions = moved(matrix, positions_of(mesh, is_evaluated))
         n_loops, topology = len(mesh.loops), topology_of(mesh)
-    return Surface(
-        object.name, positions, triangles, loops, faces, matrix, n_loops, topology
-    )
+    return Surface(object.name, positions, triangles, loops, faces, matrix, n_loops, topology)
 
 
-def object_in(scene: bpy.types.Scene, object: bpy.types.Object | None, role: str):
+def object_in(
+    scene: bpy.types.Scene, object: Optional[bpy.types.Object], role: str
+) -> bpy.types.Object:
     """The object, if the scene has it.
 
     Raises:

@@ -15,9 +15,7 @@ SAME = 1e-4  # of the image: closer coordinates are one place for Blender, too
 AT_CORNER = 1 - 1e-9
 
 
-def carry_uv(
-    map: ism.Map, source: Surface, target: Surface, uv: np.ndarray
-) -> np.ndarray:
+def carry_uv(map: ism.Map, source: Surface, target: Surface, uv: np.ndarray) -> np.ndarray:
     """The UV map of the target's face corners, (l, 2), from that of the source's.
 
     What lies on a face falls apart where the coordinates jump: between islands, or where one island
@@ -62,7 +60,13 @@ def _area_vectors(surface: Surface) -> np.ndarray:
     return np.cross(b - a, c - a) / 2
 
 
-def _parts(corners, following, polygon, face, at) -> np.ndarray:
+def _parts(
+    corners: np.ndarray,
+    following: np.ndarray,
+    polygon: np.ndarray,
+    face: np.ndarray,
+    at: np.ndarray,
+) -> np.ndarray:
     """Per polygon, one that stands for all of its face to which the coordinates go on."""
     v, w = corners, corners[following]
     is_turned = v > w
@@ -86,7 +90,7 @@ def _parts(corners, following, polygon, face, at) -> np.ndarray:
             return label
 
 
-def _largest(label, share, face, n_faces: int) -> np.ndarray:
+def _largest(label: np.ndarray, share: np.ndarray, face: np.ndarray, n_faces: int) -> np.ndarray:
     """Which polygons are in the largest part of their face."""
     size = np.bincount(label, share, len(label))
     order = np.lexsort((-label, size[label], face))
@@ -95,7 +99,16 @@ def _largest(label, share, face, n_faces: int) -> np.ndarray:
     return label == best[face]
 
 
-def _continue(result, target, meta, polygon, chosen, share, at, is_mapped) -> None:
+def _continue(
+    result: np.ndarray,
+    target: Surface,
+    meta: ism.Meta,
+    polygon: np.ndarray,
+    chosen: np.ndarray,
+    share: np.ndarray,
+    at: np.ndarray,
+    is_mapped: np.ndarray,
+) -> None:
     """Gives corners outside of the chosen parts the values of the closest affine functions."""
     loops, at_loop = np.unique(target.loops, return_index=True)  # n-gons have some several times
     face_of = np.repeat(target.faces, 3)[at_loop]

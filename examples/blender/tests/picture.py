@@ -116,9 +116,9 @@ for object in (sun, camera):
 scene.camera = camera
 scene.world = bpy.data.worlds.new("World")
 scene.world.color = (0.6, 0.6, 0.6)
-scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 32, False
+scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 64, False
 scene.view_settings.view_transform = "Standard"
-scene.render.resolution_x, scene.render.resolution_y = 1400, 330
+scene.render.resolution_x, scene.render.resolution_y = 1120, 264
 scene.render.image_settings.color_mode, scene.render.image_settings.compression = "RGB", 100
 scene.render.filepath = str(FILE)
 bpy.ops.render.render(write_still=True)
