@@ -13,6 +13,7 @@ from .surface import Surface
 
 SAME = 1e-4  # of the image: closer coordinates are one place for Blender, too
 AT_CORNER = 1 - 1e-9
+EXACT = 1e6  # weight of values that are known, against those to which others only come close
 
 
 def carry_uv(map: ism.Map, source: Surface, target: Surface, uv: np.ndarray) -> np.ndarray:
@@ -47,7 +48,8 @@ def carry_uv(map: ism.Map, source: Surface, target: Surface, uv: np.ndarray) -> 
     k = b0.argmax(axis=1)
     exact = chosen[polygon] & (b0[np.arange(len(k)), k] >= AT_CORNER)
     result[target.loops[meta.face_b[polygon[exact]], k[exact]]] = at[exact]
-    _continue(result, target, meta, polygon, chosen, share, at, is_mapped)
+    weight = (share / np.diff(meta.offsets))[polygon] * np.where(exact, EXACT, 1.0)
+    _continue(result, target, meta, polygon, chosen, weight, at, is_mapped)
     return result
 
 
@@ -105,11 +107,15 @@ def _continue(
     meta: ism.Meta,
     polygon: np.ndarray,
     chosen: np.ndarray,
-    share: np.ndarray,
+    weight: np.ndarray,
     at: np.ndarray,
     is_mapped: np.ndarray,
 ) -> None:
-    """Gives corners outside of the chosen parts the values of the closest affine functions."""
+    """Gives corners outside of the chosen parts the values of the closest affine functions.
+
+    Args:
+        weight, at: per corner of the refinement, its weight and its coordinates.
+    """
     loops, at_loop = np.unique(target.loops, return_index=True)  # n-gons have some several times
     face_of = np.repeat(target.faces, 3)[at_loop]
     vertex = target.triangles.ravel()[at_loop]
@@ -142,10 +148,9 @@ def _continue(
     rows = row[target.faces[triangle]]
     corners = target.positions[target.triangles[triangle]]
     points = places(rows, np.einsum("ck,cki->ci", meta.corner_b[c], corners))
-    weight = (share / np.diff(meta.offsets))[polygon[c]]
-    normal_matrix = sums(rows, _outer(points, points, weight), len(faces)).reshape(-1, 3, 3)
-    right = sums(rows, _outer(points, at[c], weight), len(faces)).reshape(-1, 3, 2)
-    affine = np.linalg.pinv(normal_matrix, rcond=1e-10, hermitian=True) @ right
+    normal_matrix = sums(rows, _outer(points, points, weight[c]), len(faces)).reshape(-1, 3, 3)
+    right = sums(rows, _outer(points, at[c], weight[c]), len(faces)).reshape(-1, 3, 2)
+    affine = np.linalg.pinv(normal_matrix, rcond=1e-12, hermitian=True) @ right
     rows = row[face_of[missing]]
     points = places(rows, target.positions[vertex[missing]])
     result[loops[missing]] = np.einsum("ni,nij->nj", points, affine[rows])
