@@ -14,6 +14,7 @@ source .ci/packages.sh
 install doctest-dev has_header doctest/doctest.h
 install libboost-dev has_header boost/multiprecision/cpp_int.hpp
 install libtinygltf-dev has_header tiny_gltf.h
+install libassimp-dev has_header assimp/scene.h
 install assimp-utils command -v assimp
 install mono-mcs command -v mcs
 install mono-runtime command -v mono
