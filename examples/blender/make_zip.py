@@ -42,7 +42,8 @@ def pack(library: pathlib.Path, output: pathlib.Path) -> None:
     addon, package = HERE / "map_surface", PROJECT / "examples" / "python" / "src" / "ism"
     files = {f"map_surface/{path.name}": path for path in sorted(addon.glob("*.py"))}
     files.update({f"map_surface/ism/{path.name}": path for path in sorted(package.glob("*.py"))})
-    files[f"map_surface/ism/{library.name}"] = library
+    name = next(name for name in NAMES if library.name.startswith(name))  # without a version
+    files[f"map_surface/ism/{name}"] = library
     files["map_surface/LICENSE"] = PROJECT / "LICENSE"
     with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, path in files.items():
