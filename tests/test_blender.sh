@@ -35,10 +35,10 @@ run() {
 }
 
 python3 -B "$addon/make_zip.py" --library "$library" -o "$work/addon.zip"
-run test_addon.py "$blender" -b
+run test_addon.py timeout 200 "$blender" -b
 grep -oE "cancel, .*|^Ran .*|^OK" "$work/log"
 if command -v xvfb-run > /dev/null; then
-  run test_window.py timeout 60 xvfb-run -a -s "-screen 0 1280x900x24" "$blender" \
+  run test_window.py timeout 100 xvfb-run -a -s "-screen 0 1280x900x24" "$blender" \
     --enable-event-simulate
   grep -E "^(while|Esc|window)" "$work/log"
   grep -q "^window: ok" "$work/log"

@@ -1,4 +1,4 @@
-"""Vertex groups, shape keys, UV maps, colour attributes and wraps: read, carried, written.
+"""Vertex groups, shape keys, UV maps, color attributes and wraps: read, carried, written.
 
 Each function returns how many layers were written, and sentences for the user.
 """
@@ -178,7 +178,7 @@ def color_attributes(mapped: Mapped, source: Object, target: Object) -> Result:
             for a in mesh.color_attributes
         ]
     if not attributes:
-        raise UserError(f"{source.name} has no colour attributes")
+        raise UserError(f"{source.name} has no color attributes")
     sentences = []
     for name, kind, domain, values in attributes:
         if domain == "CORNER":

@@ -201,7 +201,7 @@ class _Carry:
             return {"CANCELLED"}
         for sentence in sentences:
             self.report({"WARNING"}, sentence)
-        self.report({"INFO"}, f"{n} {self.what} from {source.name}, {target.name}")
+        self.report({"INFO"}, f"{source.name} to {target.name}: {n} {self.what}")
         return {"FINISHED"}
 
 

@@ -425,7 +425,7 @@ class BadInput(Case):
         self.refuses("has no vertex groups", OPS.vertex_groups)
         self.refuses("has no shape keys", OPS.shape_keys)
         self.refuses("has no UV maps", OPS.uv_maps)
-        self.refuses("has no colour attributes", OPS.color_attributes)
+        self.refuses("has no color attributes", OPS.color_attributes)
         twin = bpy.data.objects.new("Twin", source.data)
         bpy.context.scene.collection.objects.link(twin)
         self.choose(source, twin)
