@@ -685,7 +685,10 @@ inline File load(const std::string& path) {
   } catch (const std::exception& e) {
     error = e.what();
   }
-  if (!is_read)
+  const auto compressed = bytes.find("KHR_draco_mesh_compression");
+  if (!is_read && compressed != std::string::npos && error.find("bufferView") != std::string::npos)
+    file.error = path + ": its meshes are compressed (KHR_draco_mesh_compression)";
+  else if (!is_read)
     file.error = path + ": no glTF 2.0 file, or a part of one: " + detail::first_line(error);
   else if (const std::string wrong = detail::check(file.model); !wrong.empty())
     file.error = path + wrong;

@@ -54,7 +54,8 @@ done
 
 # The result is a source again.
 awk '{ print $4, $5, $6, $4, $5, $6 }' landmarks.txt >same.txt
-"$ism_transfer" all.glb target.glb -o twice.glb --landmarks same.txt --quiet || fail "a result is no source"
+"$ism_transfer" all.glb target.glb -o twice.glb --landmarks same.txt --quiet ||
+  fail "a result is no source"
 "$characters" check target.glb twice.glb || fail "a result carried on is not the truth"
 
 # ---- Bad input -----------------------------------------------------------------------------------
@@ -81,7 +82,8 @@ refused "unknown option '--ony', --help lists them" "${both[@]}" --ony uv
 refused "--influences must be 4 or 8, not '5'" "${both[@]}" --influences 5
 refused "--only takes some of skin,morphs,uv,colors, not 'bones'" "${both[@]}" --only skin,bones
 refused "--only takes some of skin,morphs,uv,colors, not ''" "${both[@]}" --only skin,
-refused "-o ./source.glb would overwrite the input source.glb" source.glb target.glb -o ./source.glb
+refused "-o ./source.glb would overwrite the input source.glb" \
+  source.glb target.glb -o ./source.glb
 refused "-o none/out.glb: there is no such folder" source.glb target.glb -o none/out.glb
 refused "none.glb: there is no such file" none.glb target.glb -o out.glb
 refused "none.txt: there is no such file" "${both[@]}" --landmarks none.txt
@@ -179,8 +181,8 @@ const validator = require(process.argv[2] + '/node_modules/gltf-validator');
   }
 })();
 END
-  node validate.js "$validator" source.glb target.glb all.glb eight.glb skin.glb rest.glb twice.glb \
-    good.glb || fail "the validator finds errors or warnings"
+  node validate.js "$validator" {source,target,all,eight,skin,rest,twice,good}.glb ||
+    fail "the validator finds errors or warnings"
 else
   echo "gltf-validator is missing: npm or the network"
 fi
