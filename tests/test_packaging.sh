@@ -19,7 +19,7 @@ mkdir "$COMPILED"
 arguments=(-DCMAKE_CXX_COMPILER="$compiler" -DEigen3_DIR="$eigen" -DCMAKE_BUILD_TYPE=Plain
   -DCMAKE_CXX_COMPILER_LAUNCHER="$consumers/compile_once.sh" -DCMAKE_CXX_FLAGS="-std=c++17 -fPIC")
 version="$(sed -nE 's/^#define ISM_VERSION_[A-Z]+ +([0-9]+).*/\1/p' "$project/ism.hpp" |
-  paste -sd .)"
+  paste -sd . -)"
 
 fail() {
   [ ! -e "$work/log" ] || cat "$work/log"

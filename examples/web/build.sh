@@ -54,8 +54,8 @@ mkdir "$module"
 cp "$build"/{worker.js,ism.wasm} examples/web/engine.mjs examples/web/module/{ism.mjs,ism.d.mts} \
   examples/web/module/README.md LICENSE "$module"
 # The version stands in the header only.
-version="$(sed -nE 's/^#define ISM_VERSION_(MAJOR|MINOR|PATCH) +([0-9]+).*/\2/p' ism.hpp | paste -sd .)"
-sed "2a\\  \"version\": \"$version\"," examples/web/module/package.json > "$module/package.json"
+version="$(sed -nE 's/^#define ISM_VERSION_[A-Z]+ +([0-9]+).*/\1/p' ism.hpp | paste -sd . -)"
+sed "s/@version@/$version/" examples/web/module/package.json > "$module/package.json"
 echo "The module is $module; ism.wasm: $(size "$module/ism.wasm")."
 if command -v npm > /dev/null; then
   package="$(cd "$build" && npm pack --silent --offline ./module)"

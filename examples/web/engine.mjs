@@ -65,6 +65,8 @@ function endOf(end, name) {
 
 // Landmarks, [a, b] or [a, b, weight], as session.cpp reads them.
 export function landmarkRows(landmarks) {
+  if (typeof Object(landmarks)[Symbol.iterator] !== 'function')
+    throw new IsmError('landmarks must be a list');
   const rows = Array.from(landmarks, (landmark, i) => {
     const parts = Array.isArray(landmark) ? landmark : [];
     const [a, b, weight = 8] = parts;

@@ -311,8 +311,8 @@ class Session {
     solver_->step();
   }
 
-  /// Ends the run: the outcome, with the figures of the map if there is one. The rest of it is asked
-  /// for by images(), transfer() and meta().
+  /// Ends the run: the outcome, with the figures of the map if there is one. The rest of it is
+  /// asked for by images(), transfer() and meta().
   val map() {
     const ism::Result& result = solver_->result();
     val v = outcome_of(result);
@@ -345,9 +345,9 @@ class Session {
     std::vector<int> faces(n);
     std::vector<double> weights(3 * n), positions(3 * n);
     for (std::size_t i = 0; i < n; ++i) {
-      const ism::SurfacePoint p = are_vertices ? image(from, points[i])
-                                               : image(from, ism::SurfacePoint{
-                                                             points[i], place(&places[3 * i])});
+      const ism::SurfacePoint p =
+          are_vertices ? image(from, points[i])
+                       : image(from, ism::SurfacePoint{points[i], place(&places[3 * i])});
       faces[i] = p.face;
       place(&weights[3 * i]) = p.barycentric;
       place(&positions[3 * i]) = from == 0 ? map_.position_on_b(p) : map_.position_on_a(p);

@@ -264,12 +264,15 @@ class SurfaceMap {
   }
 }
 
-export async function map(a, b, {landmarks = [], onProgress, signal, ...options} = {}) {
+export async function map(a, b, given) {
+  const {landmarks = [], onProgress, signal, ...options} = Object(given);
   const meshes = [meshOf(a, 'a'), meshOf(b, 'b')];
   const sizes = meshes.map(
       ({positions, triangles}) => ({vertex: positions.length / 3, face: triangles.length / 3}));
   const values = {meshes, landmarks: landmarkRows(landmarks), options: optionsOf(options)};
-  const isAborted = () => signal !== undefined && signal.aborted;
+  if (onProgress && typeof onProgress !== 'function') refuse('onProgress must be a function');
+  if (signal && typeof signal.aborted !== 'boolean') refuse('signal must be an AbortSignal');
+  const isAborted = () => Boolean(signal && signal.aborted);
   if (isAborted()) throw signal.reason;
   const engine = await startEngine();
   try {
