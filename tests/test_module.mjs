@@ -51,7 +51,7 @@ function typed({a, b, ...others}) {
   return {a: of(a), b: of(b), ...others};
 }
 
-// A module without its program or its worker, or with others, says so, and maps when they are there.
+// A module without its program or its worker, or with others, says so, and maps when it has them.
 async function testMissingFiles() {
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'ism_module_'));
   for (const file of ['ism.mjs', 'engine.mjs']) fs.copyFileSync(
@@ -69,8 +69,8 @@ async function testMissingFiles() {
   fs.copyFileSync(path.join(module, 'ism.wasm'), path.join(folder, 'ism.wasm'));
   await refuses(/worker.js/, library);
   fs.copyFileSync(path.join(module, 'worker.js'), path.join(folder, 'worker.js'));
-  fs.writeFileSync(
-      path.join(folder, 'ism.wasm'), Buffer.from([0, 0x61, 0x73, 0x6d, 1, 0, 0, 0]));  // an empty one
+  const emptyProgram = Buffer.from([0, 0x61, 0x73, 0x6d, 1, 0, 0, 0]);
+  fs.writeFileSync(path.join(folder, 'ism.wasm'), emptyProgram);
   await refuses(/./, await load('?again'));
   const m = await library.map(square, square, {maxIterations: 2});  // it has the right one
   assert.ok(m.distortion.mean < 2.01);
