@@ -1367,9 +1367,9 @@ inline bool oriented(const LabelledPoint& a, const LabelledPoint& b, const Label
 /// -fassociative-math; clang sets no macro) or do not round to nearest, or comparisons ignore NaN.
 /// Reads its numbers from memory, so no compiler evaluates them.
 inline bool arithmetic_is_sound() {
-  const volatile double one = 1, small = 0x1p-60, half_ulp = 0x1p-53, infinity = kInfinity;
+  const volatile double one = 1, tiny = 0x1p-60, half_ulp = 0x1p-53, infinity = kInfinity;
   const volatile double quiet_nan = std::numeric_limits<double>::quiet_NaN();
-  const double a = one, b = small, inf = infinity, nan = quiet_nan, same_nan = quiet_nan;
+  const double a = one, b = tiny, inf = infinity, nan = quiet_nan, same_nan = quiet_nan;
   const double sum = a + b, virtual_b = sum - a, tail = (a - (sum - virtual_b)) + (b - virtual_b);
   const bool rounds_to_nearest = sum == a && a - b == a && -a - b == -a && tail == b;
   Expansion product;  // (1 + 2^-52)² = (1 + 2^-51) + 2^-104
@@ -13680,7 +13680,7 @@ class Run {
     const Points3& b = b_->given->vertices;
     const double diagonal = (b.colwise().maxCoeff() - b.colwise().minCoeff()).norm();
     Array<double> distance(placed_.size(), 0);
-    int far = 0;
+    int n_far = 0;
     for (int i = 0; i < placed_.size(); ++i) {
       const Landmark& l = placed_[i].given;
       const SurfacePoint image =
@@ -13689,15 +13689,15 @@ class Run {
       const Eigen::Vector3d to =
           l.b.vertex >= 0 ? b.row(l.b.vertex).transpose() : map.position_on_b(l.b.point);
       distance[i] = -(map.position_on_b(image) - to).norm() / diagonal;
-      far += distance[i] < -kFar;
+      n_far += distance[i] < -kFar;
     }
-    if (far == 0) return;
+    if (n_far == 0) return;
     const Array<int> order = sorted_by(distance);
     Warning warning;
     warning.message = sentence(
-        {far, " of ", placed_.size(), " landmarks may be wrong: the map takes ", "them up to ",
+        {n_far, " of ", placed_.size(), " landmarks may be wrong: the map takes ", "them up to ",
          decimal(-distance[order[0]]), " of the diagonal of B from where they should be:"});
-    for (int i = 0; i < (std::min)(far, int{kMostNamed}); ++i) {
+    for (int i = 0; i < (std::min)(n_far, int{kMostNamed}); ++i) {
       const Landmark& l = placed_[order[i]].given;
       warning.message += sentence({" ", name_of(l.a), "-", name_of(l.b)});
       for (const ElementId& id : ids_of(l)) warning.ids.push_back(id);
