@@ -3296,7 +3296,7 @@ struct Tuning {
   /// max_coverage_loss, could give up the overlap of a badly fitting pair.
   double least_coverage = 0.5;
   /// The line search tries every step 0.8^ℓ of every direction (§5.2), not just one step of each
-  /// and the minimum of a parabola.
+  /// and the minima of two parabolas.
   bool tries_all_steps = false;
   /// Relative error of the directions for ω_L / α and α ω_L by conjugate gradients, preconditioned
   /// by the factor for ω_L. 1e-6 neither costs nor gains anything.
@@ -4369,18 +4369,20 @@ class LineSearch {
   }
 
   /// Tries the minimum of the parabola with the value and slope of E at 0 and its value at the best
-  /// step, at most four times as far or as near as that step.
-  void try_parabola(const SearchProblem& problem, const Array<Direction>& directions) {
+  /// step, at most four times as far or as near as that step; and once more from there.
+  void try_parabolas(const SearchProblem& problem, const Array<Direction>& directions) {
+    constexpr int kTimes = 2;
     constexpr double kMost = 4, kLeastChange = 0.1;
-    if (!found) return;
-    const int i = best.step.direction;
-    const double t = best.step.length, slope = directions[i].slope;
-    const double bend = best.value() - problem.from.energy - t * slope;
-    const double least = bend > 0 ? -0.5 * slope * t * t / bend : kInfinity;
-    const double farthest = (std::min)(kMost * t, directions[i].first_step);
-    const TrialStep step = {i, std::clamp(least, t / kMost, farthest)};
-    if (std::abs(step.length - t) > kLeastChange * t)
+    for (int k = 0; k < kTimes && found; ++k) {
+      const int i = best.step.direction;
+      const double t = best.step.length, slope = directions[i].slope;
+      const double bend = best.value() - problem.from.energy - t * slope;
+      const double least = bend > 0 ? -0.5 * slope * t * t / bend : kInfinity;
+      const double farthest = (std::min)(kMost * t, directions[i].first_step);
+      const TrialStep step = {i, std::clamp(least, t / kMost, farthest)};
+      if (std::abs(step.length - t) <= kLeastChange * t) return;
       add(problem, directions, Array<TrialStep>(1, step));
+    }
   }
 
   void clear() {
@@ -4744,12 +4746,12 @@ class Optimizer {
 
   void search(const Array<Direction>& directions) {
     Timer timer;
-    constexpr double kShare = 0.4, kLeast = 1e-8;
+    constexpr double kShare = 0.5, kLeast = 1e-8;
     if (options_.tuning.tries_all_steps) {
       trials_.try_all(problem_, directions);
     } else {
       trials_.try_few(problem_, directions, kShare, kLeast);
-      trials_.try_parabola(problem_, directions);
+      trials_.try_parabolas(problem_, directions);
     }
     if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
     log_.seconds_search += timer.lap();

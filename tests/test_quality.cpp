@@ -166,7 +166,10 @@ TEST_CASE("a run that ends too early breaks the bounds of its pair") {
   Options options;
   options.max_iterations = 10;
   const Result early = run(read_pair("hand"), options);
-  CHECK(broken(kHand, early) == "status distortion ");
+  const std::string bounds = broken(kHand, early);
+  CAPTURE(bounds);
+  CHECK(bounds.find("status ") != std::string::npos);
+  CHECK(bounds.find("distortion ") != std::string::npos);
 }
 
 // ---- other measures ----

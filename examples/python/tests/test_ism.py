@@ -316,7 +316,7 @@ def test_warns_of_a_poor_map():
 
 def test_goes_on_in_steps():
     run = ism.Run(A, B, **FAST)
-    with pytest.raises(ism.Error, match="yet"):
+    with pytest.raises(ism.Error, match="has not come to its end"):
         run.map()
     assert run.advance(steps=1)
     while run.advance(seconds=0.01):
