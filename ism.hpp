@@ -3295,9 +3295,8 @@ struct Tuning {
   /// The share of the area covered at the start that stays covered. Else many steps, each within
   /// max_coverage_loss, could give up the overlap of a badly fitting pair.
   double least_coverage = 0.5;
-  /// The line search tries every step 0.8^ℓ of every direction (§5.2), not just one step of each
-  /// and the minima of two parabolas.
-  bool tries_all_steps = false;
+  /// The line search tries every search_stride-th step 0.8^ℓ, then the neighbours of the best.
+  int search_stride = 3;
   /// Relative error of the directions for ω_L / α and α ω_L by conjugate gradients, preconditioned
   /// by the factor for ω_L. 1e-6 neither costs nor gains anything.
   double solve_tolerance = 1e-3;
@@ -3318,7 +3317,7 @@ struct RunOptions : Options {
       tuning.history_decay = 0.5;
       tuning.omega_factor = 1.25;
       tuning.omega_least = tuning.least_coverage = 0;
-      tuning.tries_all_steps = true;
+      tuning.search_stride = 1;
       tuning.solve_tolerance = 1e-12;
       tuning.window = 10;
       tuning.scaffold = false;
@@ -4313,6 +4312,7 @@ struct SearchProblem {
   const Array<Spring>& springs;
   const Iterate& from;
   const Executor& executor;
+  int stride;  // Tuning::search_stride
 };
 
 /// Takes a trial step along d and decides whether it is acceptable (lines 18 to 21). Stops early
@@ -4341,47 +4341,28 @@ class LineSearch {
   bool collided = false;  // a trial failed because a boundary intersects itself
   Trial best;             // valid if found
 
-  /// Tries all steps 0.8^ℓ of all directions, in blocks of eight (§5.2).
-  void try_all(const SearchProblem& problem, const Array<Direction>& directions) {
-    constexpr int kBlock = 8, kMost = 80;  // later steps are below 2e-8 of the first
+  /// Tries all directions in blocks of eight steps 0.8^ℓ (§5.2); with a stride of three, every
+  /// third of nine, then the neighbours of the best one.
+  void run(const SearchProblem& problem, const Array<Direction>& directions) {
+    constexpr int kMost = 80;  // bound on ℓ; later steps are below 2e-8 of the first
+    const int stride = problem.stride, block = (7 / stride + 1) * stride;
     clear();
-    for (int l = 0; l < kMost && !found && !problem.executor.is_stopped(); l += kBlock) {
+    for (int first = 0; first < kMost && !found && !problem.executor.is_stopped(); first += block) {
       Array<TrialStep> steps;
-      for (int i = 0; i < directions.size(); ++i)
-        for (int k = l; k < l + kBlock; ++k)
-          steps.push_back({i, directions[i].first_step * power(kShrink, k)});
+      for (int k = 0; k < directions.size(); ++k) {
+        const double longest = directions[k].first_step;
+        for (int l = first + stride / 2; l < first + block; l += stride)
+          steps.push_back({k, longest * power(kShrink, l)});
+        if (first == 0 && longest > 1) steps.push_back({k, 1});
+      }
       add(problem, directions, steps);
-    }
-  }
-
-  /// Tries one step along each of several directions, or two along one: shares of the longest, and
-  /// a quarter of them until one is acceptable.
-  void try_few(const SearchProblem& problem, const Array<Direction>& directions, double share,
-               double least_share) {
-    clear();
-    for (; share > least_share && !found && !problem.executor.is_stopped(); share /= 4) {
-      Array<TrialStep> steps;
-      for (int i = 0; i < directions.size(); ++i)
-        steps.push_back({i, share * directions[i].first_step});
-      if (steps.size() == 1) steps.push_back({0, 0.5 * steps[0].length});
+      if (!found || stride == 1) continue;
+      const TrialStep middle = best.step;
+      const double longest = directions[middle.direction].first_step;
+      steps.clear();
+      steps.push_back({middle.direction, (std::min)(middle.length / kShrink, longest)});
+      steps.push_back({middle.direction, middle.length * kShrink});
       add(problem, directions, steps);
-    }
-  }
-
-  /// Tries the minimum of the parabola with the value and slope of E at 0 and its value at the best
-  /// step, at most four times as far or as near as that step; and once more from there.
-  void try_parabolas(const SearchProblem& problem, const Array<Direction>& directions) {
-    constexpr int kTimes = 2;
-    constexpr double kMost = 4, kLeastChange = 0.1;
-    for (int k = 0; k < kTimes && found; ++k) {
-      const int i = best.step.direction;
-      const double t = best.step.length, slope = directions[i].slope;
-      const double bend = best.value() - problem.from.energy - t * slope;
-      const double least = bend > 0 ? -0.5 * slope * t * t / bend : kInfinity;
-      const double farthest = (std::min)(kMost * t, directions[i].first_step);
-      const TrialStep step = {i, std::clamp(least, t / kMost, farthest)};
-      if (std::abs(step.length - t) <= kLeastChange * t) return;
-      add(problem, directions, Array<TrialStep>(1, step));
     }
   }
 
@@ -4503,7 +4484,9 @@ class Optimizer {
         executor_(executor),
         models_(s, weights_, executor_),
         omega_(options.omega_start),
-        problem_{s, weights_, rules_, followers, scaffold_, springs_, x_, executor} {
+        problem_{s,         weights_,  rules_,
+                 followers, scaffold_, springs_,
+                 x_,        executor,  options.tuning.search_stride} {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -4677,7 +4660,7 @@ class Optimizer {
     if (!system.has_Q()) return omegas;
     const double smaller = omega_ / options_.tuning.omega_factor;
     if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
-    if (options_.tuning.tries_all_steps || omega_ > kHardlyActs || last_step_ < kShort)
+    if (tries_all_steps() || omega_ > kHardlyActs || last_step_ < kShort)
       omegas.push_back(omega_ * options_.tuning.omega_factor);
     return omegas;
   }
@@ -4740,19 +4723,15 @@ class Optimizer {
     d.max_step = (std::min)(max_step(s_.mesh, x_.x, d.d), max_step(scaffold_, x_.x, d.d));
     d.first_step = (std::min)(0.99 * d.max_step,
                               options_.tuning.max_displacement * radius_ / longest_move(d.d));
-    if (!options_.tuning.tries_all_steps && last_step_ < 0.5 && omega_ <= kHardlyActs)
+    if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
       d.first_step = (std::min)(d.first_step, 1 / kShrink);
   }
 
+  bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
+
   void search(const Array<Direction>& directions) {
     Timer timer;
-    constexpr double kShare = 0.5, kLeast = 1e-8;
-    if (options_.tuning.tries_all_steps) {
-      trials_.try_all(problem_, directions);
-    } else {
-      trials_.try_few(problem_, directions, kShare, kLeast);
-      trials_.try_parabolas(problem_, directions);
-    }
+    trials_.run(problem_, directions);
     if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
     log_.seconds_search += timer.lap();
   }
@@ -4939,12 +4918,17 @@ class Optimizer {
     return log_.quasi_newton = found;
   }
 
+  /// Tries steps in pairs, each half as long as the one before.
   bool search_back(const Array<Direction>& directions) {
     constexpr double kShortest = 1e-3;
     Timer timer;
-    const double longest = directions[0].first_step;
-    trials_.try_few(problem_, directions, (std::min)(1.0, quick_.step / longest),
-                    kShortest / longest);
+    trials_.clear();
+    double step = (std::min)(quick_.step, directions[0].first_step);
+    for (; step > kShortest && !trials_.found && !executor_.is_stopped(); step /= 4) {
+      Array<TrialStep> steps(1, TrialStep{0, step});
+      steps.push_back({0, step / 2});
+      trials_.add(problem_, directions, steps);
+    }
     log_.seconds_search += timer.lap();
     return trials_.found;
   }

@@ -1332,7 +1332,7 @@ TEST_CASE("the paper preset has the paper's constants and can be run") {
   CHECK(paper.history_length == 6);
   CHECK(paper.tuning.history_decay == 0.5);
   CHECK(paper.tuning.least_coverage == 0);
-  CHECK(paper.tuning.tries_all_steps);
+  CHECK(paper.tuning.search_stride == 1);
   CHECK(paper.tuning.quasi_newton_steps == 0);
   CHECK(paper.max_iterations == 550);
   CHECK(paper.tuning.solve_tolerance == 1e-12);
