@@ -325,7 +325,7 @@ struct Prepared {
   std::vector<Problem> repairs;                         // what was repaired
   std::vector<Problem> problems;  // what remains, in given ids; empty: `mesh` is valid
   /// Per vertex and per corner of `mesh`, its given id, the first one if several were joined; -1:
-  /// it closes the end of a long tube, see compute_map().
+  /// it closes an opening, see compute_map().
   std::vector<int> given_vertex, given_corner;
   /// Per triangle of `mesh`, the given triangle that contains it, or -1.
   std::vector<int> given_triangle;
@@ -613,7 +613,7 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// Maps A onto B: a start from coarse levels (or Options::initial_f / initial_g), then Algorithm 1.
 /// Every iterate is injective, decided exactly. Any status. Thread-safe.
 ///
-/// Outcome::warnings reports sizes taken from landmarks, tubes whose ends are closed, landmarks
+/// Outcome::warnings reports sizes taken from landmarks, openings that are closed, landmarks
 /// that were skipped or fit the mirror image only, and complete runs whose mean distortion (of
 /// symmetric_dirichlet()) is above 6 or 1.5 times that of the start.
 ///
@@ -621,9 +621,11 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// four points, the cones, where four vertices of each lie. The result embeds both surfaces cut
 /// along a path through these; the half-turns, and the translations that they make, take both sides
 /// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
-/// vertices. A surface that is closed alone is cut open at one place. Tubes of ten diameters or
-/// more, open at both ends or at one, count as closed, if the other surface is such a tube or
-/// closed: a fan closes each end, in the embedded mesh only, and is optimised like the rest.
+/// vertices. Surfaces whose openings are all shorter than 0.55 roots of their area, as those of
+/// tubes of ten diameters are, count as closed, if the other surface does: a fan closes each
+/// opening, in the embedded mesh only, and is optimised like the rest. outer_a, outer_b, other
+/// boundaries than Boundary::kFree, positions and fixed vertices keep them open. A surface that is
+/// closed alone is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -726,7 +728,7 @@ class SurfaceMap {
   const TriangleMesh& mesh(Side side, Ids ids = Ids::kGiven) const;
   Points2 planar_positions(Side side) const;  // f or g, of mesh(side, Ids::kEmbedded)
   /// True for maps of two closed surfaces: every point has an image, in both directions, but for
-  /// those that lie beyond the open end of a long tube.
+  /// those that lie in an opening that was closed.
   bool is_closed() const;
   /// The period of the motions x → ±x + period (i, j) of closed maps, see compute_map(); else 0.
   double period() const;
@@ -746,7 +748,7 @@ class SurfaceMap {
   /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
-  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without the closed ends of long tubes
+  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without what closes openings
   /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
   /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
@@ -3311,6 +3313,7 @@ struct Tuning {
 /// The options of a run and the constants that follow from them.
 struct RunOptions : Options {
   Tuning tuning;
+  int first_cones = 0;  // which of the choices of cones is tried first
   explicit RunOptions(const Options& options = {}) : Options(options) {
     if (as_published) {
       tuning.barrier_weight = 1e-8;
@@ -8231,20 +8234,35 @@ inline int nearest_corner(const Place& p) {
   return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
 }
 
-/// Chooses four pairs that are far apart on both surfaces, without edges between them, in the order
-/// of the shortest path through them; `attempt`: others each time. Empty if there are none.
-inline Cones choose_cones(const SurfacePair& pair, const Array<VertexPair>& pairs, int attempt) {
-  const auto distance = [&](const VertexPair& p, const VertexPair& q) {
-    const auto on = [](const Surface& s, int u, int v) {
-      return norm(row3(s.vertices, u) - row3(s.vertices, v)) / std::sqrt(s.total_area);
-    };
-    if (find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0) return 0.0;
-    return (std::min)(on(pair.a, p.a, q.a), on(pair.b, p.b, q.b));
-  };
+/// How far apart pairs are: their distance along edges on the surface where it is less, minus what
+/// it is more on the other one, in roots of the area; 0 where an edge joins them.
+inline Array<Array<double>> distances_between(const SurfacePair& pair,
+                                              const Array<VertexPair>& pairs) {
+  const double unit_a = 1 / std::sqrt(pair.a.total_area), unit_b = 1 / std::sqrt(pair.b.total_area);
+  Array<Array<double>> distances;
+  for (const VertexPair& p : pairs) {
+    const Array<double> from_a = edge_distances(pair.a, p.a), from_b = edge_distances(pair.b, p.b);
+    Array<double> apart;
+    for (const VertexPair& q : pairs) {
+      const bool is_edge =
+          find_edge(pair.a.mesh, p.a, q.a) >= 0 || find_edge(pair.b.mesh, p.b, q.b) >= 0;
+      const double on_a = unit_a * from_a[q.a], on_b = unit_b * from_b[q.b];
+      const double least = (std::min)(on_a, on_b) - std::abs(on_a - on_b);
+      apart.push_back(is_edge ? 0 : (std::max)(least, 0.0));
+    }
+    distances.push_back(apart);
+  }
+  return distances;
+}
+
+/// Chooses four pairs that are far apart, in the order of the shortest path through them;
+/// `attempt`: others each time. Empty if there are none.
+inline Cones choose_cones(const Array<VertexPair>& pairs, const Array<Array<double>>& distances,
+                          int attempt) {
   if (pairs.empty()) return {};
   Array<double> nearest(pairs.size(), (std::numeric_limits<double>::max)());
   nearest[attempt % pairs.size()] = kInfinity;  // it comes first
-  const auto between = [&](int i, int j) { return distance(pairs[i], pairs[j]); };
+  const auto between = [&](int i, int j) { return distances[i][j]; };
   const Array<int> cones = farthest_items(4, nearest, between);
   if (cones.size() < 4) return {};
   std::array<std::size_t, 4> order = {0, 1, 2, 3}, best = order;
@@ -8671,8 +8689,7 @@ class PairEmbedder {
     const int stuck = h.grow();
     if (stuck < 0) return true;
     const int given = h.surface().given_id(stuck);
-    return fail({"mesh ", h.name(), ": there is no room for vertex ", given,
-                 " in the plane; if it is a long tube, close its ends"},
+    return fail({"mesh ", h.name(), ": there is no room for vertex ", given, " in the plane"},
                 {vertex_id(h.side(), given)});
   }
 
@@ -9063,6 +9080,7 @@ class Embedder {
   enum class Stage { kBegin, kFree, kOnCircle, kInSquare, kJoining, kEnd };
 
   bool is_held() const { return options_.boundary != Boundary::kFree; }
+  bool is_on_pillow() const { return are_closed(pair_); }
 
   bool run_stage() {
     if (stage_ == Stage::kBegin) return false;
@@ -9076,14 +9094,15 @@ class Embedder {
       case Stage::kBegin:
         if (!PairEmbedder::has_levels(options_)) mapped_.reset();
         if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
-        if (are_closed(pair_) && !find_cones()) return Stage::kEnd;
+        if (is_on_pillow() && !mapped_ && !find_cones()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
         return begin(Stage::kFree, nullptr);
       case Stage::kFree:
         if (is_poor() && (mapped_ || next_cones_ < cones_.size())) {
-          mapped_.reset();
           static_cast<Outcome&>(result_) = Outcome();
+          if (mapped_ && is_on_pillow() && !find_cones()) return Stage::kEnd;
+          mapped_.reset();
           return begin(Stage::kFree, nullptr);
         }
         if (result_.status == Status::kDone) {
@@ -9092,7 +9111,7 @@ class Embedder {
           levels_ = embedder_->levels();
           if (mapped_) result_.warnings = mapped_->warnings;
         }
-        if (!cones_.empty()) return after_embedding();
+        if (is_on_pillow()) return after_embedding();
         if (!levels_.empty() || strain(pair_, result_) < kStrained) return after_free();
         outlines_.a = circle_for(pair_.a, outer_loop(pair_.a, options_.outer_a));
         outlines_.b = circle_for(pair_.b, outer_loop(pair_.b, options_.outer_b));
@@ -9115,7 +9134,7 @@ class Embedder {
   bool is_poor() const {
     constexpr double kMostStrained = 1e4;
     if (result_.status != Status::kDone) return true;
-    return mapped_ && cones_.empty() && !(strain(pair_, result_) < kMostStrained);
+    return mapped_ && !is_on_pillow() && !(strain(pair_, result_) < kMostStrained);
   }
 
   Array<PlacedLandmark> landmarks() const { return located(landmarks_, pair_); }
@@ -9128,35 +9147,40 @@ class Embedder {
       const Cones at_ends = cones_at_ends(pair_, pairs);
       if (!at_ends.empty()) cones_.push_back(at_ends);
     }
-    for (int i = 0; i < 2 * kMost; ++i) {
-      if (i == kMost && !cones_.empty()) break;
-      const Cones next = choose_cones(pair_, i < kMost ? pairs : farthest_pairs(pair_), i);
-      if (!next.empty()) cones_.push_back(next);
-    }
+    add_cones(pairs, options_.first_cones, kMost);
+    if (cones_.empty()) add_cones(farthest_pairs(pair_), 0, kMost);
     return !cones_.empty() || fail(result_, Status::kNumericalFailure,
                                    {"no four vertices of A and B correspond that are apart"});
   }
 
-  /// Exact landmarks, as far as there are enough; else pairs that were found, as landmarks may be
-  /// wrong, and landmarks if these are few.
-  Array<VertexPair> cone_pairs() const {
-    constexpr int kMany = 8;
-    Array<VertexPair> given, found;
-    for (const PlacedLandmark& l : landmarks())
-      (l.given.weight > 0 ? given : found)
-          .push_back({nearest_corner(l.a), nearest_corner(l.b), l.given});
-    for (const PlacedLandmark& guide : located(guides_, pair_))
-      found.push_back({nearest_corner(guide.a), nearest_corner(guide.b), guide.given});
-    if (!options_.exact_landmarks && found.size() >= kMany) return found;
-    if (options_.exact_landmarks && given.size() >= 4) return given;
-    const int n = given.size();
-    for (const VertexPair& pair : found) {
-      bool is_apart = true;
-      for (int i = 0; i < n; ++i)
-        is_apart = is_apart && pair.a != given[i].a && pair.b != given[i].b;
-      if (is_apart) given.push_back(pair);
+  void add_cones(const Array<VertexPair>& pairs, int first, int most) {
+    const Array<Array<double>> distances = distances_between(pair_, pairs);
+    for (int i = first; i < first + most; ++i) {
+      const Cones next = choose_cones(pairs, distances, i);
+      if (!next.empty()) cones_.push_back(next);
     }
-    return given;
+  }
+
+  /// Landmarks and pairs that were found; exact landmarks alone if there are enough, found pairs
+  /// alone if there are so many landmarks that they were computed, and may be noisy.
+  Array<VertexPair> cone_pairs() const {
+    constexpr int kByHand = 24, kMost = 48;
+    Array<PlacedLandmark> given, found;
+    for (const PlacedLandmark& l : landmarks())
+      (l.given.weight > 0 || options_.exact_landmarks ? given : found).push_back(l);
+    for (const PlacedLandmark& guide : located(guides_, pair_)) found.push_back(guide);
+    if (!options_.exact_landmarks && given.size() > kByHand && found.size() >= 4) given.clear();
+    Array<VertexPair> pairs;
+    const auto add = [&](const PlacedLandmark& l) {
+      const VertexPair next = {nearest_corner(l.a), nearest_corner(l.b), l.given};
+      for (const VertexPair& p : pairs)
+        if (p.a == next.a || p.b == next.b) return;
+      pairs.push_back(next);
+    };
+    for (int i = 0; i < given.size(); i += 1 + given.size() / (kMost + 1)) add(given[i]);
+    if (options_.exact_landmarks && pairs.size() >= 4) return pairs;
+    for (const PlacedLandmark& l : found) add(l);
+    return pairs;
   }
 
   bool prepare_landmarks() {
@@ -9170,7 +9194,7 @@ class Embedder {
     if (are_many && !mapped_ && !guides_.empty()) all.clear();  // guides are of those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
     Cones cones;
-    if (!cones_.empty() && !mapped_) cones = cones_[next_cones_++];
+    if (is_on_pillow() && !mapped_) cones = cones_[next_cones_++];
     embedder_ = std::make_unique<PairEmbedder>(pair_, all, options_, executor_, outlines, cones,
                                                mapped_.get());
     return stage;
@@ -9190,7 +9214,7 @@ class Embedder {
   Stage after_embedding() {
     embedder_.reset();
     if (result_.status != Status::kDone) return Stage::kEnd;
-    if (!is_held() && cones_.empty()) make_overlap();
+    if (!is_held() && !is_on_pillow()) make_overlap();
     if (!options_.exact_landmarks) return Stage::kEnd;
     joiner_ =
         std::make_unique<LandmarkJoiner>(pair_, vertex_pairs(landmarks()), options_, executor_);
@@ -9351,7 +9375,7 @@ struct EmbeddedPair {
   JointSurface s;
   Points2 x;
   Overlay overlay;
-  int n_given = 0;  // polygons; those beyond the ends of long tubes come after them
+  int n_given = 0;  // polygons; those in openings that were closed come after them
   Groups<int> by_face;
   double extent = 0;  // largest absolute coordinate in the plane
 
@@ -11205,11 +11229,11 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
 
 using SharedPrepared = std::shared_ptr<const Prepared>;
 
-// ---- open ends of long tubes ----
+// ---- small openings ----
 
 /// Closes the openings of a surface by fans around a vertex each, behind all others; or returns it
 /// as it is, where a fan would not be a surface.
-inline SharedPrepared with_ends_closed(const SharedPrepared& open, const HalfEdgeMesh& m) {
+inline SharedPrepared with_openings_closed(const SharedPrepared& open, const HalfEdgeMesh& m) {
   Prepared p = *open;
   TriangleMesh mesh = *p.mesh;
   mesh.vertices.conservativeResize(m.n_vertices + m.loops(), 3);
@@ -11232,22 +11256,17 @@ inline SharedPrepared with_ends_closed(const SharedPrepared& open, const HalfEdg
   return is_surface ? std::make_shared<const Prepared>(std::move(p)) : open;
 }
 
-/// True for a tube of ten diameters or more, open at both ends or at one: from an opening to the
-/// other one, or to what is farthest from it. Laid out flat, its rings would shrink as
-/// exp(-length / radius) to one end.
-inline bool is_long_tube(const Surface& s) {
-  constexpr double kBulge = 2;  // area of a tube, in perimeters times lengths
+/// Returns true if all openings of a surface are shorter than the end of a tube of ten diameters.
+/// Laid out flat, rings around one shrink as exp(-length / radius).
+inline bool is_nearly_closed(const Surface& s) {
   const HalfEdgeMesh& m = s.mesh;
-  if (m.loops() < 1 || m.loops() > 2) return false;
-  const Array<double> distance = edge_distances(s, m.tail[m.boundary[0]]);
-  double perimeter[2] = {0, 0}, length = kInfinity;
-  for (int k = 0; k < m.boundary.size(); ++k) {
-    perimeter[k >= m.loop[1]] += s.edge_length(m.boundary[k]);
-    if (k >= m.loop[1]) length = (std::min)(length, distance[m.tail[m.boundary[k]]]);
+  double longest = 0;
+  for (int i = 0; i < m.loops(); ++i) {
+    double length = 0;
+    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) length += s.edge_length(m.boundary[k]);
+    longest = (std::max)(longest, length);
   }
-  if (m.loops() == 1) length = *std::max_element(distance.begin(), distance.end());
-  const double widest = (std::max)(perimeter[0], perimeter[1]);
-  return length > kLongTube * kLongTube * widest && s.total_area < kBulge * widest * length;
+  return m.loops() > 0 && kLongTube * longest < std::sqrt(s.total_area);
 }
 
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
@@ -12938,15 +12957,15 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   return s;
 }
 
-/// Closes the ends of long tubes, where nothing is wanted of boundaries.
-inline void close_tubes(const Options& o, SharedPrepared& a, SharedPrepared& b) {
+/// Closes surfaces with small openings, where nothing is wanted of boundaries.
+inline void close_openings(const Options& o, SharedPrepared& a, SharedPrepared& b) {
   const bool has_wish = o.boundary != Boundary::kFree || o.outer_a != -1 || o.outer_b != -1 ||
                         !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
                         o.initial_g.size() > 0 || o.as_published;
   if (has_wish || !a->problems.empty() || !b->problems.empty()) return;
   const Surface s = surface_of(*a, false), t = surface_of(*b, false);
-  const SharedPrepared p = is_long_tube(s) ? with_ends_closed(a, s.mesh) : a;
-  const SharedPrepared q = is_long_tube(t) ? with_ends_closed(b, t.mesh) : b;
+  const SharedPrepared p = is_nearly_closed(s) ? with_openings_closed(a, s.mesh) : a;
+  const SharedPrepared q = is_nearly_closed(t) ? with_openings_closed(b, t.mesh) : b;
   if ((p == a && !is_closed(s)) || (q == b && !is_closed(t))) return;
   a = p, b = q;
 }
@@ -13159,13 +13178,15 @@ class Run {
       options_.initial_f.resize(0, 2);
       options_.initial_g.resize(0, 2);
     }
-    if (goal != Goal::kCandidate && sized == nullptr) close_tubes(options_, a_, b_);
+    if (goal != Goal::kCandidate && sized == nullptr) close_openings(options_, a_, b_);
     return_input();
     for (Side side : {Side::kA, Side::kB})
       if (const Prepared& p = side == Side::kA ? *a_ : *b_;
           !p.given_triangle.empty() && p.given_triangle.back() < 0)
         result_.warnings.push_back(
-            {sentence({letter(side), " is a long tube, and is mapped as if its ends were closed"}),
+            {sentence({"the openings of ", letter(side),
+                       " are small, and it is mapped as if they were closed; outer_",
+                       side == Side::kA ? "a" : "b", " keeps them open"}),
              {}});
     if (build_pair(*a_, *b_, landmarks, options_, pair_, placed_, result_)) {
       if (sized == nullptr) {
@@ -13195,6 +13216,8 @@ class Run {
     return result_;
   }
   bool is_embedding() const { return is_embedding_; }
+  /// Which of the choices of cones is tried first.
+  void begin_with_cones(int choice) { options_.first_cones = choice; }
   /// The surfaces that are optimised, on a pillow if both are closed, and the positions.
   const SurfacePair& surfaces() const { return pair_; }
   Points2 positions() const { return optimizer_ ? own_positions() : start_; }
@@ -13890,8 +13913,12 @@ class StartFinder {
     if (executor_.is_stopped()) return;
     if (leading_.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
     for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
+    int cones = 2;  // other ones, too
     for (int n : {12, 16, 32, 48})
-      if (!alignments.empty()) add_candidate(alignments, 0, n);
+      if (!alignments.empty()) {
+        add_candidate(alignments, 0, n);
+        candidates_.back().run->begin_with_cones(++cones);
+      }
     running_ = (std::min)(candidates_.size(), int{kFirst});
   }
 

@@ -405,24 +405,37 @@ std::string read_input(Arguments& args, Input& input) {
 // ==== [3] IDS ====================================================================================
 
 /// Ids of an embedded mesh as they are written: of the input, with what is new behind. Copies of
-/// vertices, where closed surfaces were cut, are one.
+/// vertices, where closed surfaces were cut, are one; what closes openings is left out.
 struct WrittenIds {
-  int size = 0;         // of all vertices
-  std::vector<int> id;  // per vertex of the embedded mesh
+  int size = 0;              // of all vertices
+  std::vector<int> id;       // per vertex of the embedded mesh; -1: left out
+  ism::Triangles triangles;  // those written, by vertices of the embedded mesh
 };
 
-WrittenIds written_ids(const ism::Prepared& prepared, const std::vector<ism::AddedVertex>& added) {
+WrittenIds written_ids(const ism::Prepared& prepared, const ism::TriangleMesh& mesh,
+                       const std::vector<ism::AddedVertex>& added) {
   WrittenIds ids;
   ids.size = static_cast<int>(prepared.new_vertex.size());
   for (std::size_t v = 0; v < prepared.given_vertex.size(); ++v) {
     const int given = prepared.given_vertex[v];
     const bool is_first =
         given >= 0 && prepared.new_vertex[static_cast<std::size_t>(given)] == static_cast<int>(v);
-    ids.id.push_back(is_first ? given : ids.size++);
+    ids.id.push_back(given < 0 ? -1 : is_first ? given : ids.size++);
   }
+  const auto is_written = [&](const auto& corners) {
+    for (int k = 0; k < 3; ++k)
+      if (corners[k] >= 0 && ids.id[static_cast<std::size_t>(corners[k])] < 0) return false;
+    return true;
+  };
   for (const ism::AddedVertex& p : added)
-    ids.id.push_back(p.corners[1] < 0 ? ids.id[static_cast<std::size_t>(p.corners[0])]
-                                      : ids.size++);
+    ids.id.push_back(p.corners[1] < 0        ? ids.id[static_cast<std::size_t>(p.corners[0])]
+                     : is_written(p.corners) ? ids.size++
+                                             : -1);
+  ids.triangles = mesh.triangles;
+  Eigen::Index n = 0;
+  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f)
+    if (is_written(mesh.triangles.row(f))) ids.triangles.row(n++) = mesh.triangles.row(f);
+  ids.triangles.conservativeResize(n, 3);
   return ids;
 }
 
@@ -436,11 +449,12 @@ bool has_copies(const std::vector<ism::AddedVertex>& added) {
 template <class Rows>
 Rows by_written_ids(const WrittenIds& ids, const Rows& rows, Rows result) {
   for (std::size_t v = 0; v < ids.id.size(); ++v)
-    result.row(ids.id[v]) = rows.row(static_cast<Eigen::Index>(v));
+    if (ids.id[v] >= 0) result.row(ids.id[v]) = rows.row(static_cast<Eigen::Index>(v));
   return result;
 }
 
-ism::Triangles by_written_ids(const WrittenIds& ids, ism::Triangles triangles) {
+ism::Triangles written_triangles(const WrittenIds& ids) {
+  ism::Triangles triangles = ids.triangles;
   for (Eigen::Index i = 0; i < triangles.size(); ++i)
     triangles.data()[i] = ids.id[static_cast<std::size_t>(triangles.data()[i])];
   return triangles;
@@ -474,8 +488,9 @@ LandmarkError landmark_error(const Input& input, const ism::SurfaceMap& map) {
 struct Findings {
   LandmarkError landmarks;
   bool is_closed = false;
-  bool has_ends = false;  // of long tubes, closed
-  int n_polygons = 0;     // of the meta mesh
+  bool has_openings = false;  // that were closed
+  int n_polygons = 0;         // of the meta mesh
+  ism::DistortionSummary distortion;
 };
 
 struct Seconds {
@@ -541,11 +556,13 @@ Json json_place(const ism::WorstPlace& p) {
 Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
                const ism::TriangleMesh& mesh, const ism::Prepared& prepared,
                const std::vector<ism::AddedVertex>& added, int opening) {
-  const WrittenIds ids = written_ids(prepared, added);
+  const WrittenIds ids = written_ids(prepared, mesh, added);
   const auto written = [&](int v) { return ids.id[static_cast<std::size_t>(v)]; };
   Json new_vertices = Json::array(), repairs = notes;
+  std::size_t next = ids.id.size() - added.size();
   for (const ism::AddedVertex& p : added) {
-    if (p.corners[1] < 0) continue;  // a copy, which is written as one with its original
+    const int id = ids.id[next++];
+    if (p.corners[1] < 0 || id < 0) continue;  // a copy is written as one with its original
     Json corners = Json::array(), weights = Json::array();
     for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
       corners.push_back(written(p.corners[k]));
@@ -554,7 +571,7 @@ Json json_mesh(const std::string& path, const std::vector<std::string>& notes,
     new_vertices.push_back({{"corners", corners}, {"weights", weights}});
   }
   for (const ism::Problem& repair : prepared.repairs) repairs.push_back(repair.message);
-  return {{"file", path},        {"vertices", ids.size}, {"triangles", mesh.triangles.rows()},
+  return {{"file", path},        {"vertices", ids.size}, {"triangles", ids.triangles.rows()},
           {"prepared", repairs}, {"opened_at", opening}, {"added", new_vertices}};
 }
 
@@ -593,6 +610,9 @@ std::string json_report(const Arguments& args, const Input& input, const ism::Re
   Json final = {{"iterations", result.log.size()}, {"landmark_distance", found.landmarks.largest}};
   start.update(json_state(result.initial));
   final.update(json_state(result.final_state()));
+  const ism::DistortionSummary& d = found.distortion;
+  final["symmetric_dirichlet"] = {
+      {"mean", d.mean}, {"median", d.median}, {"p95", d.p95}, {"largest", d.largest}};
   Json warnings = Json::array();
   for (const ism::Warning& w : result.warnings) warnings.push_back(w.message);
   Json iterations = json_list(result.log, json_iteration);
@@ -658,7 +678,7 @@ std::string corners_text(const char* comment, const ism::TriangleMesh& given,
                          const ism::TriangleMesh& mesh, const WrittenIds& ids,
                          const Eigen::MatrixXd& uv, const char* material) {
   return mesh_io::obj_text(comment, written_vertices(given, mesh, ids),
-                           mesh_io::polygons_of(by_written_ids(ids, mesh.triangles)), uv, material);
+                           mesh_io::polygons_of(written_triangles(ids)), uv, material);
 }
 
 /// An embedded mesh with its places in the plane; at copies of vertices, corners have their
@@ -668,11 +688,11 @@ std::string planar_text(const char* comment, const ism::TriangleMesh& given,
                         const std::vector<ism::AddedVertex>& added, const WrittenIds& ids) {
   if (!has_copies(added))
     return mesh_io::obj_text(
-        comment, written_vertices(given, mesh, ids), by_written_ids(ids, mesh.triangles),
+        comment, written_vertices(given, mesh, ids), written_triangles(ids),
         by_written_ids(ids, plane, ism::Points2(ism::Points2::Zero(ids.size, 2))));
-  Eigen::MatrixXd corners(mesh.triangles.size(), 2);
+  Eigen::MatrixXd corners(ids.triangles.size(), 2);
   for (Eigen::Index c = 0; c < corners.rows(); ++c)
-    corners.row(c) = plane.row(mesh.triangles.data()[c]);
+    corners.row(c) = plane.row(ids.triangles.data()[c]);
   return corners_text(comment, given, mesh, ids, corners, "");
 }
 
@@ -687,8 +707,8 @@ std::vector<mesh_io::TextFile> result_files(const Input& input, const ism::Resul
   const ism::SurfaceMap& map = scene.map;
   const ism::MetaMesh& meta = scene.meta;
   const ism::Embedding& start = result.start;
-  const WrittenIds ids_a = written_ids(*start.prepared_a, start.added_a);
-  const WrittenIds ids_b = written_ids(*start.prepared_b, start.added_b);
+  const WrittenIds ids_a = written_ids(*start.prepared_a, *start.a, start.added_a);
+  const WrittenIds ids_b = written_ids(*start.prepared_b, *start.b, start.added_b);
   const char* const on_other =
       "mesh on the other surface; vertices without an image are in no face";
   return {
@@ -750,11 +770,12 @@ std::string textured_text(const Input& input, const ism::Result& result) {
     return mesh_io::obj_text(comment, input.a.vertices, mesh_io::polygons_of(input.a.triangles),
                              input.uv_a, "textured.mtl");
   const ism::Embedding& start = result.start;
-  ism::Points2 places(start.a->triangles.size(), 2);
+  const WrittenIds ids = written_ids(*start.prepared_a, *start.a, start.added_a);
+  ism::Points2 places(ids.triangles.size(), 2);
   for (Eigen::Index c = 0; c < places.rows(); ++c)
-    places.row(c) = result.f.row(start.a->triangles.data()[c]);
-  return corners_text(comment, input.a, *start.a, written_ids(*start.prepared_a, start.added_a),
-                      in_unit_square(result.f, places), "textured.mtl");
+    places.row(c) = result.f.row(ids.triangles.data()[c]);
+  return corners_text(comment, input.a, *start.a, ids, in_unit_square(result.f, places),
+                      "textured.mtl");
 }
 
 /// A with a texture, B to which the map carries it, and both with the distortion of the map.
@@ -923,8 +944,10 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
   print_start(result.candidates);
   for (const ism::IterationLog& coarse : result.coarse)
     std::printf("before that  %d iterations on coarse surfaces\n", coarse.iteration);
+  const bool is_default = args.measure == "sd";
   std::printf("distortion   %.4f on average, %d is an isometry (%.4f at the start)\n",
-              last.mean_distortion, args.measure == "sd" ? 2 : 0, first.mean_distortion);
+              is_default ? found.distortion.mean : last.mean_distortion, is_default ? 2 : 0,
+              first.mean_distortion);
   for (std::size_t i = 0; i < std::min<std::size_t>(3, result.worst.size()); ++i)
     std::printf("  worst      %.3f on %.2f%% of the area, around vertex %d of A, %s\n",
                 result.worst[i].distortion, 100 * result.worst[i].area, result.worst[i].vertex_a,
@@ -934,7 +957,7 @@ void print_summary(const Arguments& args, const Input& input, const ism::Result&
               100 * first.coverage_b);
   if (found.is_closed)
     std::printf("closed       every point of A and B has an image%s\n",
-                found.has_ends ? ", but for some at the open ends" : "");
+                found.has_openings ? ", but for some at the openings" : "");
   if (!input.landmarks.empty()) print_landmarks(input, result, found.landmarks);
   std::printf("meta mesh    %d polygons\n", found.n_polygons);
   std::printf("seconds      %.1f: embedding %.1f, optimization %.1f (derivatives %.1f, ", s.total(),
@@ -989,12 +1012,12 @@ int run(Arguments& args) {
   start = Clock::now();
   const ism::SurfaceMap map(result);
   if (!ism::is_usable(map.status())) return fail(kComputationFailed, map.message());
-  const auto has_ends = [](const ism::Prepared& p) { return p.given_triangle.back() < 0; };
+  const auto has_openings = [](const ism::Prepared& p) { return p.given_triangle.back() < 0; };
   const ism::Embedding& embedded = result.start;
   const picture::Scene scene = picture::scene_of(map, args.options.keep_scale);
   const Findings found = {landmark_error(input, map), map.is_closed(),
-                          has_ends(*embedded.prepared_a) || has_ends(*embedded.prepared_b),
-                          scene.meta.n_polygons()};
+                          has_openings(*embedded.prepared_a) || has_openings(*embedded.prepared_b),
+                          scene.meta.n_polygons(), ism::summarize(map.distortion())};
   std::vector<mesh_io::TextFile> files = result_files(input, result, scene);
   error = add_wanted_files(args, input, result, scene, files);
   if (!error.empty()) return fail(kComputationFailed, error);

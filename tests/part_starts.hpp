@@ -309,11 +309,11 @@ TEST_CASE("long tubes are mapped as if their ends were closed; what closes them 
   CHECK((to_b.n_sources == a.triangles.rows() && to_b.rows() == b.triangles.rows()));
 }
 
-TEST_CASE("only long tubes are closed, in any unit, and exact landmarks on rims have images") {
+TEST_CASE("only small openings are closed, in any unit, and exact landmarks on rims have images") {
   const TriangleMesh a = tube(7, 30, 60), b = tube(6, 28, 60);
   const auto warnings = [](const Result& r) {
     return std::count_if(r.warnings.begin(), r.warnings.end(), [](const ism::Warning& w) {
-      return w.message.find("is a long tube") != std::string::npos;
+      return w.message.find("are small, and it is mapped as if") != std::string::npos;
     });
   };
   Options options = on_one_thread();
@@ -359,6 +359,42 @@ TEST_CASE("only long tubes are closed, in any unit, and exact landmarks on rims 
   while (solver.step()) {
   }
   CHECK(ism::SurfaceMap(solver.result()).status() == ism::Status::kDone);
+}
+
+/// A sphere without the triangles around some vertices, turned about its axis the more the higher.
+TriangleMesh punctured(const std::vector<int>& at, double twist) {
+  TriangleMesh m = shapes::sphere(4);
+  for (int v = 0; v < m.vertices.rows(); ++v) {
+    const double angle = twist * m.vertices(v, 2);
+    const Eigen::Rotation2Dd turn(angle);
+    m.vertices.row(v).head<2>() = (turn * m.vertices.row(v).head<2>().transpose()).transpose();
+  }
+  int n = 0;
+  for (int f = 0; f < m.triangles.rows(); ++f) {
+    bool is_open = false;
+    for (int v : at) is_open = is_open || (m.triangles.row(f).array() == v).any();
+    if (!is_open) m.triangles.row(n++) = m.triangles.row(f).eval();
+  }
+  m.triangles.conservativeResize(n, Eigen::NoChange);
+  return m;
+}
+
+// As disks, the whole surface went through one of its openings: these ended at 2.4, or not at all.
+TEST_CASE("surfaces with small openings are mapped as closed ones, wherever the openings are") {
+  const TriangleMesh a = punctured({10, 600, 1200, 1800}, 0), b = punctured({100, 900}, 0.5),
+                     closed = shapes::sphere(4);
+  for (const TriangleMesh* other : {&b, &closed}) {
+    const Result r = ism::compute_map(a, *other, {}, on_one_thread());
+    REQUIRE(ism::is_usable(r.status));
+    const ism::SurfaceMap map(r);
+    CHECK(map.is_closed());
+    CHECK(ism::verify(map).status == ism::Status::kDone);
+    CHECK(ism::summarize(map.distortion()).mean < 2.05);
+    const std::vector<ism::SurfacePoint> images = map.forward_vertices();
+    CHECK(std::count_if(images.begin(), images.end(), [](const ism::SurfacePoint& p) {
+            return p.exists();
+          }) > a.vertices.rows() - 12);
+  }
 }
 
 // Of fans over each other, each triangle meets each. These took 15 to 56 ms per triangle.

@@ -171,12 +171,14 @@ def row(name, report):
     if "error" in report:
         return [name, "", "", "", report["error"]] + [""] * (len(COLUMNS) - 5)
     start, final, seconds = report["start"], report["final"], report["seconds"]
+    is_default = report["options"]["measure"] == "sd"
+    distortion = final["symmetric_dirichlet"]["mean"] if is_default else final["mean_distortion"]
     added = " / ".join(str(len(report[mesh]["added"])) for mesh in "ab")
     phases = ["derivatives", "assembly", "solve", "search", "total"]
     coarse = seconds["optimization"] - sum(seconds[p] for p in phases[:4])
     return [name, f'{report["a"]["triangles"]} / {report["b"]["triangles"]}',
             str(final["iterations"]), to_one_percent(report), report["status"],
-            number(final["mean_distortion"], 4),
+            number(distortion, 4),
             number(final["coverage_a"], 4), number(final["coverage_b"], 4),
             number(start["landmark_distance"], 4), number(final["landmark_distance"], 4),
             added, " + ".join(str(level["iteration"]) for level in report["coarse"]),
