@@ -53,84 +53,81 @@ using program::seconds_since;
 const char* const kHelp = R"(usage: ism_map A B -o OUT [options]
 
 Maps mesh A injectively onto mesh B with low distortion. A and B are OBJ, OFF, PLY, STL or glTF
-files (with tinygltf), or FBX, COLLADA and others (with assimp), of surfaces without handles, closed
-or with boundaries; polygons are cut into triangles, and what has to be dropped or cut otherwise is
-printed. The corners of an STL file, or one for assimp, at one place are one vertex; vertices are
-numbered as they first appear. Vertices of glTF are numbered through all primitives, in the order of
-the nodes, and lie in the scene, those with a skin in its bind pose. Of several boundary loops the longest is the
-outline, the others are openings. Meshes with defects are made surfaces first: vertices at one place
-are welded, triangles turned, of several parts that with the landmarks is taken; what was done is
-printed.
+files (with tinygltf), or FBX, COLLADA and others (with assimp). The surfaces have no handles; they
+are closed or have boundaries. The longest boundary loop is the outline, the others are openings.
 
-  -o OUT             folder for the results, made if missing
+The program triangulates polygons and repairs defects: it welds coincident vertices, flips
+triangles, and keeps the part with the landmarks. It prints every repair. In STL files and those
+read by assimp, coincident corners become one vertex; vertices are numbered by first appearance.
+Vertices of glTF are numbered through all primitives, in the order of the nodes. They lie in the
+scene, those with a skin in its bind pose.
+
+  -o OUT             folder for the results, created if missing
   --landmarks FILE   lines `<vertex id in A> <vertex id in B>`, ids from 0; # starts a comment. In
-                     place of an id, x y z stands for the nearest point of the surface, which is at
-                     most 1% of its size away. Of four numbers the first is the id if it is a whole
-                     number, else the last. Blanks, tabs, commas and semicolons separate them; the
-                     first line may be a header. `curve <ids in A> | <ids in B>` maps a line of
-                     vertices onto another one
+                     place of an id, x y z is the nearest point of the surface, at most 1% of its
+                     size away. Of four numbers the first is the id if it is a whole number, else
+                     the last. Blanks, tabs, commas and semicolons separate numbers; the first line
+                     may be a header. `curve <ids in A> | <ids in B>` maps a line of vertices onto
+                     another one
   --exact-landmarks  landmarks coincide exactly, from the start to the end
-  --boundary B       free (default): the boundaries move, A and B overlap in part; fixed: they lie
-                     along one square, matched by arc length; slide: there, they may slide
-  --pin-landmarks    the landmarks of A stay on B where the start puts them; for a point in a
-                     triangle its nearest corner does
-  --pins FILE        more landmarks, of which those of A stay where the start puts them
+  --boundary B       free (default): boundaries move, A and B overlap in part; fixed: boundaries lie
+                     along one square, matched by arc length; slide: they slide along the square
+  --pin-landmarks    landmarks of A keep their images on B from the start; a point in a triangle is
+                     replaced by the nearest corner
+  --pins FILE        more landmarks; those of A keep their images on B from the start
   --initial DIR      start from the vt of DIR/A.obj and DIR/B.obj (as written by ism_map)
   --start-only       stop after the initial embedding
-  --kappa K          reward for covered area beyond what an isometry costs (default 0.2); that
+  --kappa K          reward for covered area beyond the cost of an isometry (default 0.2); this
                      cost is 2 for sd, 0 for other measures; -2 is no reward, as in the paper
   --preset paper     the constants of the paper (kappa -2, omega from 1e9, at most 550 iterations)
-  --measure M        sd (symmetric Dirichlet, default), arap, sarap or asap; all but sd are 0 for
-                     an isometry, not 2
+  --measure M        sd (symmetric Dirichlet, default), arap, sarap or asap; an isometry has 2 for
+                     sd, 0 for the others
   --variant V        pn, spn or full: the optimisers the paper compares (default full)
   --iterations N     at most N iterations (default 1000)
   --tolerance T      stop below this relative decrease per iteration (default 3e-4)
   --threads N        0: as many as there are processors (default); the result does not depend on it
-  --keep-scale       do not scale the meshes first; for meshes in one unit. Else both get the area 1,
-                     or, if landmarks agree that a part has another size, that size
-  --refine T         halve edges longer than T edges of the finer mesh, on a mesh half of which lies
-                     in triangles larger than T of its mean triangles (default 8; 0: never)
-  --no-weld          keep vertices apart that are at one place
-  --set NAME=VALUE   any number among the options that report.json lists, 0 or 1 for
-                     false and true; can be repeated
-  --picture          draw both surfaces with a texture, that of --texture or coloured squares,
-                     and with the distortion
+  --keep-scale       do not scale the meshes; for meshes in the same unit. Else both get area 1, or
+                     another relative size if landmarks agree on one
+  --refine T         halve edges longer than T edges of the finer mesh, if half of a mesh lies in
+                     triangles larger than T mean triangles of the finer one (default 8; 0: never)
+  --no-weld          keep coincident vertices apart
+  --set NAME=VALUE   set any option of report.json that is a number; 0 and 1 are false and true; can
+                     be repeated
+  --picture          draw both surfaces, once with a texture (of --texture, or coloured squares) and
+                     once with the distortion
   --heat             write the distortion as colours and as values (quality) of PLY files
-  --texture IMAGE    a PNG, JPEG or binary PPM image, the texture of A, is carried to B; it lies
-                     where A's vt are, and not on faces without; if A has none, where A is in the
-                     plane
-  --transfer-uv      carry texture coordinates (vt) to the other mesh, from each that has any
-  --glb NAME.glb     A, a morph from A to B as an animation, and B, side by side with a texture, that
-                     of --texture or coloured squares, in one binary glTF file, for any viewer; with
-                     --heat, A and B with the distortion below
+  --texture IMAGE    carry the texture of A, a PNG, JPEG or binary PPM image, to B. It lies at the
+                     vt of A, not on faces without vt; if A has no vt, at its planar positions
+  --transfer-uv      carry texture coordinates (vt) from each mesh that has them to the other one
+  --glb NAME.glb     write A, a morph from A to B as an animation, and B, side by side, to one
+                     binary glTF file for any viewer, with a texture (of --texture, or coloured
+                     squares); with --heat, A and B with the distortion below
   --morph N          2 to 100 shapes from A to B, as rigid as possible, as meshes and as pictures
   --quiet            print errors only
   --help             print this
 
 Files in OUT:
-  A.obj B.obj            the triangulated input as it was mapped; vt is the place in the plane. Ids
-                         of vertices are those of the input; what constraints need, and copies where
-                         closed surfaces are cut, is added behind
+  A.obj B.obj            the triangulated input as it was mapped; vt is the planar position. Input
+                         vertices keep their ids; vertices added for constraints, and copies along
+                         cuts of closed surfaces, come last
   A_on_B.obj B_on_A.obj  the vertices mapped to the other surface, ids as in the input; vertices
                          without an image are in no face
-  A_edges_on_B.obj       the edges of A's polygons, not of the triangles they are cut into, as
-                         polylines on B
+  A_edges_on_B.obj       the edges of A's polygons, not of their triangulation, as polylines on B
   meta_A.obj meta_B.obj  the common refinement on either surface, with the same faces
   report.json            status, options, energies and seconds of every iteration
-and if they are asked for
+and by option
   picture.png            --picture
   heat_A.ply heat_B.ply  --heat: the common refinement; white is an isometry, dark red 8 and more;
                          quality is the symmetric Dirichlet energy per area, 2 for an isometry
   A_textured.obj B_textured.obj textured.mtl texture.png
                          --texture: A, and the common refinement on B, with the texture of A
-  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B; a face across a seam
-                         has those of the side on which most of it lies, continued; where most of a
-                         face is not covered, or lies on faces without vt, it has none
+  B_uv.obj A_uv.obj      --transfer-uv: B with the vt of A, A with the vt of B. A face across a seam
+                         gets the vt of the side that has most of the face, continued. A face that
+                         lies mostly on uncovered parts or on faces without vt gets none
   morph_000.obj morph_000.png ...
                          --morph: the common refinement; morph_000 lies on A, the last one on B
-  NAME.glb               --glb: the common refinement, grey where the other surface is not; A and B
-                         upright and with area 1, or A with area 1 and B in proportion to it if the
-                         scale is kept
+  NAME.glb               --glb: the common refinement, grey where it is not covered; A and B upright
+                         and with area 1, or, with --keep-scale, A with area 1 and B in proportion
 )";
 
 // ==== [1] ARGUMENTS ==============================================================================

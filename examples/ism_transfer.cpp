@@ -38,18 +38,18 @@ using program::kComputationFailed;
 
 const char* const kHelp = R"(usage: ism_transfer SOURCE TARGET -o OUT.glb [options]
 
-Maps the surface of one character onto another one's, and gives the target what the source has: its
-skin with its skeleton, moved into the target's body; its morph targets, turned and scaled as the
-map turns and scales their places; its texture coordinates, textures and vertex colours. SOURCE and
-TARGET are glTF files (.glb, .gltf). The target keeps its vertices, its materials and its parts.
-The largest connected surface of each is mapped, without handles; other parts of the target, as
-eyes, take skin and morphs from the nearest point of it.
+Maps the surface of one character onto another one's, and carries data of the source to the target:
+the skin with its skeleton, moved into the target's body; morph targets, turned and scaled with the
+map; texture coordinates, textures and vertex colours. SOURCE and TARGET are glTF files (.glb,
+.gltf). The target keeps its vertices, materials and parts. The program maps the largest connected
+surface of each, which must have no handles. Other parts of the target, such as eyes, take skin and
+morphs from its nearest point.
 
-  -o OUT.glb         the target with what was carried
+  -o OUT.glb         the target with the carried data
   --landmarks FILE   lines `<vertex id in SOURCE> <vertex id in TARGET>`, ids from 0, through all
                      primitives in the order of the nodes; or points x y z; as for ism_map
-  --only LIST        some of skin,morphs,uv,colors (default: all that there are; the skin has to be)
-  --influences N     4 (default) or 8 joints per vertex at most
+  --only LIST        some of skin,morphs,uv,colors (default: all that exist; a skin must exist)
+  --influences N     at most 4 (default) or 8 joints per vertex
   --iterations N     at most N iterations (default 1000)
   --threads N        0: as many as there are processors (default); the result does not depend on it
   --set NAME=VALUE   any option of the library that is a number, as for ism_map
