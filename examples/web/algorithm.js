@@ -18,22 +18,22 @@ const kLines = [
     at: '',
     phase: 'embedding',
     formula: 'x<sup>(0)</sup>',
-    words: 'The start: both surfaces are laid into the plane without a fold, landmarks close to ' +
+    words: 'The start: injective embeddings of both surfaces in the plane, landmarks close to ' +
         'each other.'
   },
   {
     at: '1',
     phase: 'setup',
     formula: 'L, M',
-    words: 'Once: how far a motion is from smooth over both surfaces (Laplacian L, areas M).'
+    words: 'Once: a measure of smooth motion over both surfaces (Laplacian L, areas M).'
   },
   {
     at: '3',
     phase: 'overlay',
     formula: 'M(x) = f(A) ∩ g(B)',
     words:
-        'Cut every triangle of one surface with those of the other that it meets, exactly. The ' +
-        'last line search has done so already.',
+        'Intersect the triangles of both surfaces, exactly. The last line search has done so ' +
+        'already.',
     last: it => `${it.polygons.toLocaleString()} polygons`
   },
   {
@@ -41,15 +41,15 @@ const kLines = [
     phase: 'derivatives',
     formula: derivativesOf('dirichlet'),
     words:
-        'In each polygon Φ is affine. Its stretch, how that changes with the six corners of the ' +
-        'two triangles, and how that change changes.',
+        'Φ is affine on each polygon. Compute its energy there, with first and second derivatives ' +
+        'in the six corners of both triangles.',
     last: it => `distortion ${it.distortion.toFixed(4)}`
   },
   {
     at: '7',
     phase: 'derivatives',
     formula: 'H<sub>ρ</sub> → V D<sub>+</sub> V<sup>T</sup>',
-    words: 'Directions in which the energy curves down are bent upwards, so that a valley remains.'
+    words: 'Raise negative eigenvalues, so that every direction curves upwards.'
   },
   {
     at: '8',
@@ -63,14 +63,14 @@ const kLines = [
     phase: 'assembly',
     formula: 'H = Σ<sub>j</sub> λ<sup>j</sup> H<sup>(i−j)</sup>, g likewise',
     words:
-        'Memory: mix in the last few, as the energy has a kink wherever a vertex crosses an edge.'
+        'Memory: blend in the last ones, as curvature jumps wherever a vertex crosses an edge.'
   },
   {
     at: '10–12',
     phase: 'solve',
     formula: '(H + ω<sub>L</sub> L<sup>T</sup>ML) d = −g',
     words: 'Newton’s direction, smoothed: while ω<sub>L</sub> is large, all vertices move as one ' +
-        'sheet. A smaller, the same and a larger ω<sub>L</sub> are tried.',
+        'sheet. Try a smaller, the same and a larger ω<sub>L</sub>.',
     last: it => `ω = ${Number(it.omega.toPrecision(2))}`
   },
   {
@@ -98,13 +98,13 @@ const kLines = [
     at: '24–25',
     phase: 'accept',
     formula: 'x<sup>(i+1)</sup> = best trial',
-    words: 'Take the best of all trials. Exact predicates have found it injective.'
+    words: 'Take the best of all trials. Exact predicates have checked that it is injective.'
   },
   {
     at: '+',
     phase: 'quasiNewton',
     formula: 'd = −H<sub>old</sub>⁻¹ g',
-    words: 'Beyond the paper: a few cheap steps with the factor at hand, as long as they pay.',
+    words: 'Beyond the paper: a few cheap steps with the last factor, as long as they pay.',
     last: it => it.quasiNewton ? `s = ${it.step.toPrecision(3)}` : ''
   },
 ];
