@@ -1,7 +1,7 @@
 // ism.hpp - distortion-minimizing injective maps between surfaces
 //
-// Given two triangle meshes A and B, closed or with boundaries, computes a map Φ from A to B that
-// is continuous, injective, symmetric in A and B, and of low distortion. It implements
+// Computes a map Φ between two triangle meshes A and B, closed or with boundaries. Φ is continuous,
+// injective, symmetric in A and B, and of low distortion. This header implements
 //
 //   Patrick Schmidt, Janis Born, Marcel Campen, Leif Kobbelt:
 //   Distortion-Minimizing Injective Maps Between Surfaces.
@@ -17,7 +17,7 @@
 //   #include "ism.hpp"  // C++17; needs Eigen 3 and nothing else
 //
 //   In exactly one source file, before the include:  #define ISM_IMPLEMENTATION
-//   With CMake, link ism::ism instead, which does that.
+//   With CMake, link ism::ism instead; it contains the implementation.
 //
 //   ism::TriangleMesh a, b;                                  // fill vertices and triangles
 //   std::vector<ism::Landmark> landmarks = {{17, 4}, {32, 90}};  // optional
@@ -28,8 +28,8 @@
 //   }
 //
 // INPUT      Each mesh is a manifold, consistently oriented surface: one component without handles.
-//            validate() lists defects, prepare() repairs most of them. If both are closed,
-//            so is the map; if one is, it is cut open. One boundary loop is the outline
+//            validate() lists defects, prepare() repairs most of them. If both meshes are closed,
+//            so is the map; if only one is, it is cut open. One boundary loop is the outline
 //            (Options::outer_a); all others are openings, e.g. eyes and mouths, and points over an
 //            opening are not covered. Meshes are read in place: float or double, interleaved or not
 //            (MeshView).
@@ -92,7 +92,7 @@
 #define ISM_ABI v1_0
 #endif
 
-// arithmetic_is_sound() detects at run time what sets no macro, e.g. clang's -fassociative-math.
+// arithmetic_is_sound() detects flags without a macro at run time, e.g. clang's -fassociative-math.
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST) || \
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0)
 #error "ism.hpp decides orientations exactly; it cannot be compiled with -ffast-math and the like"
@@ -329,8 +329,8 @@ struct Prepared {
   std::vector<int> given_vertex, given_corner;
   /// Per triangle of `mesh`, the given triangle that contains it, or -1.
   std::vector<int> given_triangle;
-  /// Per given vertex and triangle, its id in `mesh`, of a cut triangle that of its first part; -1:
-  /// dropped. A vertex dropped with repeated triangles has the id of the vertex at the same place.
+  /// Per given vertex and triangle, its id in `mesh`; a cut triangle has the id of its first part;
+  /// -1: dropped. A vertex of dropped repeated triangles has the id of the vertex at its place.
   std::vector<int> new_vertex, new_triangle;
 };
 
@@ -339,7 +339,7 @@ struct Prepared {
 /// are split. Welds coincident boundary edges (triangle soup, seams of texture coordinates), unless
 /// `weld` is false. Cuts where more than two triangles share an edge or fans share a vertex. Flips
 /// triangles to one orientation, with positive volume if closed, else that of most of the area.
-/// Keeps the component with most landmarks, of several the largest. A valid mesh keeps all its ids;
+/// Keeps the component with most landmarks, the largest of these. A valid mesh keeps all its ids;
 /// a boundary loop that touches only itself, e.g. closed lips, stays open. Surfaces with handles or
 /// without orientation stay invalid. Cost O(#F log #F). Thread-safe.
 Prepared prepare(const MeshView& mesh, const std::vector<LandmarkPoint>& landmarks = {},
@@ -357,8 +357,8 @@ struct Landmark {
   double weight = 8;
 };
 
-/// Lines of vertices that are to be mapped onto each other, as of lips, eyelids or a midline.
-/// Images may slide along the line. A closed line ends with its first vertex.
+/// Two lines of vertices to map onto each other, e.g. lips, eyelids or a midline. Images may slide
+/// along the line. A closed line ends with its first vertex.
 struct Curve {
   std::vector<int> a, b;  // in order; straight between them
   double weight = 100;    // that of Landmark, shared by the vertices of A
@@ -369,8 +369,8 @@ enum class Boundary {
   kFree,  // boundaries move freely; A and B correspond where they overlap in the plane
   /// Both boundaries lie along the sides of one square and stay there, so A and B cover each other.
   /// Landmarks on the boundaries (points on their edges become vertices) and arc length between
-  /// them define the correspondence; without such landmarks, arc length from where the boundaries
-  /// are closest in a free embedding.
+  /// them define the correspondence; without such landmarks, arc length does, from the points where
+  /// the boundaries are closest in a free embedding.
   kFixed,
   kSlide  // as kFixed, but all vertices except for the four corners may slide along their side
 };
@@ -463,12 +463,12 @@ struct Options {
   /// fraction of E + κ (area A + area B) per iteration. An iteration without a step counts as one
   /// without decrease, a quasi-Newton step as a fifth of an iteration.
   double tolerance = 3e-4;  // ≥ 0
-  /// false: scales both meshes to area 1; if a boundary is free and five or more landmarks agree
-  /// on another ratio of sizes, so that landmarks are equally far apart on both. true: the meshes
-  /// share one unit and are not scaled; areas of 1e-50 to 1e50 work.
+  /// false: scales both meshes to area 1, or, if a boundary is free and five or more landmarks
+  /// agree on another ratio of sizes, to this ratio. true: the meshes share one unit and are not
+  /// scaled; areas of 1e-50 to 1e50 work.
   bool keep_scale = false;
-  int threads = 0;  // ≥ 0, capped at 4 per processor; 0: one per processor that is available;
-                    // results do not depend on it
+  int threads = 0;  // ≥ 0, capped at 4 per processor; 0: one per available processor; results do
+                    // not depend on it
   ParallelFor parallel_for;  // replaces std::thread by the caller's job system
   /// Called from the calling thread after each step of the embedding and each iteration, and
   /// several times a second in between. Return false to cancel.
@@ -477,11 +477,11 @@ struct Options {
   const std::atomic<bool>* stop = nullptr;
   /// > 0: time limit of a call, or of all steps of a Solver together; change() restarts it.
   double max_seconds = std::numeric_limits<double>::infinity();
-  /// Vertices of A (of B) whose images on the other surface stay those of the start (§4.5). An
+  /// Vertices of A (of B) that keep their images on the other surface from the start (§4.5). An
   /// image must not lie in a triangle with a pinned vertex. Vertices of A in exact landmarks count
   /// as pinned. A vertex without an image is refused.
   std::vector<int> pins_a, pins_b;
-  /// Vertices of A (of B) whose planar positions stay those of the start. Refused on closed pairs.
+  /// Vertices of A (of B) that keep their planar positions from the start. Refused on closed pairs.
   std::vector<int> fixed_a, fixed_b;
   /// false: landmarks guide the start and pull, see Landmark::weight. true: their images coincide
   /// in the plane throughout, and points become added vertices. Landmarks on the boundaries then
@@ -494,19 +494,20 @@ struct Options {
   /// longest loop. The others are openings: free, disjoint, and nothing is mapped into them. Given
   /// positions have outlines of their own.
   int outer_a = -1, outer_b = -1;
-  /// Known planar positions, #V_A×2 and #V_B×2, in any unit, also that of the result, in place of
+  /// Known planar positions, #V_A×2 and #V_B×2, in any unit, e.g. those of a result. They replace
   /// the initial embedding. Landmarks are first pulled together, as by Solver::change().
   Points2 initial_f, initial_g;
-  bool weld = true;  // prepares meshes with problems with welding; false: see prepare()
+  bool weld = true;  // repairs defects with welding; false: without, see prepare()
 
   /// ≥ 0: Algorithm 1 first runs on decimated surfaces, from about this many vertices per surface
-  /// up; each has about a quarter of the next one's. 0 is the paper's method. Exact landmarks, held
-  /// boundaries, given positions and change() skip these levels, but not the trial of candidates.
+  /// up; each level has about a quarter of the vertices of the next one. 0 is the paper's method.
+  /// Exact landmarks, held boundaries, given positions and change() skip these levels, but not the
+  /// trial of candidates.
   int coarsest = 400;
-  /// > 0: edges are halved, the longest first, of a surface half of which lies in triangles larger
-  /// than this many mean ones of the finer surface: edges longer than this many of its edges, at
-  /// triangles larger than its mean one divided by refine (by 1, if refine is less), up to twice
-  /// the number of its triangles. What is within a given triangle becomes Delaunay. The shape and
+  /// > 0: refines a surface if half of it lies in triangles larger than this many mean triangles of
+  /// the finer surface. Halves edges longer than this many edges of the finer surface, the longest
+  /// first, at triangles larger than its mean one divided by refine (by 1, if refine is less), up
+  /// to twice its number of triangles. The parts of a given triangle become Delaunay. The shape and
   /// the ids of given vertices stay, see Embedding::added_a. 0: off, as for given positions and
   /// as_published.
   double refine = 8;
@@ -516,11 +517,11 @@ struct Options {
   /// ≥ 0: initial ω_L of §5.4. 0 disables the preconditioner and quasi-Newton steps. Smaller values
   /// suit a start that is good already.
   double omega_start = 1e4;
-  /// true: maps surfaces of at most `coarsest` vertices (0: 400) from several starts, the landmarks
-  /// alone and with alignments of the surfaces in space, brings ends of limbs together, and goes on
-  /// from the map with the least distortion for its coverage, see Result::candidates. Costs a few
-  /// seconds. false: the landmarks alone, e.g. where poses differ and landmarks are many; also for
-  /// as_published and given positions.
+  /// true: maps surfaces of at most `coarsest` vertices (0: 400) from several starts: the landmarks
+  /// alone, with alignments in space, and with ends of limbs brought together. Continues from the
+  /// map of least distortion for its coverage, see Result::candidates. Costs a few seconds. false:
+  /// the landmarks alone, e.g. for many landmarks and different poses; also for as_published and
+  /// given positions.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
@@ -565,13 +566,13 @@ struct Embedding : Outcome {
 
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
-  std::string name;  // "landmarks", or the alignment it is from: "alignment 1, 24 pairs"
-  /// Mean, divided by coverage (relative to the most there can be: areas may differ), and up to
-  /// twice that if it misses the landmarks.
+  std::string name;  // "landmarks", or its alignment: "alignment 1, 24 pairs"
+  /// The mean, divided by coverage (relative to the largest possible one: areas may differ), and up
+  /// to twice as much if the map misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
-  int iterations = 0;  // it got
+  int iterations = 0;  // that the start was given
   /// Root of the mean squared distance on B, in roots of the area, between images by its map and by
-  /// the best one. If it is large, and the distortion hardly more, this start may be the right one.
+  /// the best map. If it is large and distortions are similar, this start may be the right one.
   double difference = 0;
 };
 
@@ -589,7 +590,7 @@ struct Result : Outcome {
   Result() { status = Status::kNoMapYet; }
   Points2 f, g;     // final planar positions of the vertices of *start.a and *start.b
   Embedding start;  // the start of the optimisation
-  std::vector<StartCandidate> candidates;  // that were tried, the best one first
+  std::vector<StartCandidate> candidates;  // the starts that were tried, the best one first
   IterationLog initial;                    // the energies of the start (iteration 0, no step)
   std::vector<IterationLog> coarse;  // the last iteration on each coarse level, coarsest first
   IterationLog log_begin;            // the state before log[0]
@@ -617,9 +618,9 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// that were skipped or fit the mirror image only, and complete runs whose mean distortion (of
 /// symmetric_dirichlet()) is above 6 or 1.5 times that of the start.
 ///
-/// Two closed surfaces are mapped by way of a pillow: the plane, divided by the half-turns about
-/// four points, the cones, where four vertices of each lie. The result embeds both surfaces cut
-/// along a path through these; the half-turns, and the translations that they make, take both sides
+/// Two closed surfaces are mapped through a pillow: the plane, divided by the half-turns about four
+/// points, the cones. Four vertices of each surface lie there. The result embeds both surfaces, cut
+/// along a path through them; the half-turns, and the translations that they make, take both sides
 /// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
 /// vertices. Surfaces whose openings are all shorter than 0.55 roots of their area, as those of
 /// tubes of ten diameters are, count as closed, if the other surface does: a fan closes each
@@ -651,7 +652,7 @@ class Solver {
   /// Runs steps for some seconds, at least one step.
   bool advance(double seconds);
 
-  /// Returns what compute_map() would if it ended here; on a coarse level, until the run is
+  /// Returns the result of compute_map() as if it ended here; on a coarse level, until the run is
   /// stopped, the iterate of the first call there. Valid until the next call of another function.
   const Result& result() const;
   double fraction() const;  // of the whole run, an estimate; only change() lowers it
@@ -818,9 +819,9 @@ Transfer to_meta(const MetaMesh& meta, Side side, Element element);
 /// get the same row. Inverts to_meta() of the same side. Cost O(n log n), as of all below.
 Transfer from_meta(const MetaMesh& meta, Side side, Element element);
 
-/// Returns the transfer from elements of the mesh on side `from` to those of the other mesh, both
-/// of the above. A coarser mesh loses detail, and corners of a face may lie on both sides of a seam
-/// of texture coordinates; to_meta() avoids both.
+/// Returns the transfer from elements of the mesh on side `from` to elements of the other mesh:
+/// to_meta(), then from_meta(). A coarser mesh loses detail, and corners of a face may lie on both
+/// sides of a seam of texture coordinates; to_meta() alone avoids both.
 Transfer transfer(const MetaMesh& meta, Side from, Element element, Element target);
 
 /// Interpolates vertices linearly from A at t = 0 (meta.on_a) to B at t = 1 (meta.on_b).
@@ -1474,9 +1475,9 @@ inline Motion motion_across(const HalfEdgeMesh& m, int h) {
                                      : place[h] * inverse(place[next(t)]);
 }
 
-/// Returns a position as the predicates require it: tiny coordinates are set to zero. Those on a
-/// pillow are rounded to multiples of 2^-50 sides; so motions, whose shifts are, take them to other
-/// places exactly.
+/// Returns a position as the predicates require it: tiny coordinates are set to zero. On a pillow,
+/// positions are rounded to multiples of 2^-50 sides, like the shifts of motions, so motions are
+/// exact.
 inline Vec2 on_grid(Vec2 p, double side) {
   const double shift = 6 * (side / kPillowSide);  // half an ulp of [4, 8) is 2^-51
   return {(p.x + shift) - shift, (p.y + shift) - shift};
@@ -1827,7 +1828,7 @@ struct OverlayPolygon : TrianglePair {
   void push(int edge) { code |= static_cast<std::uint32_t>(edge) << (3 * count++); }
 };
 
-/// Returns what takes the position of a half-edge's tail to the plane of a polygon's triangle of A.
+/// Returns the motion of a half-edge's tail to the plane of a polygon's triangle of A.
 inline Motion motion_in(const HalfEdgeMesh& m, const OverlayPolygon& p, int h) {
   if (m.pillow.is_empty()) return {};
   return h / 3 == p.tb ? p.motion * m.pillow.place[h] : m.pillow.place[h];
@@ -2090,8 +2091,8 @@ inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
 }
 
 /// Decides for corners i of a and j of b that lie on one cone: there the sectors of both triangles
-/// are cut, so that each ray on the border of what they share starts inside the other triangle.
-/// False if they share nothing.
+/// are cut: each ray on the border of their common part starts inside the other triangle. False if
+/// they have no common part.
 inline bool meet_at_cone(int i, int j, Sides& a_side, Sides& b_side) {
   const int i_next = (i + 1) % 3, i_prev = (i + 2) % 3, j_next = (j + 1) % 3, j_prev = (j + 2) % 3;
   // Rays of a: edge i to i_next on the right, edge i_prev to it on the left; the same for b.
@@ -5886,8 +5887,7 @@ inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<
 
 // ---- helpers ----
 
-/// x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... that the binary digits of t
-/// name.
+/// Returns x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... at binary digits of t.
 inline double root_power(double x, double t) {
   if (t == 1) return x;
   double result = 1;
@@ -5899,7 +5899,7 @@ inline double root_power(double x, double t) {
   return result;
 }
 
-/// The indices of keys, sorted by key, then by index.
+/// Returns the indices of keys, sorted by key, then by index.
 inline Array<int> sorted_by(const Array<double>& key) {
   Array<int> order = numbers_below(key.size());
   std::sort(order.begin(), order.end(),
@@ -5913,7 +5913,7 @@ inline Triangles triangles_from(const Array<int>& corners) {
   return triangles;
 }
 
-/// The half-edge from u to v, or, if only that is there, from v to u; -1 if there is no such edge.
+/// Returns the half-edge from u to v, or, if only that exists, from v to u; -1 if there is no edge.
 inline int find_edge(const HalfEdgeMesh& m, int u, int v) {
   int found = -1;
   if (u < 0 || u >= m.n_vertices) return found;
@@ -6039,8 +6039,8 @@ Points with_added(const Points& vertices, const std::vector<AddedVertex>& added)
   return all;
 }
 
-/// Adds vertices one by one; the shape stays. False, and the surface is then unusable, if an edge
-/// or a triangle does not exist.
+/// Adds vertices one by one; the shape stays. If an edge or a triangle does not exist, returns
+/// false; the surface is then unusable.
 inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
   for (const AddedVertex& p : added) {
     const int h = find_place(s.mesh, p);
@@ -6072,8 +6072,8 @@ inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s, Poin
 }
 
 /// Halves edges longer than `longest` at triangles larger than `largest`, the longest first [Rivara
-/// 1984]. Flips make what is within a triangle of the surface Delaunay [Lawson 1977]: halves of
-/// needles would be needles.
+/// 1984]. Flips make the parts of a triangle Delaunay [Lawson 1977]: halves of needles would be
+/// needles.
 class EdgeHalver {
  public:
   EdgeHalver(double longest, double largest, const Surface& s)
@@ -6217,8 +6217,7 @@ inline void cut_along(const Array<int>& edges, Surface& s) {
 
 // ---- landmarks on the surfaces ----
 
-/// Place of one end of a landmark: at a vertex (the other corners are -1), on an edge or in a
-/// triangle.
+/// Place of one end of a landmark: at a vertex (other corners: -1), on an edge or in a triangle.
 using Place = AddedVertex;
 
 /// The vertex of a place, or -1 if it is on an edge or in a triangle.
@@ -6249,8 +6248,8 @@ inline bool tidy(Place& p) {
   return n > 0;
 }
 
-/// Updates a place after a vertex was added: the vertex replaces the corner whose weight would
-/// become zero first, so the corners are again those of the piece in which the place lies.
+/// Updates a place after a vertex was added: the vertex replaces the corner that loses its weight
+/// first, so the corners are those of the piece in which the place lies.
 inline void follow(const AddedVertex& added, int id, Place& p) {
   int at[3], last = -1;
   double least = kInfinity;
@@ -6343,7 +6342,7 @@ inline Follower landmark_follower(const JointSurface& s, const Points2& x, const
 /// uᵀ K u - 2 forceᵀ u on u = p - q for two places, as springs between their corners: where
 /// Σ c_k = 0 and u = Σ c_k x_k, uᵀ K u = -Σ_{k<l} c_k c_l (x_k - x_l)ᵀ K (x_k - x_l), and
 /// u = -Σ_l c_l (x_0 - x_l).
-/// `motion`: what takes the corners to one plane.
+/// `motion`: takes the corners to one plane.
 inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, Vec2 force,
                         const std::array<Motion, 6>& motion, Array<Spring>& springs) {
   const auto corner = [&](int k) { return k < 3 ? p.corners[k] : q.corners[k - 3]; };
@@ -6357,7 +6356,7 @@ inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, V
     }
 }
 
-/// A place in the plane of a triangle, and what takes its corners there.
+/// A place in the plane of a triangle, and the motions of its corners to this plane.
 struct Spot {
   Vec2 at;
   std::array<Motion, 3> motion;
@@ -6399,7 +6398,7 @@ inline void add_springs(const HalfEdgeMesh& m, const Points2& x, const Place& p,
 
 // ---- alignment ----
 
-/// The area in the plane of what is around a place, relative to that on the surface.
+/// The planar area of the triangles around a place, relative to their area on the surface.
 inline double planar_scale(const Surface& s, const Points2& x, const Place& p) {
   double flat = 0, area = 0;
   for (int v : p.corners)
@@ -6428,12 +6427,11 @@ inline Vec3 position(const Surface& s, const Place& p) {
   return sum;
 }
 
-/// The energy of landmarks that hold: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
+/// The energy of landmarks that pull: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
 /// McClure 1985], S is the mean area of the surfaces, and r leads from the image of A's end to B's
-/// end in space, whatever the planes are. A landmark that the map contradicts loses its pull. In
-/// the triangle of B where it lies, the image is Σ φ_k X_k, and moves by J u if the end of A moves
-/// by u relative to the plane of the triangle: springs w ρ'(t) (uᵀ Jᵀ J u - 2 rᵀ J u) have its
-/// gradient.
+/// end in space, for any planes. A landmark that contradicts the map loses its pull. In its
+/// triangle of B the image is Σ φ_k X_k. It moves by J u if the end of A moves by u relative to the
+/// plane of the triangle: springs w ρ'(t) (uᵀ Jᵀ J u - 2 rᵀ J u) have its gradient.
 class LandmarkPull {
  public:
   LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks,
@@ -6497,7 +6495,7 @@ class LandmarkPull {
     return unit_ * end.weight * t * share;
   }
 
-  /// Finds the place of B on which a place of A lies, and what takes the corners of both to the
+  /// Finds the place of B on which a place of A lies, and the motions of the corners of both to the
   /// plane of a triangle of A; false if the map does not cover it.
   bool find_image(const Place& p, const Iterate& x, Place& image,
                   std::array<Motion, 6>& motion) const {
@@ -6548,8 +6546,8 @@ inline Vec2 centroid(const Points2& x) {
   return 1 / static_cast<double>(x.rows()) * sum;
 }
 
-/// Σ conj(p) q of points as complex numbers, from their centroids: its argument is the angle
-/// between the two sets.
+/// Returns Σ conj(p) q of points as complex numbers, from their centroids: its argument is the
+/// angle between the two sets.
 inline Vec2 correlation(const Points2& from, const Points2& to) {
   const Vec2 c0 = centroid(from), c1 = centroid(to);
   double along = 0, across = 0;
@@ -6561,8 +6559,8 @@ inline Vec2 correlation(const Points2& from, const Points2& to) {
   return {along, across};
 }
 
-/// The part of the second moment that the best similarity between two sets of points does not
-/// explain: 0 if it fits, at most 1.
+/// Returns the relative residual of the best similarity between two sets of points in the second
+/// moment: 0 if it fits, at most 1.
 inline double misfit(const Points2& from, const Points2& to) {
   return 1 - squared_norm(correlation(from, to)) /
                  (norm(correlation(from, from)) * norm(correlation(to, to)));
@@ -6633,13 +6631,13 @@ inline Outline circle_for(const Surface& s, int loop) {
 
 // ---- decimation ----
 //
-// Purpose:    which vertices go, by half-edge collapses, and how they come back.
+// Purpose:    removes vertices by half-edge collapses, and restores them.
 // Source:     error quadrics [Garland and Heckbert 1997], the link condition [Dey et al. 1999].
 // Invariants: the mesh is a disk after every collapse; undo() restores it exactly.
 // Fails:      never; it stops where no collapse is left.
 
-/// Vertex u was moved onto its neighbour v. Undone by giving the changed faces back to u and
-/// reviving the dead ones.
+/// Vertex u was moved onto its neighbour v. To undo it, the changed faces get u back, and the dead
+/// ones revive.
 struct Collapse {
   int u = -1, v = -1;
   Array<int> dead, changed;
@@ -6674,7 +6672,7 @@ struct DynamicMesh {
 
   bool on_boundary(int v) const { return boundary_next[v] >= 0; }
   bool is_present(int v) const { return !faces_of[v].empty(); }
-  /// True if the loop of u has but three edges.
+  /// True if the loop of u has only three edges.
   bool is_shortest_loop(int u) const { return boundary_next[boundary_next[boundary_next[u]]] == u; }
   bool has(int f, int v) const { return face[f][0] == v || face[f][1] == v || face[f][2] == v; }
 
@@ -6766,10 +6764,9 @@ struct Quadric {
 };
 
 /// Chooses the collapses, cheapest first: the cost is the error quadric plus a little of the edge
-/// length, and protected vertices go as late as the shape of triangles allows. With a square, no
-/// inner edge comes to lie in a side. On a circle, where all triangles are alike, the cost is the
-/// number of vertices that are then merged into one, times its valence, so that every level is as
-/// even as the full mesh.
+/// length; protected vertices go as late as the shape of triangles allows. With a square, no inner
+/// edge comes to lie in a side. On a circle, where all triangles have one shape, the cost is the
+/// number of vertices merged into one, times its valence, so every level is as even as the mesh.
 class Decimation {
  public:
   static constexpr char kCorner = 2, kCone = 3;  // among `is_protected`: never collapsed
@@ -6787,8 +6784,8 @@ class Decimation {
     compute_quadrics();
   }
 
-  /// Collapses until at most `target` vertices are left, first with, then without regard to the
-  /// shape of triangles; or until the caller stops.
+  /// Collapses until at most `target` vertices are left, or the caller stops. At first, the shape
+  /// of triangles counts, then not.
   Array<Collapse> run(int target) {
     Array<Collapse> collapses;
     int active = s_.mesh.n_vertices;
@@ -6855,9 +6852,9 @@ class Decimation {
     if (best.v >= 0) heap_.push(best);
   }
 
-  /// A vertex of very many triangles waits until its neighbours have gone, so that the cost of a
-  /// collapse is bounded. They can: on average, those that have no other neighbour than such
-  /// vertices give these not even twelve triangles each.
+  /// A vertex of very many triangles waits until its neighbours have gone, which bounds the cost of
+  /// a collapse. They can go: on average, vertices with only such neighbours give each of these
+  /// fewer than twelve triangles.
   bool is_hub(int v) const { return mesh_.faces_of[v].size() > kHub; }
 
   /// No edge joins two cones, or no path would pass between them.
@@ -6941,12 +6938,12 @@ class Decimation {
 //
 // Purpose:    minimises the symmetric Dirichlet energies of one or two embeddings, and springs
 //             between them: Algorithm 1 without the map, its memory and its preconditioner.
-// Source:     projected Newton with backtracking (§5.1, §5.2). A driver of its own, as its trials
-//             are taken one after the other, longest first, until one is good enough.
+// Source:     projected Newton with backtracking (§5.1, §5.2). Unlike in part [12], trials run one
+//             after the other, longest first, until one is good enough.
 // Invariants: every accepted step is injective, exactly, and lowers the energy.
-// Fails:      by ending where no step is found.
+// Fails:      ends where it finds no step.
 
-/// A surface, or A ⊔ B, whose embedding is to be relaxed.
+/// A surface, or A ⊔ B, with an embedding to relax.
 struct FlatProblem {
   Surface surface;
   Boundary boundary = Boundary::kFree;
@@ -6970,9 +6967,9 @@ class FlatNewton {
 
   const Points2& positions() const { return x_; }
 
-  /// Takes a step. True if it is not the last one: there are `most` at most, until one lowers the
-  /// energy by less than `tolerance` of it; more as long as each lowers it by much, as next to a
-  /// degenerate triangle. Where the caller stops, the next call tries it again.
+  /// Takes a step; returns true if another one follows. There are at most `most`, until one lowers
+  /// the energy by less than a fraction `tolerance`; more as long as each lowers it by much, as
+  /// next to a degenerate triangle. If the caller stops it, the next call repeats it.
   bool minimize(int most, double tolerance) {
     constexpr int kEnd = 200;
     constexpr double kMuch = 0.25;
@@ -6984,9 +6981,8 @@ class FlatNewton {
     return before - energy_ >= (steps_ < most ? tolerance : kMuch) * energy_;
   }
 
-  /// Moves the boundary to where `target` has it, and the interior by the Newton step that goes
-  /// with it; false, and nothing moved, if a triangle would lose most of its area. Boundary::kFixed
-  /// only.
+  /// Moves the boundary to its place in `target`, and the interior by the matching Newton step.
+  /// False, without a move, if a triangle would lose most of its area. For Boundary::kFixed.
   bool drag(const Points2& target) {
     LinearSystem system = assemble();
     Array<Vec2> prescribed(m_.n_vertices);
@@ -7010,8 +7006,8 @@ class FlatNewton {
   }
 
  private:
-  /// One projected Newton step with backtracking; false if nothing was gained. Once a trial has met
-  /// the boundary, a scaffold keeps it away.
+  /// Takes a projected Newton step with backtracking; false if the energy does not fall. Once a
+  /// trial makes the boundary intersect itself, a scaffold keeps it simple.
   bool step() {
     constexpr double kWeight = 1e-2;  // of all triangles of the scaffold, per area of the surface
     const LinearSystem system = assemble();
@@ -7044,7 +7040,7 @@ class FlatNewton {
     return false;
   }
 
-  /// d = -H⁻¹ g; false if there is none that is finite.
+  /// Computes d = -H⁻¹ g; false if it is not finite.
   bool solve(const LinearSystem& system, Array<Vec2>& d) {
     ldlt_factorize(system.shifted(0), x_, executor_, factor_);
     if (!factor_.ok) return false;
@@ -7054,7 +7050,7 @@ class FlatNewton {
     return true;
   }
 
-  /// A step of 1, or what the first triangle to degenerate leaves of it.
+  /// Returns a step of 1, or a shorter one before the first triangle degenerates.
   double first_step(const Array<Vec2>& d) const {
     return (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(scaffold_, x_, d)});
   }
@@ -7114,9 +7110,9 @@ struct Level {
   Array<int> place;   // and back, -1 for vertices that are absent
 };
 
-/// The same mesh with every edge length raised to a power t in [0, 1], in all of a given area. From
-/// t = 0, where all triangles are alike, to t = 1 the lengths of a triangle stay those of one:
-/// c ≤ a + b implies c^t ≤ (a + b)^t ≤ a^t + b^t.
+/// The same mesh with every edge length raised to a power t in [0, 1], scaled to a total area. From
+/// t = 0, where all triangles have one shape, to t = 1 the triangle inequality holds: c ≤ a + b
+/// implies c^t ≤ (a + b)^t ≤ a^t + b^t.
 inline Surface softened(const Surface& s, double t, double total_area) {
   Surface soft = s;
   const auto length = [&](int h) { return root_power(s.edge_length(h), t); };
@@ -7144,9 +7140,9 @@ inline Mat2 square_root(const Mat2& S) {
   return 1 / std::sqrt(S(0, 0) + S(1, 1) + 2 * root) * (S + diagonal(root));
 }
 
-/// A surface whose triangles are to be mapped to the plane as those around their corners are in x,
-/// on average, in the mean S of J Jᵀ: their rest shapes are S^(1/2) Q R with the nearest rotation
-/// Q. Where the energy of x is least, x is smooth, however strained it is.
+/// A surface with rest shapes S^(1/2) Q R, where S is the mean of J Jᵀ of x around the corners of a
+/// triangle, and Q the nearest rotation. Its triangles are to be mapped as those around them are in
+/// x. Where the energy is least, x is smooth, also under strain.
 inline Surface smoothed_rest(Surface s, const Points2& x) {
   constexpr double kLeastArea = 0.1;  // of a triangle in x, else it keeps its shape there
   const HalfEdgeMesh& m = s.mesh;
@@ -7200,16 +7196,16 @@ inline Mat2 raised(const Mat2& H, double epsilon) {
 //             corners of a square, the cones, and the translations that they make divide the plane
 //             into copies of two such squares; sewn along their sides, they are a pillow.
 // Method:     The surface is cut along a path through four vertices, the cones. One side of the
-//             path stays, the other one is moved; so every corner of a triangle has a place, and
-//             what is across an edge is moved by one of these motions. Tutte's embedding then has
-//             one linear system [Aigerman and Lipman 2015]. Angles and lengths are the same in all
-//             copies, so all energies are.
+//             path stays, the other one is moved. So every corner of a triangle has a place, and
+//             one of these motions takes the triangle across an edge to it. Tutte's embedding then
+//             has one linear system [Aigerman and Lipman 2015]. Angles and lengths, and so all
+//             energies, are the same in all copies.
 // Invariants: positions and shifts are multiples of 2^-50 below 8, so motions do not round. All
 //             triangles positive is enough for injectivity, see is_injective().
 // Fails:      where there is no room for the path.
 
-/// Lengths of the shortest paths along edges from a vertex [Dijkstra 1959]. If given: goes through
-/// vertices that are free; `to` receives the last half-edge of each path.
+/// Returns the lengths of the shortest paths along edges from a vertex [Dijkstra 1959]. If given:
+/// paths use free vertices only; `to` receives the last half-edge of each path.
 inline Array<double> edge_distances(const Surface& s, int from,
                                     const Array<char>* is_free = nullptr,
                                     Array<int>* to = nullptr) {
@@ -7235,8 +7231,8 @@ inline Array<double> edge_distances(const Surface& s, int from,
   return distance;
 }
 
-/// The half-edges of the shortest path from u to v on a closed surface, through vertices that are
-/// free; empty if there is none.
+/// Returns the half-edges of the shortest path from u to v on a closed surface through free
+/// vertices; empty if there is none.
 inline Array<int> shortest_path(const Surface& s, int u, int v, Array<char> is_free) {
   Array<int> to(s.mesh.n_vertices, -1), path;
   is_free[v] = 1;
@@ -7275,10 +7271,9 @@ inline bool make_pillow(const std::array<int, 4>& cones, double side, Surface& s
   return true;
 }
 
-/// Puts every vertex that is not fixed, by a row of its own, where it is the mean of its neighbours
-/// [Tutte 1963], on a pillow as seen from there [Aigerman and Lipman 2015]. In an opening, one more
-/// vertex is joined to all around it; these are the last rows of x. False if rounding turns a
-/// triangle over.
+/// Puts every vertex that is not fixed at the mean of its neighbours [Tutte 1963], moved to its
+/// plane on a pillow [Aigerman and Lipman 2015]. In an opening, one more vertex is joined to all
+/// vertices around it; these are the last rows of x. False if rounding flips a triangle.
 inline bool tutte(const HalfEdgeMesh& m, const Array<char>& is_fixed, const Executor& executor,
                   Points2& x) {
   const int n = rows_of(x);
@@ -7325,13 +7320,13 @@ inline bool orbifold_tutte(const HalfEdgeMesh& m, const Executor& executor, Poin
 
 class Hierarchy {
  public:
-  // How many vertices the coarsest mesh has; and where that is a fan around two vertices, in which
-  // Tutte's embedding shrinks by a factor per triangle.
+  // The number of vertices of the coarsest mesh; and of one that is a fan around two vertices, in
+  // which Tutte's embedding shrinks by a factor per triangle.
   static constexpr int kBase = 50, kSmallBase = 10;
   static constexpr int kPillowBase = 200;  // leaves room for the paths between cones
 
-  /// `base`: how many vertices the coarsest mesh has. `outline`: where those of the boundary lie,
-  /// or null. `outer`: a vertex of the loop around the surface, or -1.
+  /// `base`: the number of vertices of the coarsest mesh. `outline`: the places of its boundary, or
+  /// null. `outer`: a vertex of the loop around the surface, or -1.
   Hierarchy(const Surface& s, Side side, const Array<char>& is_protected, int base,
             const Outline* outline, int outer, const Executor& executor)
       : s_(s),
@@ -7411,8 +7406,7 @@ class Hierarchy {
     return level;
   }
 
-  /// Puts the surface as it is now on a pillow; false if there is no room for the paths between the
-  /// cones.
+  /// Puts the current surface on a pillow; false if there is no room for paths between the cones.
   bool embed_on_pillow(const std::array<int, 4>& cones, double side) {
     Level level = current();
     HalfEdgeMesh& m = level.surface.mesh;
@@ -7455,12 +7449,12 @@ class Hierarchy {
     is_outline_known_ = false;
   }
 
-  /// Lets the boundary go, and triangles have the shapes of the surface.
+  /// Frees the boundary, and gives triangles the shapes of the surface.
   void let_go() { border_ = nullptr; }
 
-  /// How many vertices are to be present next.
+  /// Sets the number of vertices to grow to.
   void set_goal(int vertices) { goal_ = vertices; }
-  /// True if they are, or one has no room until all have moved; set() lets it try again.
+  /// True at the goal, or if a vertex has no room until all have moved; set() lets it try again.
   bool has_grown() const { return is_full() || active() >= goal_ || is_stuck_; }
 
   /// Brings vertices back until has_grown(), or the caller stops. Returns the id of a vertex
@@ -7497,12 +7491,12 @@ class Hierarchy {
     is_outline_known_ = true;
   }
 
-  /// The edges of the boundary at u have changed.
+  /// Updates the edges of the boundary at u.
   void update_outline(int u) {
     for (int v : {mesh_.boundary_prev[u], u}) update_edge(v);
   }
 
-  /// The edge of the boundary that begins at v is another one, or gone with it.
+  /// Updates the edge of the boundary that begins at v, or removes it.
   void update_edge(int v) {
     const int i = mesh_.boundary_place[v];
     if (!mesh_.is_present(v)) return outline_.remove(i);
@@ -7546,8 +7540,8 @@ class Hierarchy {
     return t[0] == v ? 0 : t[1] == v ? 1 : 2;
   }
 
-  /// Places the corners of the triangles that u comes back to. It takes the place of v; as a cone
-  /// has two in each triangle, these are found from triangle to triangle there.
+  /// Places the corners of the triangles that u comes back to. u takes the place of v; a cone has
+  /// two places in each triangle, which are found from triangle to triangle.
   void place_corners(const Collapse& c) {
     if (pillow_.is_empty()) return;
     Array<int> known(1, c.changed[0]), left;
@@ -7581,15 +7575,15 @@ class Hierarchy {
 
   Motion& place_at(int f, int v) { return pillow_.place[3 * f + corner_at(f, v)]; }
 
-  /// All triangles are alike on a circle, which leaves room everywhere.
+  /// On a circle, all triangles have one shape, which leaves room everywhere.
   bool are_alike() const { return border_ != nullptr && border_->is_round; }
   Mat2 rest(int a, int b, int c) const {
     if (are_alike()) return rest_frame(1.0, 1.0, 1.0);
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
-  /// S^(-1/2) for the mean S of J Jᵀ over some faces, the metric in which their images look nearly
-  /// isometric: what returns between them is to fit in, however strained the embedding is there.
+  /// Returns S^(-1/2) for the mean S of J Jᵀ over some faces: in this metric their images look
+  /// nearly isometric, so a vertex that returns between them fits in, also under strain.
   Mat2 local_metric(const Array<int>& faces) const {
     Mat2 S;
     double total = 0;
@@ -7606,11 +7600,11 @@ class Hierarchy {
     return is_finite(metric) ? metric : diagonal(1);
   }
 
-  /// Puts u where the map of the triangles it changes takes it, else into the kernel of its ring.
-  /// The neighbour v it was merged with sees the whole ring, so points between v and the centre of
-  /// the kernel are in the kernel too. On the boundary other parts of it may be in the way; then u
-  /// goes inside of the edge it splits, or, if it has but one triangle, close to the middle of that
-  /// edge.
+  /// Puts u where the map of its triangles takes it, else into the kernel of its ring. The
+  /// neighbour v it was merged with sees the whole ring, so points between v and the centre of the
+  /// kernel are in the kernel, too. If other parts of the boundary are in the way of a boundary
+  /// vertex, u goes inside of the edge it splits, or, with only one triangle, close to the middle
+  /// of that edge.
   bool place(const Collapse& c) {
     if (border_ != nullptr && border_->u[c.u] >= 0) return place_on_border(c);
     const Vec2 corner = row2(x_, c.v);
@@ -7704,7 +7698,7 @@ class Hierarchy {
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
       const Array<Vec2> rest = clip(kernel, edge.at_p, edge.at_q);
-      if (rest.size() >= 3) kernel = rest;  // else rounding: keep what there is
+      if (rest.size() >= 3) kernel = rest;  // else rounding: keep the kernel
     }
     Vec2 center;
     for (Vec2 p : kernel) center += 1.0 / kernel.size() * p;
@@ -7782,7 +7776,7 @@ class Hierarchy {
     }
   }
 
-  static constexpr int kMostHalvings = 44;  // what is left after them is no room
+  static constexpr int kMostHalvings = 44;  // after these, there is no room
 
   const Surface& s_;
   const Side side_;
@@ -7802,7 +7796,7 @@ class Hierarchy {
 
 // ---- both boundaries on one square ----
 //
-// Purpose:    where the boundary vertices of A and B go if boundaries are held (§7).
+// Purpose:    places the boundary vertices of A and B if boundaries are held (§7).
 // Invariants: corresponding places get the same place on the square; four pairs of vertices are its
 //             corners; no inner edge lies in a side.
 // Fails:      never; vertices are added in the middle of edges where a mesh has none for a corner.
@@ -7817,8 +7811,8 @@ inline double fraction(double x) {
   return r < 1 ? r : 0;
 }
 
-/// The arc length of every boundary vertex along its loop, from a first one on if that is there, in
-/// units of the whole; -1 for others.
+/// Returns the arc length of every boundary vertex along its loop, from a first one on if there is
+/// one, in units of the whole; -1 for others.
 inline Array<double> boundary_arcs(const Surface& s, int first) {
   const HalfEdgeMesh& m = s.mesh;
   Array<double> arc(m.n_vertices, -1);
@@ -7933,8 +7927,8 @@ inline double matching_arc(const Array<Match>& matches, double a) {
   return fraction(from.b + t * (gap_b > 0 ? gap_b : 1));
 }
 
-/// Lays both boundaries along one square: finds what corresponds, chooses four pairs of vertices as
-/// corners, and adds vertices where the meshes need them for it.
+/// Lays both boundaries along one square: finds corresponding points, chooses four pairs of
+/// vertices as corners, and adds missing vertices.
 class OutlineBuilder {
  public:
   OutlineBuilder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks)
@@ -7945,7 +7939,7 @@ class OutlineBuilder {
     measure();
   }
 
-  /// True if landmarks tell how the boundaries correspond.
+  /// True if landmarks define the correspondence of the boundaries.
   bool has_landmarks() const { return !landmarks_.empty(); }
 
   /// Without landmarks: the correspondence by arc length that brings the boundaries of two
@@ -8112,12 +8106,12 @@ class OutlineBuilder {
 // Purpose:    embeds a pair and brings the planes together, in steps that take some tenths of a
 //             second at most for 10,000 vertices.
 // Method:     each surface alone up to a coarse level, where the planes meet; then both, tied by
-//             the landmarks, up to the full meshes. Where the planes meet decides the isotopy class
-//             of the map around the landmarks, and limbs that have unfolded freely before decide it
-//             better than limbs that are pulled while they unfold. With outlines, each is embedded
-//             alone up to the full mesh. On pillows they have met from the start.
-// Invariants: a step that the caller stops has changed nothing that shows; the next call repeats it
-//             or goes on with it, so results do not depend on pauses.
+//             the landmarks, up to the full meshes. The level at which the planes meet decides the
+//             isotopy class of the map around the landmarks; limbs that have unfolded freely decide
+//             it better than limbs that are pulled while they unfold. With outlines, each surface
+//             is embedded alone up to the full mesh. On pillows they share a plane from the start.
+// Invariants: a step that the caller stops changes no visible result; the next call repeats or
+//             continues it, so results do not depend on pauses.
 // Fails:      with a status and a sentence.
 
 inline constexpr double kStiffest = 1000.0;  // total weight of the landmark penalties
@@ -8132,7 +8126,7 @@ inline double distance_to_segment(Vec2 p, Vec2 u, Vec2 v) {
   return norm(p - u - t * edge);
 }
 
-/// The centre of that triangle which lies farthest from the boundary.
+/// Returns the centre of the triangle that lies farthest from the boundary.
 inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   constexpr double kRounding = 1 - 1e-12;
   BoxTree tree;
@@ -8161,8 +8155,8 @@ inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
   return deepest;
 }
 
-/// What decimation has left of a place: the mean of those of its corners that are there, whose rows
-/// begin at `first`. False if there are none.
+/// Returns a place after decimation: the mean of its remaining corners, with rows from `first` on.
+/// False if there are none.
 inline bool move_to_level(const Level& level, int first, Place& p) {
   int heaviest = 0;
   bool is_whole = true;
@@ -8179,7 +8173,7 @@ inline bool move_to_level(const Level& level, int first, Place& p) {
   return tidy(p);
 }
 
-/// The new ids of those vertices that have one.
+/// Returns the new ids of the vertices that have one.
 inline std::vector<int> kept(const std::vector<int>& vertices, const std::vector<int>& new_id) {
   std::vector<int> ids;
   for (int v : vertices)
@@ -8212,7 +8206,7 @@ inline double side_of_pillow(const SurfacePair& pair) {
 }
 
 /// Returns at most `most` items, each the farthest one from those before it. `nearest`: per item,
-/// how far it is from what is there at first; distance(i, j) is that between items.
+/// its distance from the initial items; distance(i, j) is that between items.
 template <class Distance>
 Array<int> farthest_items(int most, Array<double> nearest, const Distance& distance) {
   Array<int> items;
@@ -8302,9 +8296,9 @@ inline std::array<int, 4> find_ends(const Surface& s, double& length) {
 /// The length of a tube of ten diameters in roots of its area, that of √(length / perimeter).
 inline constexpr double kLongTube = 1.8;
 
-/// Chooses two pairs at either end of surfaces that are both long: on other pillows, what is beyond
-/// the cones shrinks as exp(-length / radius). The pairs given decide which ends correspond; turns
-/// about the axis are left to the optimisation.
+/// Chooses two pairs at either end of surfaces that are both long: on other pillows, the parts
+/// beyond the cones shrink as exp(-length / radius). The given pairs decide which ends correspond;
+/// the optimisation turns the surfaces about the axis.
 inline Cones cones_at_ends(const SurfacePair& pair, const Array<VertexPair>& pairs) {
   double length_a = 0, length_b = 0;
   const std::array<int, 4> a = find_ends(pair.a, length_a), b = find_ends(pair.b, length_b);
@@ -8323,7 +8317,7 @@ inline Cones cones_at_ends(const SurfacePair& pair, const Array<VertexPair>& pai
   return cones;
 }
 
-/// Pairs of a vertex of A and the nearest one of B where both are centred, spread over A.
+/// Returns pairs of a vertex of A and the nearest one of B, both surfaces centred, spread over A.
 inline Array<VertexPair> farthest_pairs(const SurfacePair& pair) {
   constexpr int kMost = 16;
   const auto centred = [](const Surface& s) {
@@ -8382,7 +8376,7 @@ class PairEmbedder {
       plan();
   }
 
-  /// Exact landmarks are joined in planes that are little strained, and held boundaries laid out.
+  /// Exact landmarks are joined in planes of little strain, and held boundaries are laid out.
   static bool has_levels(const RunOptions& options) {
     return options.boundary == Boundary::kFree && !options.exact_landmarks &&
            options.max_iterations > 0 && options.coarsest > 0;
@@ -8464,10 +8458,10 @@ class PairEmbedder {
 
   // ---- Algorithm 1 on coarse levels ----
   //
-  // What returns between mapped levels goes where the map around it takes it: all move together
-  // until the map is smooth, held by springs between what lies on each other.
+  // Vertices that return between mapped levels go where the map around them takes them: all move
+  // together until the map is smooth, held by springs between points that lie on each other.
 
-  /// How many coarse levels there are: the next finer one has 2 to 8 times as many vertices.
+  /// Returns the number of coarse levels: the next finer one has 2 to 8 times as many vertices.
   int depth_of(const SurfacePair& pair) const {
     const double most = (std::max)(pair.a.mesh.n_vertices, pair.b.mesh.n_vertices);
     int depth = 0;
@@ -8475,7 +8469,7 @@ class PairEmbedder {
     return depth;
   }
 
-  /// How many vertices a level should have; level 0 is the finest, depth_ the coarsest.
+  /// Returns the number of vertices of a level; level 0 is the finest, depth_ the coarsest.
   int vertices_of(const Surface& s, int level) const {
     const int n = s.mesh.n_vertices;
     if (level == 0 || n <= coarsest_) return n;
@@ -8483,7 +8477,7 @@ class PairEmbedder {
     return static_cast<int>(coarsest_ * root_power(ratio, 1 - level / static_cast<double>(depth_)));
   }
 
-  /// Maps the level, if levels are mapped, then brings back what the next finer one has.
+  /// Maps the level, if levels are mapped, then brings back the vertices of the next finer one.
   bool grow_by_levels() {
     if (optimizer_) return optimize_level();
     if (!a_->has_grown() || !b_->has_grown()) {
@@ -8502,8 +8496,7 @@ class PairEmbedder {
     return true;
   }
 
-  /// What the coarsest level gets wrong stays wrong; what the others leave undone, the next one
-  /// does faster.
+  /// Errors of the coarsest level stay; unfinished work of other levels is faster on the next one.
   void begin_level() {
     const bool is_coarsest = level_ == depth_;
     level_options_.tolerance = (std::max)(options_.tolerance, is_coarsest ? 1e-3 : 4e-3);
@@ -8544,7 +8537,7 @@ class PairEmbedder {
     is_relaxed_ = false;
   }
 
-  /// Looks at both surfaces as they are now; returns their positions.
+  /// Takes both surfaces at the current level; returns their positions.
   Points2 take_levels() {
     level_a_ = a_->current(), level_b_ = b_->current();
     return stacked(a_->positions(level_a_), b_->positions(level_b_));
@@ -8565,8 +8558,8 @@ class PairEmbedder {
     });
   }
 
-  /// Between each vertex of the coarser level and where it lies on the other surface. Moved by the
-  /// length of an edge, it costs about as much as its triangles when they are strained by 1.
+  /// Springs between each vertex of the coarser level and its place on the other surface. A move by
+  /// the length of an edge costs about as much as a strain of 1 of its triangles.
   Array<Spring> springs_to_map(const JointSurface& s, const Points2& x) const {
     constexpr double kStiffness = 3;
     Overlay overlay;
@@ -8657,14 +8650,14 @@ class PairEmbedder {
     return fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
   }
 
-  /// The vertices that are there tell how far the embedding is.
+  /// The share of present vertices measures the progress of the embedding.
   void tell(Words what) const {
     const int n = pair_.a.mesh.n_vertices + pair_.b.mesh.n_vertices;
     const int active = (a_ ? a_->active() : 0) + (b_ ? b_->active() : 0);
     executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
 
-  /// Drags the boundary of a surface towards its places on the square; true if more is to come.
+  /// Drags the boundary of a surface towards its places on the square; true if more steps follow.
   bool drag(const Outline& outline, Points2& x) const {
     constexpr int kMostHalvings = 20, kRelaxations = 3;
     Points2 places = x;
@@ -8693,7 +8686,7 @@ class PairEmbedder {
                 {vertex_id(h.side(), given)});
   }
 
-  /// Embeds one surface, without the other, up to a number of vertices: grows, or takes a step.
+  /// Embeds one surface alone up to a number of vertices: grows, or takes a step.
   bool embed_alone(Hierarchy& h, int target) {
     tell({"embedding ", h.name(), ": ", h.active(), " vertices"});
     if (!h.has_grown()) return grow(h);
@@ -8718,7 +8711,7 @@ class PairEmbedder {
     return true;
   }
 
-  /// Lets a boundary leave its circle while triangles turn from all alike to those of the surface.
+  /// Lets a boundary leave its circle while triangles turn from one shape to those of the surface.
   bool unfold(Hierarchy& h, int stage) {
     tell({"unfolding ", h.name(), ": stage ", stage + 1, " of ", kStages + 1});
     h.let_go();
@@ -8772,8 +8765,8 @@ class PairEmbedder {
     return false;
   }
 
-  /// Turns the plane of A about the landmark, or about its centre, to where the map is least
-  /// distorted for its coverage.
+  /// Turns the plane of A about the landmark, or about its centre, to the least distortion of the
+  /// map for its coverage.
   bool align_by_trial() {
     constexpr int kRotations = 24;
     const Points2 x = take_levels();
@@ -8803,7 +8796,7 @@ class PairEmbedder {
       double total = 0;
       int given = 0;
       for (const PlacedLandmark& l : landmarks) total += l.weight, given += l.weight == 1;
-      // At last those that were found let go, but for a single landmark, about which planes turn.
+      // At last, found pairs no longer pull, except a single landmark, about which planes turn.
       const bool are_released = depth_ == 0 && weight == kStiffest && given != 1;
       for (const PlacedLandmark& l : landmarks)
         if (l.weight == 1 || !are_released) {
@@ -8816,7 +8809,7 @@ class PairEmbedder {
     });
   }
 
-  /// Takes a step on the current levels; state(problem, x) states the problem at first.
+  /// Takes a step on the current levels; state(problem, x) states the problem first.
   template <class State>
   bool relax(const State& state) {
     if (!newton_) {
@@ -8865,18 +8858,17 @@ class PairEmbedder {
 // ---- exact landmarks ----
 //
 // Purpose:    makes the images of landmarks coincide in the plane.
-// Method:     the landmarks are pulled harder and harder; where one of A can jump onto that of B
-//             without turning a triangle over, it does, and both move as one from then on. Where
-//             that does not bring all of them together, it starts anew with more vertices around
-//             those left over, then around all: a point costs the less energy to move the finer the
-//             mesh around it is, and edges can bend around other landmarks.
+// Method:     springs pull the landmarks harder and harder. A landmark of A jumps onto that of B as
+//             soon as this flips no triangle; then both move as one. If some stay apart, it starts
+//             anew with more vertices around those, then around all: in a finer mesh, a point costs
+//             less energy to move, and edges can bend around other landmarks.
 // Fails:      with the landmarks that are still apart after some refinements.
 
 /// Hook: per triangle, why it is too thin to be mapped, or null (part [17]).
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& triangles);
 
-/// Adds the vertices at exact landmarks, and at those on boundaries that are held. False if that
-/// leaves a triangle too thin, or their order is wrong.
+/// Adds vertices at exact landmarks, and at landmarks on held boundaries. False if a triangle
+/// becomes too thin, or their order is wrong.
 inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
                                   SurfacePair& pair, std::vector<AddedVertex>& a,
                                   std::vector<AddedVertex>& b, Outcome& outcome) {
@@ -8903,9 +8895,9 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
   return check_order(pair, located(landmarks, a, b, pair), outcome);
 }
 
-/// True if an embedding that was injective still is after a vertex was moved: the triangles around
-/// it are positive, which is enough for an inner one, as the outline of its star has not changed;
-/// at a boundary, that is simple, too.
+/// True if an injective embedding stays injective after a vertex was moved: the triangles around it
+/// are positive, which is enough for an inner vertex, as the outline of its star has not changed;
+/// for a boundary vertex, the boundary is simple, too.
 inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
   bool is_positive = true;
   m.for_each_outgoing(v, [&](int h) {
@@ -8915,7 +8907,7 @@ inline bool is_injective_at(const HalfEdgeMesh& m, const Points2& x, int v) {
   return is_positive && !m.pillow.is_cone(v) && (!m.on_boundary(v) || boundaries_are_simple(m, x));
 }
 
-/// Lets those of A jump that can.
+/// Lets landmarks of A jump that can.
 inline void join_landmarks(const JointSurface& s, Points2& x, Array<VertexPair>& apart,
                            Array<VertexPair>& joined) {
   Array<VertexPair> left;
@@ -8959,7 +8951,7 @@ class LandmarkJoiner {
  private:
   static constexpr double kSoftest = 10 * kStiffest, kHardest = 1e12;
 
-  /// A round: all are apart, and pulled harder and harder.
+  /// Begins a round: all are apart, and pulled harder and harder.
   void begin(const Embedding& result) {
     apart_ = landmarks_;
     joined_.clear();
@@ -9034,15 +9026,15 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
   return energy < kInfinity ? energy / (pair.a.total_area + pair.b.total_area) : kInfinity;
 }
 
-/// The start, as the options want it, in steps. Free boundaries that leave no room for a vertex, or
-/// a strained surface, stay on a circle until all vertices are back. Boundaries that are held go
-/// along a square; where no landmark tells how they correspond, a free embedding does. Closed
-/// surfaces go onto a pillow; where that fails, onto one with other cones. Then exact landmarks are
+/// Computes the start for the options, in steps. Free boundaries that leave no room for a vertex,
+/// or a strained surface, stay on a circle until all vertices are back. Held boundaries go along a
+/// square; without landmarks on them, a free embedding defines their correspondence. Closed
+/// surfaces go onto a pillow; if that fails, onto one with other cones. Then exact landmarks are
 /// joined. May add vertices to the meshes of the pair.
 class Embedder {
  public:
-  /// `landmarks`: where they lie on the surfaces of the pair as it was given. `guides`: more pairs,
-  /// which are never exact. `mapped`: a coarse map of the pair, or null.
+  /// `landmarks`: their places on the surfaces of the given pair. `guides`: more pairs, which are
+  /// never exact. `mapped`: a coarse map of the pair, or null.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
            const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
            const RunOptions& options, const Executor& executor)
@@ -9130,7 +9122,7 @@ class Embedder {
     }
   }
 
-  /// True if the map that was given, or these cones, lead to nothing.
+  /// True if the given map, or these cones, lead to no useful start.
   bool is_poor() const {
     constexpr double kMostStrained = 1e4;
     if (result_.status != Status::kDone) return true;
@@ -9221,8 +9213,8 @@ class Embedder {
     return Stage::kJoining;
   }
 
-  /// Where the surfaces lie apart in spite of all, as in an opening of the other one, the deepest
-  /// points of both come together.
+  /// If the surfaces still lie apart, e.g. one in an opening of the other, brings their deepest
+  /// points together.
   void make_overlap() {
     Points2& f = result_.f;
     if (badness(join(pair_), stacked(f, result_.g)) < kInfinity) return;
