@@ -9288,7 +9288,7 @@ inline SurfacePoint closest_in_face(const HalfEdgeMesh& m, const Points2& x, int
   return surface_point(f, is_sound ? 1 / sum * b : Vec3{1.0 / 3, 1.0 / 3, 1.0 / 3});
 }
 
-/// The face with the largest depth of a point, which is its least barycentric coordinate.
+/// The face with the largest depth of a point: its least barycentric coordinate.
 struct DeepestFace {
   double depth = -kInfinity;
   int face = -1;
@@ -9301,7 +9301,7 @@ struct DeepestFace {
 using CornerKey = std::array<int, 3>;
 enum CornerKind { kAtVertex, kCrossing, kAtCone };
 
-/// Returns the number 0 to 3 of the cone at a place, or -1: those of a pillow lie on a grid.
+/// Returns the number 0 to 3 of the cone at a place, or -1: the cones of a pillow lie on a grid.
 inline int cone_number(Vec2 p, double side) {
   const double i = std::round(p.x / side), j = std::round(p.y / side);
   if (p != side * Vec2{i, j}) return -1;
@@ -9309,8 +9309,8 @@ inline int cone_number(Vec2 p, double side) {
 }
 
 /// Sews an embedding of a closed surface that is cut open; `original`: per vertex, itself or the
-/// one of which it is a copy. False if it is none: copies are not the last vertices or are moved by
-/// no motion of a pillow, positions are not on its grid, or there are not four cones.
+/// vertex that it copies. False if it is no such embedding: copies are not the last vertices or are
+/// moved by no motion of a pillow, positions are not on its grid, or there are not four cones.
 inline bool sew(const Triangles& cut, const Points2& x, const Array<int>& original,
                 HalfEdgeMesh& m) {
   const int all = rows_of(x);
@@ -9390,8 +9390,7 @@ struct EmbeddedPair {
   bool is_closed() const { return !s.mesh.pillow.is_empty(); }
   bool maps_all() const { return is_closed() && n_given == overlay.polygons.size(); }
 
-  /// For every given polygon in a face: visit(face of the other mesh, what takes its plane to this
-  /// one).
+  /// For every given polygon in a face: visit(face of the other mesh, motion of its plane to this).
   template <class Visit>
   void for_each_target(int face, const Visit& visit) const {
     by_face.for_each_in(face, [&](int i) {
@@ -9629,7 +9628,7 @@ struct Origin : Pieces {
   }
 };
 
-/// Returns, per vertex of an embedded mesh, itself or the one of which it is a copy.
+/// Returns, per vertex of an embedded mesh, itself or the vertex that it copies.
 inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
   Array<int> original = numbers_below(n);
   const int first = n - static_cast<int>(added.size());
@@ -9663,7 +9662,7 @@ inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
   return closest_on_sides(at, corners_of(*p.given, f, unit));
 }
 
-/// Goes on to an embedded mesh, a prepared one with vertices added; false if it is something else.
+/// Continues to an embedded mesh, a prepared one with added vertices; false if it is another mesh.
 inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& added,
                    const TriangleMesh& embedded, Origin& o) {
   const int n = static_cast<int>(prepared.mesh->vertices.rows());
@@ -10183,14 +10182,14 @@ namespace detail {
 //
 // Purpose:    keeps the boundary of an embedding simple [Jiang, Schaefer and Panozzo 2017]:
 //             triangles fill the space between it and a box and resist deformation a little. Their
-//             energy is least as built, so a step that lowers the sum of both energies lowers E.
-//             Every iteration rebuilds them, so they let the boundary move, but never collide.
+//             energy is least at construction, so a step that lowers the sum of both energies
+//             lowers E. Every iteration rebuilds them: the boundary can move, but never collide.
 // Invariants: all triangles are positive, exactly; this implies that the boundary is simple.
 // Fails:      leaves out triangles of no area in doubles; there, the boundary's exact test decides.
 
 /// Returns the space outside the surface at a loop as one counter-clockwise polygon: an opening, or
-/// what is between an outer loop and a box around it, whose second corner a bridge joins to the
-/// rightmost vertex of the loop, which is visible from it.
+/// the space between an outer loop and a box around it. A bridge joins the box's second corner to
+/// the rightmost vertex of the loop, which is visible from it.
 inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
   const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
   const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
@@ -11200,7 +11199,7 @@ inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& pr
   return true;
 }
 
-/// Welds nothing if only welding leaves problems: it may undo cuts along handles.
+/// Prepares without welding if only welding leaves problems: it may undo cuts along handles.
 inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoint>& landmarks,
                          bool welds) {
   const NoTraps no_traps;
@@ -11263,12 +11262,12 @@ inline bool is_nearly_closed(const Surface& s) {
 
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
 //
-// Purpose:    pairs of points of two surfaces that correspond if both have about one shape and
-//             pose, however they lie in space.
+// Purpose:    finds corresponding points of two surfaces of about one shape and pose, at any
+//             position in space.
 // Method:     iterative closest points in position and normal [Besl and McKay 1992], from the 60
-//             rotations of the icosahedron between their principal axes, which leave none farther
-//             away than 45 degrees. The best ones go on with more points, at last by affine maps.
-// Fails:      never; where shapes or poses differ, the pairs are wrong, and a map by them is worse.
+//             rotations of the icosahedron between their principal axes; every rotation is within
+//             45 degrees of one. The best ones continue with more points, at last by affine maps.
+// Fails:      never; where shapes or poses differ, the pairs are wrong, and so is a map by them.
 
 /// A point of a surface with its normal.
 struct SurfaceSample {
@@ -11329,7 +11328,8 @@ inline AffineMap product(const AffineMap& a, const AffineMap& b) {
   return c;
 }
 
-/// The rotation nearest to L by Newton steps [Higham 1986]; false if L mirrors or is singular.
+/// Finds the rotation nearest to L by Newton steps [Higham 1986]; false if L mirrors or is
+/// singular.
 inline bool nearest_rotation(AffineMap& m) {
   constexpr int kSteps = 30;
   for (int i = 0; i < kSteps; ++i) {
@@ -11348,8 +11348,8 @@ inline bool nearest_rotation(AffineMap& m) {
   return true;
 }
 
-/// The 60 rotations of the icosahedron, the identity first: all products of the cyclic exchange of
-/// axes and a fifth of a turn.
+/// Returns the 60 rotations of the icosahedron, the identity first: all products of the cyclic
+/// exchange of axes and a fifth of a turn.
 inline Array<AffineMap> icosahedral_rotations() {
   constexpr double kHalf = 0.5, kLong = 0.80901699437494742, kShort = kLong - kHalf;  // φ/2, 1/(2φ)
   const AffineMap cycle = {{unit3(1), unit3(2), unit3(0)}, {}};
@@ -11375,8 +11375,8 @@ inline Vec3 mean(const Array<SurfaceSample>& samples) {
   return sum;
 }
 
-/// The axes of the second moments of samples, the longest first, as columns of a rotation, by
-/// Jacobi's method. Along the first two, third moments are positive.
+/// Returns the axes of the second moments of samples, the longest first, as columns of a rotation,
+/// by Jacobi's method. Along the first two, third moments are positive.
 inline AffineMap principal_axes(const Array<SurfaceSample>& samples) {
   constexpr int kSweeps = 12;
   const Vec3 center = mean(samples);
@@ -11431,7 +11431,7 @@ inline int closest(const SurfaceSample& p, const Array<SurfaceSample>& among, in
   return best;
 }
 
-/// Samples of two surfaces, and behind them those at the ends of landmarks.
+/// Samples of two surfaces, followed by those at the ends of landmarks.
 struct SamplePair {
   Array<SurfaceSample> a, b;
   int sampled_a = 0, sampled_b = 0;
@@ -11442,7 +11442,7 @@ class Alignment {
  public:
   Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) { move(); }
 
-  /// The similarity that the landmarks tell.
+  /// Fits a similarity to the landmarks.
   explicit Alignment(const SamplePair& pair) : pair_(&pair) { improve(false); }
 
   /// Improves the map by a round of closest points; nothing changes once they stay the same.
@@ -11466,7 +11466,7 @@ class Alignment {
     return sum < kNear * pair_->a.size();
   }
 
-  /// Pairs that come back to where they started, and whose normals agree.
+  /// Returns the pairs that are closest in both directions and have similar normals.
   Array<std::array<int, 2>> mutual_pairs() const {
     constexpr double kBack = 0.05, kAgree = 0.5;
     Array<std::array<int, 2>> pairs;
@@ -11508,7 +11508,7 @@ class Alignment {
       visit(i, pair_->b[j].point, kLandmark);
   }
 
-  /// The similarity, or the affine map, that is held close to it, with least squared distances.
+  /// Fits the similarity, or an affine map held close to it, with least squared distances.
   void fit(bool is_affine) {
     constexpr double kRigid = 0.1;
     Vec3 p0, q0;
@@ -11568,7 +11568,7 @@ inline SamplePair sampled(const SurfacePair& pair, const Array<VertexPair>& land
   return samples;
 }
 
-/// Keeps the alignments with the least residuals, of those that are alike one.
+/// Keeps the alignments with the least residuals, one of several that are alike.
 inline Array<Alignment> best_of(const Array<Alignment>& all, int most) {
   Array<double> residual;
   for (const Alignment& alignment : all) residual.push_back(alignment.residual());
@@ -11582,8 +11582,8 @@ inline Array<Alignment> best_of(const Array<Alignment>& all, int most) {
   return best;
 }
 
-/// Aligns A with B in space, in different ways, the closest first; last as landmarks tell, which
-/// alone know how a part lies in a whole.
+/// Aligns A with B in space, in different ways, the closest first; the last one is by landmarks,
+/// which alone define how a part lies in a whole.
 inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair& many, int most,
                                         const Executor& executor) {
   constexpr int kFirst = 8, kNext = 15, kLast = 25, kKept = 6, kEnough = 3;
@@ -11778,8 +11778,8 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 
 // ==== [20] CLOSED SURFACES =======================================================================
 //
-// Purpose:    where to cut a closed surface open that is mapped to one with a boundary, and what
-//             several parts need to know of tips and distances.
+// Purpose:    decides where to cut a closed surface open that is mapped to one with a boundary, and
+//             finds tips and distances for several parts.
 // Method:     A closed surface is cut along a small cross of edges; nothing is removed. Pairs of
 //             closed surfaces are not cut: see pillows, part [14].
 // Fails:      where all vertices are bound by constraints.
@@ -11788,8 +11788,8 @@ namespace detail {
 
 // ---- where to open ----
 
-/// Vertices that are farther from everything than all around them, the ends of limbs, ears and
-/// tails, with the distances from each to all vertices, in roots of the area.
+/// Vertices farther from all others than their neighbours are: the ends of limbs, ears and tails;
+/// with the distances from each to all vertices, in roots of the area.
 struct Tips {
   Array<int> vertex;
   Array<Array<double>> distance;
@@ -11859,10 +11859,10 @@ struct OpeningPair {
 
 inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the area
 
-/// The vertex at which a closed surface is to be opened: nothing is far from there, so it unfolds
-/// with little strain, and it is in the middle of what the other surface leaves free, where this
-/// one is larger: as far from the landmarks as the other one's boundary is from theirs, and the
-/// radius of a disk of that area; -1 if all are bound. `bound`: vertices that have to stay.
+/// Returns the vertex at which to open a closed surface; -1 if all are bound. No point is far from
+/// it, so the surface unfolds with little strain. If this surface is larger, the vertex is in the
+/// middle of the part that the other one leaves free: as far from the landmarks as the boundary of
+/// the other one, plus the radius of a disk of that area. `bound`: vertices that have to stay.
 inline int find_opening(const Surface& s, const Array<Place>& landmarks, const Array<int>& bound,
                         const Surface& other, const Array<Place>& on_other) {
   constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
@@ -11903,8 +11903,8 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks, const A
   return -1;
 }
 
-/// Four paths of edges from a vertex of a closed surface, or as many as it has edges; straight on
-/// at every vertex, until they are as long as an arm or meet.
+/// Returns four paths of edges from a vertex of a closed surface, or fewer if it has fewer edges:
+/// straight on at every vertex, until they are as long as an arm or meet.
 inline Array<int> cross_at(const Surface& s, int center) {
   const HalfEdgeMesh& m = s.mesh;
   const double length = kArm * std::sqrt(s.total_area);
@@ -11935,14 +11935,14 @@ inline Array<int> cross_at(const Surface& s, int center) {
   return edges;
 }
 
-/// A surface as it is optimised: closed ones are cut open.
+/// Returns the surface to optimise: closed ones are cut open.
 inline Surface opened(Surface s, int vertex) {
   if (vertex >= 0) cut_along(cross_at(s, vertex), s);
   return s;
 }
 
-/// The same place on a surface that was cut open: half-edges stay, and some have copies of vertices
-/// as tails. What lies on a cut edge goes to one side of the cut.
+/// Returns the same place on a surface that was cut open: half-edges stay, and some have copies of
+/// vertices as tails. A place on a cut edge goes to one side of the cut.
 inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open) {
   const int h = vertex_at(p) >= 0 ? -1 : find_place(whole, p);
   const Place before = p;
@@ -12276,7 +12276,7 @@ class MetaMeshVerifier {
     return true;
   }
 
-  /// Finds what takes a polygon from g's plane to f's: nothing, or a motion of the pillow.
+  /// Finds the motion of a polygon from g's plane to f's: none, or one of the pillow.
   bool find_motion(int p) {
     for (double sign : {1.0, -1.0}) {
       Motion motion = {sign, {}};
@@ -12589,7 +12589,7 @@ class LandmarkPlacer {
  public:
   LandmarkPlacer(const Prepared& prepared, Side side) : prepared_(prepared), side_(side) {}
 
-  /// Returns what is wrong with the id or the barycentric coordinates, or nothing.
+  /// Returns the error in the id or the barycentric coordinates, or nothing.
   std::string fault(const LandmarkPoint& p) const {
     constexpr double kRounding = 1e-6;
     const std::vector<int>& ids = is_point(p) ? prepared_.new_triangle : prepared_.new_vertex;
@@ -12664,7 +12664,7 @@ inline int nearest_vertex(const Surface& s, const Vec3& p) {
   return nearest;
 }
 
-/// The point of a surface nearest to p, of the triangles around the nearest vertex.
+/// Returns the point nearest to p in the triangles around the nearest vertex of a surface.
 inline Place nearest_place(const Surface& s, const Vec3& p) {
   const int nearest = nearest_vertex(s, p);
   Place best = copy_of(nearest);
@@ -12975,7 +12975,7 @@ inline bool take_rows(const Prepared& prepared, const char* name, Points2& x, Ou
   return true;
 }
 
-/// Finds the vertices of curves in the prepared meshes; those that were dropped are left out.
+/// Finds the vertices of curves in the prepared meshes, without dropped ones.
 inline bool take_curves(const Prepared& a, const Prepared& b, std::vector<Curve>& curves,
                         Outcome& outcome) {
   for (Curve& curve : curves)
@@ -13145,7 +13145,7 @@ inline bool find_followers(const JointSurface& s, const Points2& x,
 
 // ---- compute_map() in steps ----
 
-/// What a run is to compute: the initial embedding, a coarse map to choose from, or the map.
+/// The purpose of a run: the initial embedding, a coarse map to choose from, or the map.
 enum class Goal { kStart, kCandidate, kMap };
 
 class StartFinder;
@@ -13155,7 +13155,7 @@ class Run {
   static constexpr double kMostRise = 1.5;      // relative to the start
 
  public:
-  /// `sized`: surfaces whose scales are taken; null: landmarks may determine them.
+  /// `sized`: surfaces that give the scales; null: landmarks may determine them.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
       const Options& options, Goal goal, const SurfacePair* sized = nullptr)
       : a_(std::move(a)),
@@ -13453,7 +13453,7 @@ class Run {
     are_valid ? begin_at_positions() : accept_start();
   }
 
-  /// The paper's start is that of the landmarks alone.
+  /// The paper's start uses the landmarks alone.
   bool finds_start() const {
     const bool has_cones = !are_closed(whole_) || placed_.size() >= 4 || goal_ == Goal::kCandidate;
     return (options_.candidates && !options_.as_published) || !has_cones;
@@ -13495,7 +13495,7 @@ class Run {
     return std::find(ids.begin(), ids.end(), v) != ids.end();
   }
 
-  /// Returns the vertices of landmarks whose places are constrained.
+  /// Returns the vertices of constrained landmarks.
   Array<int> bound_vertices(Side side) const {
     Array<int> bound;
     for (const PlacedLandmark& l : placed_) {
@@ -13758,27 +13758,27 @@ class Run {
 
 // ---- candidates ----
 //
-// Purpose:    the right start, where the landmarks given do not tell it.
+// Purpose:    finds the right start if the given landmarks do not define it.
 // Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
-//             alone, and with them pairs of points from alignments in space, as many as are tried
-//             by chance decide which limb gets in the way of which. Algorithm 1 takes a few
-//             iterations from each. Where the first two lead to one map, unless it is poor, or one
-//             of them has little distortion, the others are not tried; else the better ones of
-//             those that lead to different maps go on. The map with the least distortion for its
-//             coverage wins. Where it leaves the tip of a limb near to another one, new starts
-//             bring both together, and win if that is better. The levels go on from the map itself;
-//             where a closed surface is cut open, before it is decimated, from points spread over
-//             it. A start of two closed surfaces has its own cones.
+//             alone, and with pairs of points from alignments in space. Their number varies, as
+//             chance decides which limb gets in the way of which. Algorithm 1 takes a few
+//             iterations from each. If the first two lead to one map that is not poor, or one has
+//             little distortion, the others are not tried; else the best starts of different maps
+//             continue. The map with the least distortion for its coverage wins. If it takes the
+//             tip of a limb near to another tip, new starts bring both together, and win if they
+//             are better. The levels continue from the map itself; if a closed surface is cut open
+//             before it is decimated, from points spread over the map. A start of two closed
+//             surfaces has its own cones.
 // Invariants: results do not depend on pauses.
-// Fails:      by finding nothing, where no start can be mapped.
+// Fails:      finds nothing if no start can be mapped.
 
-/// Tips of A and B that may correspond, and by how much a map misses that.
+/// Tips of A and B that may correspond, and the distance by which a map misses this.
 struct TipPair {
   int a = -1, b = -1;
   double miss = kInfinity;
 };
 
-/// Returns the number of triangles around the vertex that has most.
+/// Returns the largest number of triangles around a vertex.
 inline int largest_fan(const HalfEdgeMesh& m) {
   Array<int> triangles(m.n_vertices, 0);
   for (int v : m.tail) ++triangles[v];
@@ -13813,8 +13813,8 @@ class StartFinder {
     options_.refine = 0;
   }
 
-  /// A piece of the work; true while there is more. Where the caller stops it, the next call begins
-  /// it anew.
+  /// Does a piece of the work; true while there is more. If the caller stops it, the next call
+  /// repeats it.
   bool step() {
     constexpr int kIterations[] = {12, 30, 60, 60, 60, 200}, kLast = 5;
     constexpr double kGood = 2.4;  // no limb is missed where the distortion is this low
@@ -13854,8 +13854,7 @@ class StartFinder {
   }
 
   OpeningPair opening() const { return opening_; }
-  /// The map itself; null where surfaces were opened for it, which is done before they are
-  /// decimated.
+  /// The map itself; null if surfaces were opened for it, which happens before decimation.
   std::unique_ptr<MappedLevel> take_level() { return std::move(level_); }
 
  private:
@@ -13875,7 +13874,7 @@ class StartFinder {
     for (const PlacedLandmark& l : landmarks_)
       for (int v : (side == Side::kA ? l.a : l.b).corners)
         if (v >= 0 && landmarks_.size() <= kMostLeading) keep[v] = 1;
-    // Fans over each other meet in as many polygons as the square of their triangles.
+    // Fans over each other make a number of polygons quadratic in their triangles.
     constexpr int kFewest = 100, kRatio = 2, kLargestFan = 64;
     int n = (std::max)((std::min)(s.mesh.n_vertices / kRatio, coarsest_), int{kFewest});
     do {
@@ -13914,7 +13913,7 @@ class StartFinder {
     running_ = (std::min)(candidates_.size(), int{kFirst});
   }
 
-  /// The landmarks given, at vertices that are left; of many, those that agree.
+  /// Returns the given landmarks at remaining vertices; of many, those that agree.
   void find_leading_landmarks(const SurfacePair& pair) {
     const bool are_many = landmarks_.size() > kMostLeading;
     Array<VertexPair> found;
@@ -13978,7 +13977,7 @@ class StartFinder {
     candidate.value *= 1 + kMissed * missed_landmarks(candidate);
   }
 
-  /// The share of the landmarks given that a map misses; one that it does not cover counts half.
+  /// Returns the share of given landmarks that a map misses; an uncovered one counts half.
   double missed_landmarks(const Candidate& candidate) const {
     constexpr double kFar = 0.5;  // in roots of the area
     if (leading_.empty()) return 0;
@@ -13999,8 +13998,8 @@ class StartFinder {
     return sum / leading_.size();
   }
 
-  /// Keeps the best of those that lead to different maps, and until tips were tried the landmarks
-  /// alone: they tell other maps.
+  /// Keeps the best starts of different maps and, until tips were tried, that of the landmarks
+  /// alone, which may lead to another map.
   void drop_worst() {
     const auto first = candidates_.begin(), last = first + running_;
     std::stable_sort(first, last,
@@ -14015,7 +14014,7 @@ class StartFinder {
     if (other != first + n) std::iter_swap(first + running_ - 1, other);
   }
 
-  /// Whether the map of a candidate is none of those of the first n.
+  /// True if the map of a candidate differs from those of the first n.
   bool is_different(const Candidate& candidate, int n) const {
     constexpr double kSame = 0.05;  // root of the mean squared distance of images
     for (int i = 0; i < n; ++i)
@@ -14023,8 +14022,8 @@ class StartFinder {
     return true;
   }
 
-  /// The root of the mean squared distance between images of vertices of A that both maps cover, in
-  /// roots of the area; infinite where there are none.
+  /// Returns the root of the mean squared distance between images of vertices of A that both maps
+  /// cover, in roots of the area; infinite if there are none.
   double difference(const Candidate& one, const Candidate& other) const {
     if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
     const SurfaceMap f(one.run->result()), g(other.run->result());
@@ -14039,8 +14038,8 @@ class StartFinder {
     return both > 0 ? std::sqrt(sum / both / b_->surface.total_area) : kInfinity;
   }
 
-  /// Starts that lead tips of A to those tips of B to which the maps so far bring them closest;
-  /// false if that leaves nothing to try.
+  /// Adds starts that take tips of A to the tips of B nearest to their images so far; false if
+  /// there are none to try.
   bool add_tips() {
     Array<Candidate> next;
     for (int i = 0; i < running_; ++i) {
@@ -14064,8 +14063,7 @@ class StartFinder {
     return has_more;
   }
 
-  /// Each tip of A with that tip of B, and each tip of B with that tip of A, which is nearest to
-  /// its image, if both are of one mind.
+  /// Returns pairs of tips of A and B, each nearest to the image of the other one.
   Array<TipPair> match_tips(const SurfaceMap& map) const {
     const auto distance = [](const Surface& s, const Array<double>& to, const SurfacePoint& p) {
       double d = 0;
@@ -14096,7 +14094,7 @@ class StartFinder {
     return pairs;
   }
 
-  /// Pairs of a map spread over A, but for the surroundings of tips that it misses.
+  /// Returns pairs of a map spread over A, except around tips that it misses.
   Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
                               const Array<TipPair>& tips) const {
     constexpr double kClear = 0.15;  // of an opening
@@ -14205,8 +14203,8 @@ inline void Run::find_start() {
 
 // ---- data of a SurfaceMap ----
 
-/// The map of the meshes of an embedding by positions f and g, if the outcome has any; scales of 0:
-/// to area 1.
+/// Returns the map of the meshes of an embedding by positions f and g, if the outcome has any;
+/// scales of 0: to area 1.
 inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Embedding& e,
                                                const Points2& f, const Points2& g) {
   const NoTraps no_traps;
