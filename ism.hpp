@@ -3827,7 +3827,7 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
   const auto add = [&](int v, double weight, double sign) {
     row[0].value += weight;
     weight *= sign;
-    // Each neighbour occurs twice in succession, but for the first one, which also occurs last.
+    // Each neighbour occurs twice in succession, except the first one, which also occurs last.
     if (row.back().column == v) return void(row.back().value -= weight);
     if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
     row.push_back({v, -weight});
@@ -7063,7 +7063,7 @@ class FlatNewton {
     return true;
   }
 
-  /// Gradient and Hessian, but for the Hessians of springs and scaffold.
+  /// Gradient and Hessian, without the Hessians of springs and scaffold.
   LinearSystem assemble() {
     constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
     terms_.resize(m_.n_faces);
@@ -7505,7 +7505,7 @@ class Hierarchy {
   }
 
   /// True if the segment between two vertices can be a boundary edge: it meets no other boundary
-  /// edge, but for its neighbours in their common vertices.
+  /// edge, except its neighbours in their common vertices.
   bool edge_fits(int from, int to) const {
     const Vec2 p = row2(x_, from), q = row2(x_, to), least = lower(p, q), most = upper(p, q);
     const auto is_in_the_way = [&](int i) {
@@ -8839,7 +8839,7 @@ class PairEmbedder {
   Array<Step> steps_;
   int next_ = 0;
   std::unique_ptr<Hierarchy> a_, b_;
-  Level level_a_, level_b_;             // what is being relaxed; of one surface alone, the first
+  Level level_a_, level_b_;             // the levels to relax; of one surface alone, the first
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of grow_by_levels()
   int drags_ = 0;                       // on this level
@@ -14082,7 +14082,7 @@ class StartFinder {
         if (miss < of_b[j].miss) of_b[j] = {i, j, miss};
       }
     }
-    constexpr double kReach = 0.6, kClear = 0.1;  // and of landmarks, which tell enough
+    constexpr double kReach = 0.6, kClear = 0.1;  // and of landmarks, which suffice
     Array<TipPair> pairs;
     for (const TipPair& p : of_a) {
       bool is_free = p.miss < kReach && of_b[p.b].a == p.a;

@@ -41,7 +41,7 @@ struct PolygonEnergy {
   double energy;
 };
 
-/// Of the polygon in triangle s of A and t of B, whose area in the plane is given.
+/// The energy of the polygon in triangle s of A and t of B with a given area in the plane.
 PolygonEnergy energy_of(const ism::TriangleMesh& a, const ism::Points2& f, int s,
                         const ism::TriangleMesh& b, const ism::Points2& g, int t, double area) {
   const Eigen::Matrix2d F = jacobian(a, f, s), G = jacobian(b, g, t), J = G.inverse() * F;

@@ -38,7 +38,7 @@ void step_05(tour::Report& report) {
   const std::vector<ism::Landmark> landmarks = {{thumb.a, thumb.b, 0},  // 0: for the start only
                                                 {little_finger.a, little_finger.b, 0}};
   ism::Options options;
-  options.candidates = false;  // the landmarks tell all
+  options.candidates = false;  // the landmarks decide
   const ism::Embedding alone = ism::initial_embedding(pair.a, pair.b, landmarks, options);
   const ism::Result result = ism::compute_map(pair.a, pair.b, landmarks);
 

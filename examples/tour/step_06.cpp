@@ -15,7 +15,7 @@ struct Scene {
   ism::Points2 f, g;
 };
 
-/// E_ρ of every polygon ρ of the overlay, which is found anew.
+/// E_ρ of every polygon ρ of the overlay, which is computed anew.
 Eigen::VectorXd energies(const Scene& scene, const Eigen::Vector2d& t) {
   const ism::Points2 f = scene.f.rowwise() + t.transpose();
   const std::vector<ism::PolygonDistortion> polygons =
@@ -44,7 +44,7 @@ struct Model {
   int negative = 0;                                  // polygons with a negative eigenvalue
 };
 
-/// By central differences. The library has closed forms, in the 12 variables of a polygon.
+/// Uses central differences. The library has closed forms, in the 12 variables of a polygon.
 Model model_at(const Scene& scene, const Eigen::Vector2d& t) {
   constexpr double h = 1e-5;
   const auto E = [&](double i, double j) { return energies(scene, t + h * Eigen::Vector2d(i, j)); };

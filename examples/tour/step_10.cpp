@@ -1,4 +1,4 @@
-// Step 10 of tour.md: what a map is used for.
+// Step 10 of tour.md: uses of a map.
 
 #include "tour.hpp"
 
@@ -7,7 +7,7 @@
 
 namespace {
 
-/// What a program gets from a map: to each a line.
+/// The results that a program gets from a map.
 struct Uses {
   ism::Transfer to_b;        // from vertices of A to those of B, a sparse matrix
   ism::Values uv_of_b;       // texture coordinates of B, from those of A

@@ -1,5 +1,5 @@
-// tour.hpp: what the ten steps of tour.md have in common: the surfaces, the colours, and what it
-// takes to say something of a map, to have it checked, and to draw it.
+// tour.hpp: common parts of the ten steps of tour.md: the surfaces, the colours, checked sentences,
+// and pictures.
 
 #ifndef ISM_EXAMPLES_TOUR_HPP
 #define ISM_EXAMPLES_TOUR_HPP
@@ -15,7 +15,7 @@ namespace tour {
 
 using picture::format;
 
-// ---- What a step says ----
+// ---- Sentences ----
 
 /// Prints the sentences of a step and whether they hold, and writes its picture.
 class Report {
@@ -24,7 +24,7 @@ class Report {
 
   /// A sentence of tour.md, with the numbers of this run, and whether it is true.
   void check(bool holds, const std::string& sentence);
-  /// A number of tour.md: within a share of what is said there, as builds round differently.
+  /// A number of tour.md: within a share of its value there, as builds round differently.
   void check_number(const char* name, double value, double said, double tolerance = 0.05);
   /// Writes step_NN.png.
   void save(const render::Canvas& canvas);
