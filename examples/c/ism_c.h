@@ -1,13 +1,13 @@
 // ism_c.h - ism.hpp for C, and for languages that call C; map_hands.c shows how
 //
-// ARRAYS   The caller owns what it passes; a call reads it and keeps none of it, but for `progress`
-//          and `user`. Handles own what results point to. "#V×3" is an array in row-major order.
-//          Ids are 32-bit, those of the given meshes, from 0. Arrays without elements may be NULL.
+// ARRAYS   The caller owns all arguments; a call reads them and keeps only `progress` and `user`.
+//          Handles own the arrays of results. "#V×3" is an array in row-major order. Ids are
+//          32-bit, those of the given meshes, from 0. Arrays without elements may be NULL.
 // UNITS    Positions are in the unit of their mesh, times in seconds; fractions and coverage are 0
 //          to 1; distortion is 2 for an isometry.
-// ERRORS   Functions return a status. From ISM_BAD_ARGUMENT on, nothing was written but NULL to a
-//          new handle, and ism_last_error() has a sentence. No exception leaves the library.
-// THREADS  A run serves one call at a time, others return ISM_BUSY, but for ism_run_cancel(). A map
+// ERRORS   Functions return a status. From ISM_BAD_ARGUMENT on, the call wrote nothing except NULL
+//          to a new handle, and ism_last_error() has a sentence. No exception leaves the library.
+// THREADS  A run serves one call at a time; others return ISM_BUSY, except ism_run_cancel(). A map
 //          serves any number. Free a handle when no thread uses it any more.
 
 #ifndef ISM_C_H
@@ -50,9 +50,9 @@ typedef struct ism_landmark {
   double weight, barycentric_a[3], barycentric_b[3];
 } ism_landmark;
 
-/// Called several times a second in the thread of ism_run_advance(), with the fraction done and a
-/// few words, valid during the call. Return 1, or 0 to cancel. It must not jump out, nor use the
-/// run, but for ism_run_cancel().
+/// Called several times a second in the thread of ism_run_advance(), with the finished fraction and
+/// a few words, valid during the call. Return 1, or 0 to cancel. It must not jump out, nor use the
+/// run, except by ism_run_cancel().
 typedef int32_t (*ism_progress)(void* user, double fraction, const char* what);
 
 /// Options; names, ranges and meaning are those of ism::Options in ism.hpp.
@@ -114,32 +114,33 @@ typedef struct ism_map ism_map;
 
 /// Returns the name of a status; static.
 const char* ism_status_name(ism_status status);
-/// Returns why the last call of this thread that failed, or made no map, did; valid until the next.
+/// Returns the reason of the last call of this thread that failed or made no map; valid until the
+/// next one.
 const char* ism_last_error(void);
-/// Sets all options but `size`, which has to be right.
+/// Sets all options except `size`, which the caller must set before.
 ism_status ism_default_options(ism_options* options);
 
 /// Creates a run; free it by ism_run_free(). Options may be NULL. If the method refuses meshes,
 /// landmarks or options, there is a run, and ism_run_result() has the reason.
 ism_status ism_run_create(const ism_mesh* a, const ism_mesh* b, const ism_landmark* landmarks,
                           int32_t n_landmarks, const ism_options* options, ism_run** run);
-/// Takes so many steps, or, if it is 0, steps until seconds have passed (≥ 0, or INFINITY), at
-/// least one: milliseconds to tenths of a second for 10,000 vertices. Returns ISM_UNFINISHED if
-/// there is more to do, else how the run ended.
+/// Takes `steps` steps, or, if this is 0, steps until `seconds` have passed (≥ 0, or INFINITY), at
+/// least one. A step takes milliseconds to tenths of a second for 10,000 vertices. Returns
+/// ISM_UNFINISHED if there is more to do, else the final status.
 ism_status ism_run_advance(ism_run* run, int32_t steps, double seconds);
-/// Describes the run as if it ended here; pointers are valid until its next call. While decimated
-/// surfaces are mapped, it costs as much as some steps.
+/// Describes the run as if it ended here; pointers are valid until its next call. On decimated
+/// surfaces, it costs as much as some steps.
 ism_status ism_run_result(ism_run* run, ism_result* result);
-/// 1: a call in progress ends soon, in some milliseconds to tenths of a second, and later ones at
-/// once. 0: the run can go on.
+/// 1: a call in progress ends within milliseconds to tenths of a second, and later ones at once.
+/// 0: the run can continue.
 ism_status ism_run_cancel(ism_run* run, int32_t is_cancelled);
-/// Frees a run; NULL is none. ISM_BUSY: a call uses it, it is not freed.
+/// Frees a run; NULL does nothing. ISM_BUSY: a call uses the run, which is not freed.
 ism_status ism_run_free(ism_run* run);
 
 /// Creates the current map of a run, independent of it; free it by ism_map_free(). Returns the
 /// status of the run; after ISM_UNFINISHED there is no map, and *map is NULL.
 ism_status ism_map_create(ism_run* run, ism_map** map);
-void ism_map_free(ism_map* map);  // NULL is none
+void ism_map_free(ism_map* map);  // NULL does nothing
 /// Maps n points of the side `from` to the other one: vertices `ids`, if `barycentric` is NULL,
 /// else points in triangles `ids` (-1: none), n×3, ≥ 0 with sum 1. Each result may be NULL: the
 /// triangle of an image or -1, if it is not covered; its barycentric coordinates, n×3, or zeros;
@@ -147,7 +148,7 @@ void ism_map_free(ism_map* map);  // NULL is none
 ism_status ism_map_images(const ism_map* map, int32_t from, int32_t n, const int32_t* ids,
                           const double* barycentric, int32_t* image_ids, double* image_barycentric,
                           double* image_positions);
-/// These compute at the first call, and point to what exists until ism_map_free().
+/// These two compute at the first call. Their pointers are valid until ism_map_free().
 ism_status ism_map_meta(ism_map* map, ism_meta* meta);
 /// From elements of the side `from` to elements `target` of the other one, as above.
 ism_status ism_map_transfer(ism_map* map, int32_t from, int32_t element, int32_t target,

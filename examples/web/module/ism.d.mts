@@ -1,10 +1,10 @@
 // ism.hpp as an ES module: injective maps of low distortion between triangle meshes.
 
-/** Numbers of any typed array but those of BigInt, or a plain array of numbers. */
+/** Any typed array except those of BigInt, or a plain array of numbers. */
 export type Numbers = Int8Array | Uint8Array | Uint8ClampedArray | Int16Array | Uint16Array |
     Int32Array | Uint32Array | Float32Array | Float64Array | number[];
 
-/** A surface without handles, open or closed; defects are mended. Arrays are read, not kept. */
+/** A surface without handles, open or closed; defects are repaired. Arrays are read, not kept. */
 export interface Mesh {
   /** #V×3, x0, y0, z0, x1, ..., in any unit. */
   positions: Numbers;
@@ -21,21 +21,21 @@ export interface Point {
 /** A vertex of A and one of B, or points, that should correspond; 8 is the usual weight. */
 export type Landmark = [a: number | Point, b: number | Point, weight?: number];
 
-/** Those of `ism::Options` in ism.hpp, which explains them; without one, its default there. */
+/** The options of `ism::Options`; ism.hpp explains them and their defaults. */
 export interface Options {
   landmarks?: Iterable<Landmark>;
-  /** Called several times a second with the fraction done, 0 to 1, and a few words. What it throws
+  /** Called several times a second with the finished fraction, 0 to 1, and a few words. An exception
    *  ends the run. */
   onProgress?: (fraction: number, what: string) => void;
-  /** Cancels: the promise resolves to the best map so far, with the status "cancelled", or, before
-   *  there is one, is rejected by the reason of the signal. */
+  /** Cancels: the promise resolves to the best map so far, with the status "cancelled". Before there
+   *  is a map, it is rejected with the reason of the signal. */
   signal?: AbortSignal;
   /** dirichlet: symmetric Dirichlet, the default. */
   measure?: 'dirichlet' | 'arap' | 'sarap' | 'asap';
   boundary?: 'free' | 'fixed' | 'slide';
   /** Images of landmarks coincide; else they pull softly. */
   exactLandmarks?: boolean;
-  /** More covers more, at the cost of distortion; default 0.2. */
+  /** A larger weight gives more coverage and more distortion; default 0.2. */
   coverageWeight?: number;
   /** For meshes in the same unit, which keep their sizes. */
   keepScale?: boolean;
@@ -46,10 +46,10 @@ export interface Options {
   coarsest?: number;
   refine?: number;
   weld?: boolean;
-  /** A vertex on the boundary that is the outline; -1, the default: on the longest one. */
+  /** A vertex on the boundary loop that is the outline; -1, the default: the longest loop. */
   outerA?: number;
   outerB?: number;
-  /** Vertices whose images stay those of the start. */
+  /** Vertices that keep their images from the start. */
   pinsA?: Numbers;
   pinsB?: Numbers;
   historyLength?: number;
@@ -75,9 +75,9 @@ export class IsmError extends Error {
   readonly ids: ElementId[];
 }
 
-/** Points of a surface, in the order of those that were asked for. */
+/** Points of a surface, in the order of the arguments. */
 export interface Points {
-  /** The triangles they lie in; -1: the map does not cover the point. */
+  /** The triangles of the points; -1: the map does not cover the point. */
   faces: Int32Array;
   /** #×3, coordinates in these triangles; zeros where there is none. */
   barycentric: Float64Array;
@@ -94,7 +94,7 @@ export interface Matrix {
   columns: number;
 }
 
-/** What lies between: vertices, if nothing is said. */
+/** The kinds of elements; vertices by default. */
 export interface Elements {
   source?: ElementKind;
   target?: ElementKind;
@@ -108,8 +108,8 @@ export interface Direction {
   images(faces: Numbers | number, barycentric: Numbers): Promise<Points>;
   /** Images of images, e.g. of the other direction. */
   images(points: Pick<Points, 'faces' | 'barycentric'>): Promise<Points>;
-  /** Carries values to the other mesh, so many columns for each element, to an array of the same
-   *  type; integers are rounded. What is not covered has the value `fill`, or 0. */
+  /** Carries values to the other mesh, `columns` numbers per element, to an array of the same type;
+   *  integers are rounded. Uncovered elements get `fill`, or 0. */
   transfer<T extends Numbers>(values: T, columns?: number, options?: Elements & {fill?: number}):
       Promise<T extends number[] ? Float64Array : T>;
   /** The matrix of `transfer`. */
@@ -117,8 +117,8 @@ export interface Direction {
 }
 
 /** Symmetric Dirichlet energy per area, 2 for an isometry, over both surfaces, weighted by area;
- *  the extreme singular values; the areas that are covered. Surfaces are scaled to area 1, unless
- *  landmarks or `keepScale` say otherwise. */
+ *  the extreme singular values; the covered areas. Surfaces are scaled to area 1, unless landmarks
+ *  or `keepScale` determine other sizes. */
 export interface Distortion {
   mean: number;
   median: number;
@@ -159,14 +159,14 @@ export interface SurfaceMap {
   readonly status: string;
   /** The same as a sentence. */
   readonly message: string;
-  /** What may make the map useless. */
+  /** Findings that may make the map useless. */
   readonly warnings: {message: string, ids: ElementId[]}[];
   readonly distortion: Distortion;
-  /** The parts of the areas of A and of B that are covered, 0 to 1. */
+  /** The covered shares of the areas of A and of B, 0 to 1. */
   readonly coverage: [a: number, b: number];
   readonly iterations: number;
   readonly seconds: number;
-  /** Made when first asked for. */
+  /** Computed at the first access. */
   readonly meta: Promise<Meta>;
   /** Ends the worker of the map and gives its memory back. Later calls are refused. */
   free(): void;

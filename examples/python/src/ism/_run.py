@@ -89,7 +89,7 @@ class Run:
             show(run.state())
 
     One thread at a time may use it, else :class:`BusyError` is raised; only :meth:`cancel` may be
-    called at any time. Arguments are those of :func:`ism.map`, but for the bar.
+    called at any time. Arguments are those of :func:`ism.map`, except the bar.
     """
 
     _free = library.ism_run_free  # also when Python ends
@@ -246,15 +246,15 @@ def map(
             ``.triangles``, e.g. meshes of trimesh and Open3D. Vertices: (#V, 3), any type of
             number, any unit. Faces: (#F, 3) integers from 0, counter-clockwise from outside. Rows
             of float32, float64 and int32 are read in place, other arrays are converted.
-        landmarks: what should correspond: pairs ``(a, b)`` of vertices, e.g. an (n, 2) array, or
+        landmarks: pairs ``(a, b)`` of corresponding vertices, e.g. an (n, 2) array, or
             ``(a, b, weight)``, where 8 is the usual weight. Instead of a vertex,
             ``(face, (u, v, w))`` is a point in a triangle.
-        progress: a function of the fraction done, 0 to 1, and a few words, called several times a
-            second, which may return False to cancel; or True for a bar, if tqdm is installed.
+        progress: a function of the finished fraction, 0 to 1, and a few words, called several times
+            a second; it may return False to cancel. Or True for a bar, if tqdm is installed.
         options: see below.
 
     Returns:
-        The map. If it was cancelled, by ``progress`` or Ctrl-C, that is the best map so far, with
+        The map. After a cancellation, by ``progress`` or Ctrl-C, it is the best map so far, with
         the status ``"cancelled"``.
 
     Raises:
@@ -262,17 +262,17 @@ def map(
         KeyboardInterrupt: Ctrl-C was pressed before there was a map.
 
     Options, with their defaults; ``ism.hpp`` explains them all:
-        ``max_iterations=1000``, ``tolerance=3e-4``, ``max_seconds=inf``: when to stop.
+        ``max_iterations=1000``, ``tolerance=3e-4``, ``max_seconds=inf``: limits of the run.
         ``threads=0``: 0 is one per processor; results do not depend on it.
         ``exact_landmarks=False``: images of landmarks coincide; else they pull softly.
         ``boundary="free"``: or ``"fixed"``, ``"slide"``, which map boundaries onto each other.
-        ``coverage_weight=0.2``: more covers more, at the cost of distortion.
+        ``coverage_weight=0.2``: a larger weight gives more coverage and more distortion.
         ``measure="symmetric_dirichlet"``: or ``"arap"``, ``"sarap"``, ``"asap"``.
         ``keep_scale=False``: True for meshes in the same unit, which keep their sizes.
         ``candidates=True``, ``coarsest=400``, ``refine=8``: starts, coarse levels, long edges.
-        ``weld=True``: whether to weld vertices when a mesh has to be repaired.
+        ``weld=True``: repairs of a mesh may weld vertices.
         ``outer_a=-1``, ``outer_b=-1``: a vertex on the outline; -1: the longest boundary.
-        ``pins_a=()``, ``pins_b=()``: vertices whose images stay those of the start.
+        ``pins_a=()``, ``pins_b=()``: vertices that keep their images from the start.
         ``history_length=6``, ``omega_start=1e4``, ``as_published=False``: of the method.
     """
     with contextlib.ExitStack() as stack:
