@@ -622,11 +622,11 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 /// points, the cones. Four vertices of each surface lie there. The result embeds both surfaces, cut
 /// along a path through them; the half-turns, and the translations that they make, take both sides
 /// of a cut to each other, and f(A) to where g(B) lies. Edges are halved if there are less than 64
-/// vertices. Surfaces whose openings are all shorter than 0.55 roots of their area, as those of
-/// tubes of ten diameters are, count as closed, if the other surface does: a fan closes each
-/// opening, in the embedded mesh only, and is optimised like the rest. outer_a, outer_b, other
-/// boundaries than Boundary::kFree, positions and fixed vertices keep them open. A surface that is
-/// closed alone is cut open at one place.
+/// vertices. A surface counts as closed if all its openings are shorter than 0.55 roots of its
+/// area, e.g. the ends of a tube of ten diameters, and the other surface counts as closed, too: a
+/// fan closes each opening, in the embedded mesh only, and is optimised like the rest. outer_a,
+/// outer_b, held boundaries, given positions and fixed vertices keep openings open. If only one
+/// surface is closed, it is cut open at one place.
 Result compute_map(const MeshView& a, const MeshView& b,
                    const std::vector<Landmark>& landmarks = {}, const Options& options = {});
 
@@ -749,7 +749,7 @@ class SurfaceMap {
   /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
-  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without what closes openings
+  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without triangles that close openings
   /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
   /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
@@ -3314,7 +3314,7 @@ struct Tuning {
 /// The options of a run and the constants that follow from them.
 struct RunOptions : Options {
   Tuning tuning;
-  int first_cones = 0;  // which of the choices of cones is tried first
+  int first_cones = 0;  // the choice of cones that is tried first
   explicit RunOptions(const Options& options = {}) : Options(options) {
     if (as_published) {
       tuning.barrier_weight = 1e-8;
@@ -8228,8 +8228,8 @@ inline int nearest_corner(const Place& p) {
   return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
 }
 
-/// How far apart pairs are: their distance along edges on the surface where it is less, minus what
-/// it is more on the other one, in roots of the area; 0 where an edge joins them.
+/// Returns the distances of pairs along edges, in roots of the area: the smaller one of both
+/// surfaces minus the difference between them; 0 where an edge joins two pairs.
 inline Array<Array<double>> distances_between(const SurfacePair& pair,
                                               const Array<VertexPair>& pairs) {
   const double unit_a = 1 / std::sqrt(pair.a.total_area), unit_b = 1 / std::sqrt(pair.b.total_area);
@@ -8249,8 +8249,8 @@ inline Array<Array<double>> distances_between(const SurfacePair& pair,
   return distances;
 }
 
-/// Chooses four pairs that are far apart, in the order of the shortest path through them;
-/// `attempt`: others each time. Empty if there are none.
+/// Chooses four pairs that are far apart, in the order of the shortest path through them; each
+/// `attempt` gives others. Empty if there are none.
 inline Cones choose_cones(const Array<VertexPair>& pairs, const Array<Array<double>>& distances,
                           int attempt) {
   if (pairs.empty()) return {};
@@ -11222,8 +11222,8 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 
 // ---- small openings ----
 
-/// Closes the openings of a surface by fans around a vertex each, behind all others; or returns it
-/// as it is, where a fan would not be a surface.
+/// Closes the openings of a surface, each by a fan around a vertex that comes after all others. If
+/// a fan would not be a surface, returns the given one.
 inline SharedPrepared with_openings_closed(const SharedPrepared& open, const HalfEdgeMesh& m) {
   Prepared p = *open;
   TriangleMesh mesh = *p.mesh;
@@ -12949,7 +12949,7 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
   return s;
 }
 
-/// Closes surfaces with small openings, where nothing is wanted of boundaries.
+/// Closes surfaces with small openings, unless an option concerns boundaries.
 inline void close_openings(const Options& o, SharedPrepared& a, SharedPrepared& b) {
   const bool has_wish = o.boundary != Boundary::kFree || o.outer_a != -1 || o.outer_b != -1 ||
                         !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
@@ -13208,7 +13208,7 @@ class Run {
     return result_;
   }
   bool is_embedding() const { return is_embedding_; }
-  /// Which of the choices of cones is tried first.
+  /// The choice of cones that is tried first.
   void begin_with_cones(int choice) { options_.first_cones = choice; }
   /// The surfaces that are optimised, on a pillow if both are closed, and the positions.
   const SurfacePair& surfaces() const { return pair_; }
