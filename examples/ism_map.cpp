@@ -284,7 +284,8 @@ std::string read_initial(const std::string& path, const ism::TriangleMesh& mesh,
                          ism::Points2& positions) {
   mesh_io::ReadResult file = mesh_io::read_mesh(path);
   if (!file.ok) return file.error;
-  if (file.planar.rows() == 0) return path + ": not every vertex has one vt of its own";
+  if (file.planar.rows() == 0)
+    return path + ": not every vertex has one vt of its own, as at the seams of closed surfaces";
   if (file.planar.rows() != mesh.vertices.rows())
     return path + ": " + std::to_string(file.planar.rows()) + " vertices, but the mesh has " +
            std::to_string(mesh.vertices.rows());

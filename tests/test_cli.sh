@@ -115,7 +115,8 @@ refused "marks_bad.txt, line 1: $forms: 2, 4 or 6 numbers (1.5, not 1,5), not 3"
   a.obj b.obj -o out --pins marks_bad.txt
 refused "none/A.obj: there is no such file" a.obj b.obj -o out --initial none
 mkdir start && cp a.obj start/A.obj && cp b.obj start/B.obj
-refused "start/A.obj: not every vertex has one vt of its own" a.obj b.obj -o out --initial start
+refused "start/A.obj: not every vertex has one vt of its own, as at the seams of closed surfaces" \
+  a.obj b.obj -o out --initial start
 grid 1 0 | sed 's/^f.*/vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1\/1 2\/2 4\/3 3\/4/' >start/A.obj
 refused "start/A.obj: 4 vertices, but the mesh has 81" a.obj b.obj -o out --initial start
 touch file
@@ -482,6 +483,23 @@ code=0
   2>stderr.txt || code=$?
 [ "$code" = 2 ] && grep -q "is to be pinned, but it is on a boundary that is held" stderr.txt ||
   fail "a pin on a held boundary: $(cat stderr.txt)"
+
+# What closes small openings is in no file: a tube of 8 sides and 40 rings, open at both ends.
+awk 'BEGIN {
+  for (j = 0; j <= 40; ++j) for (i = 0; i < 8; ++i)
+    printf "v %.6f %.6f %.6f\n", cos(i * 0.785398), sin(i * 0.785398), j
+  for (j = 0; j < 40; ++j) for (i = 0; i < 8; ++i) {
+    v = 1 + i + 8 * j; w = 1 + (i + 1) % 8 + 8 * j
+    print "f", v, w, w + 8; print "f", v, w + 8, v + 8
+  }
+}' >tube.obj
+"$ism_map" tube.obj tube.obj -o out/tube --quiet 2>stderr.txt || fail "a tube: $(cat stderr.txt)"
+grep -q "the openings of A are small, and it is mapped as if they were closed" stderr.txt ||
+  fail "a tube said $(cat stderr.txt)"
+for mesh in A B; do
+  [ "$(grep -c '^v ' out/tube/$mesh.obj)" = 328 ] && [ "$(grep -c '^f ' out/tube/$mesh.obj)" = 640 ] ||
+    fail "$mesh.obj of a tube has $(grep -c '^f ' out/tube/$mesh.obj) triangles"
+done
 
 # interrupted FOLDER LINE: runs a long job and presses Ctrl-C when stderr has this line.
 interrupted() {
