@@ -6574,19 +6574,20 @@ inline Array<int> boundary_loops(const HalfEdgeMesh& m) {
   return loop;
 }
 
+inline double loop_length(const Surface& s, int loop) {
+  double length = 0;
+  for (int k = s.mesh.loop[loop]; k < s.mesh.loop[loop + 1]; ++k)
+    length += s.edge_length(s.mesh.boundary[k]);
+  return length;
+}
+
 /// The loop around a surface: the one through a vertex, or, if that is -1, the longest.
 inline int outer_loop(const Surface& s, int vertex) {
-  const HalfEdgeMesh& m = s.mesh;
+  if (vertex >= 0) return boundary_loops(s.mesh)[vertex];
   int outer = 0;
   double longest = -1;
-  for (int i = 0; i < m.loops(); ++i) {
-    double length = 0;
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) {
-      length += s.edge_length(m.boundary[k]);
-      if (m.tail[m.boundary[k]] == vertex) return i;
-    }
-    if (length > longest) longest = length, outer = i;
-  }
+  for (int i = 0; i < s.mesh.loops(); ++i)
+    if (const double length = loop_length(s, i); length > longest) longest = length, outer = i;
   return outer;
 }
 
@@ -11250,14 +11251,8 @@ inline SharedPrepared with_openings_closed(const SharedPrepared& open, const Hal
 /// Returns true if all openings of a surface are shorter than the end of a tube of ten diameters.
 /// Laid out flat, rings around one shrink as exp(-length / radius).
 inline bool is_nearly_closed(const Surface& s) {
-  const HalfEdgeMesh& m = s.mesh;
-  double longest = 0;
-  for (int i = 0; i < m.loops(); ++i) {
-    double length = 0;
-    for (int k = m.loop[i]; k < m.loop[i + 1]; ++k) length += s.edge_length(m.boundary[k]);
-    longest = (std::max)(longest, length);
-  }
-  return m.loops() > 0 && kLongTube * longest < std::sqrt(s.total_area);
+  if (s.mesh.loops() == 0) return false;
+  return kLongTube * loop_length(s, outer_loop(s, -1)) < std::sqrt(s.total_area);
 }
 
 // ==== [18] ALIGNMENTS IN SPACE ===================================================================
