@@ -504,12 +504,11 @@ struct Options {
   /// Exact landmarks, held boundaries, given positions and change() skip these levels, but not the
   /// trial of candidates.
   int coarsest = 400;
-  /// > 0: refines a surface if half of it lies in triangles larger than this many mean triangles of
-  /// the finer surface. Halves edges longer than this many edges of the finer surface, the longest
-  /// first, at triangles larger than its mean one divided by refine (by 1, if refine is less), up
-  /// to twice its number of triangles. The parts of a given triangle become Delaunay. The shape and
-  /// the ids of given vertices stay, see Embedding::added_a. 0: off, as for given positions and
-  /// as_published.
+  /// > 0: refines a surface if half of it lies in triangles with edges longer than this many edges
+  /// of the finer surface. Halves such edges, the longest first, at triangles larger than the mean
+  /// one of the finer surface divided by refine (by 1, if refine is less), up to twice its number
+  /// of triangles. The parts of a given triangle become Delaunay. The shape and the ids of given
+  /// vertices stay, see Embedding::added_a. 0: off, as for given positions and as_published.
   double refine = 8;
   /// ≥ 1: number of Hessians in the memory of §5.3; fewer save computer memory. With
   /// omega_start = 0, 1 is PN, projected Newton (§5.1), and more is SPN (§5.3).
@@ -6770,9 +6769,9 @@ struct Quadric {
 /// number of vertices merged into one, times its valence, so every level is as even as the mesh.
 class Decimation {
  public:
-  static constexpr char kCorner = 2, kCone = 3;  // among `is_protected`: never collapsed
+  static constexpr char kCone = 2;  // among `is_protected`: never collapsed
 
-  /// `outline`: null if the boundary is free.
+  /// `outline`: holds its vertices, which are never collapsed; null if the boundary is free.
   Decimation(const Surface& s, const Array<char>& is_protected, const Outline* outline,
              const Executor& executor, DynamicMesh& mesh)
       : s_(s),
@@ -6841,7 +6840,7 @@ class Decimation {
   void push(int u) {
     ++version_[u];
     Candidate best{kInfinity, u, -1, version_[u]};
-    if (is_hub(u) || protected_[u] >= kCorner) return;
+    if (is_hub(u) || protected_[u] == kCone || is_on_outline(u)) return;
     const Array<int> ring = mesh_.neighbours(u);
     for (int v : ring) {
       const double cost = cost_of(u, v);
@@ -6863,20 +6862,17 @@ class Decimation {
     for (int w : ring) {
       if (w == v) continue;
       if (protected_[v] == kCone && protected_[w] == kCone) return false;
-      if (outline_ != nullptr && outline_->share_side(v, w) && !continues_side(u, v, w))
+      if (outline_ != nullptr && outline_->share_side(v, w) && !follow_each_other(v, w))
         return false;
     }
     return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
-  /// True if v and w follow each other along the boundary, or only u is between them there.
-  bool continues_side(int u, int v, int w) const {
-    const auto follows = [&](int p, int q) { return mesh_.boundary_next[q] == p; };
-    return follows(v, w) || follows(w, v) || (follows(u, v) && follows(w, u)) ||
-           (follows(u, w) && follows(v, u));
+  bool is_on_outline(int v) const { return outline_ != nullptr && outline_->u[v] >= 0; }
+  bool follow_each_other(int v, int w) const {
+    return mesh_.boundary_next[v] == w || mesh_.boundary_next[w] == v;
   }
-
-  bool are_alike() const { return outline_ != nullptr && outline_->is_round; }
+  bool are_alike() const { return outline_ != nullptr; }
 
   double cost_of(int u, int v) const {
     constexpr int kRegular = 6;
@@ -6980,26 +6976,6 @@ class FlatNewton {
     ++steps_;
     if (!gained || steps_ >= kEnd) return false;
     return before - energy_ >= (steps_ < most ? tolerance : kMuch) * energy_;
-  }
-
-  /// Moves the boundary to its place in `target`, and the interior by the matching Newton step.
-  /// False, without a move, if a triangle would lose most of its area. For Boundary::kFixed.
-  bool drag(const Points2& target) {
-    LinearSystem system = assemble();
-    Array<Vec2> prescribed(m_.n_vertices);
-    for (int h : m_.boundary)
-      prescribed[m_.tail[h]] = row2(target, m_.tail[h]) - row2(x_, m_.tail[h]);
-    add_product(system.shifted(0), prescribed, system.gradient);
-    reduce(problem_.followers, is_fixed_, executor_, system);
-    Array<Vec2> d;
-    if (!solve(system, d)) return false;
-    for (int v = 0; v < d.size(); ++v) d[v] += prescribed[v];
-    if (first_step(d) < 1) return false;
-    Points2 y = moved(m_, {}, x_, d, 1);
-    for (int h : m_.boundary) set_row(y, m_.tail[h], row2(target, m_.tail[h]));
-    if (!is_injective(m_, y) || !(value(y) < kInfinity)) return false;
-    x_.swap(y);
-    return true;
   }
 
   double value(const Points2& x) const {
@@ -7576,8 +7552,7 @@ class Hierarchy {
 
   Motion& place_at(int f, int v) { return pillow_.place[3 * f + corner_at(f, v)]; }
 
-  /// On a circle, all triangles have one shape, which leaves room everywhere.
-  bool are_alike() const { return border_ != nullptr && border_->is_round; }
+  bool are_alike() const { return border_ != nullptr; }
   Mat2 rest(int a, int b, int c) const {
     if (are_alike()) return rest_frame(1.0, 1.0, 1.0);
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
@@ -7607,7 +7582,6 @@ class Hierarchy {
   /// vertex, u goes inside of the edge it splits, or, with only one triangle, close to the middle
   /// of that edge.
   bool place(const Collapse& c) {
-    if (border_ != nullptr && border_->u[c.u] >= 0) return place_on_border(c);
     const Vec2 corner = row2(x_, c.v);
     if (!c.changed.empty()) {
       put(c.u, place_by_map(c));
@@ -7646,17 +7620,6 @@ class Hierarchy {
       put(u, place(t));
       if (fits(u)) return true;
     }
-    return false;
-  }
-
-  /// Puts u at its place on the outline, or as close to it as its triangles and neighbours allow.
-  bool place_on_border(const Collapse& c) {
-    const Vec2 from = row2(x_, c.v);
-    const Vec2 middle =
-        0.5 * (row2(x_, mesh_.boundary_prev[c.u]) + row2(x_, mesh_.boundary_next[c.u]));
-    for (const Vec2 to : {border_->point(c.u), middle})
-      if (place_halving(c.u, [&](double t) { return t < 1 ? from + t * (to - from) : to; }))
-        return true;
     return false;
   }
 
@@ -8418,10 +8381,9 @@ class PairEmbedder {
     return outlines_ == nullptr ? nullptr : side == Side::kA ? &outlines_->a : &outlines_->b;
   }
 
-  static constexpr int kTrial = 800;      // vertices at which rotations are tried
-  static constexpr int kCoarse = 3200;    // and at which landmarks begin to pull
-  static constexpr int kMostDrags = 200;  // of a boundary, per level
-  static constexpr int kStages = 4;       // of unfolding, after the first one
+  static constexpr int kTrial = 800;    // vertices at which rotations are tried
+  static constexpr int kCoarse = 3200;  // and at which landmarks begin to pull
+  static constexpr int kStages = 4;     // of unfolding, after the first one
 
   /// A step returns true if it is to be called again.
   using Step = std::function<bool()>;
@@ -8597,7 +8559,7 @@ class PairEmbedder {
 
   void plan_to_meet_last() {
     add_embed_alone(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
-    for (int i = 0; i <= kStages && !is_held_; ++i) {
+    for (int i = 0; i <= kStages; ++i) {
       add([this, i] { return unfold(*a_, i); });
       add([this, i] { return unfold(*b_, i); });
     }
@@ -8635,10 +8597,9 @@ class PairEmbedder {
       const int v = cones.data()[i] = side == Side::kA ? cones_[i].a : cones_[i].b;
       keep[v] = Decimation::kCone;
     }
-    if (is_held_)
-      for (int v : outline(side)->corner) keep[v] = Decimation::kCorner;
     std::vector<int> bases = {Hierarchy::kBase, Hierarchy::kSmallBase};
     if (!cones_.empty()) bases = {Hierarchy::kPillowBase, bases[0], bases[1], s.mesh.n_vertices};
+    if (outlines_ != nullptr) bases.insert(bases.begin(), s.mesh.n_vertices);
     for (int base : bases) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
       h = std::make_unique<Hierarchy>(s, side, keep, base, outline(side), outer, executor_);
@@ -8658,27 +8619,6 @@ class PairEmbedder {
     executor_.tell(true, a_ && b_ ? active / static_cast<double>(n) : 0, what, nullptr);
   }
 
-  /// Drags the boundary of a surface towards its places on the square; true if more steps follow.
-  bool drag(const Outline& outline, Points2& x) const {
-    constexpr int kMostHalvings = 20, kRelaxations = 3;
-    Points2 places = x;
-    for (int h : level_a_.surface.mesh.boundary) {
-      const int v = level_a_.surface.mesh.tail[h];
-      set_row(places, v, outline.point(level_a_.vertex[v]));
-    }
-    if (places == x) return false;
-    FlatNewton newton({level_a_.surface, Boundary::kFixed}, x, executor_);
-    while (newton.minimize(kRelaxations, 0) && !executor_.is_stopped()) {
-    }
-    double t = 1;
-    for (int i = 0; i < kMostHalvings && !executor_.is_stopped(); ++i, t *= 0.5) {
-      const Points2& p = newton.positions();
-      if (newton.drag(t == 1 ? places : Points2(p + t * (places - p)))) break;
-    }
-    x = newton.positions();
-    return true;
-  }
-
   bool grow(Hierarchy& h) const {
     const int stuck = h.grow();
     if (stuck < 0) return true;
@@ -8694,13 +8634,6 @@ class PairEmbedder {
     if (!newton_) {
       level_a_ = h.current();
       Points2 x = h.positions(level_a_);
-      if (is_held_ && drag(*outline(h.side()), x)) {
-        if (executor_.is_stopped()) return true;
-        h.set(level_a_, x);
-        if (++drags_ < kMostDrags) return true;
-        return fail({"the boundary of mesh ", h.name(), " cannot be laid along a square"});
-      }
-      drags_ = 0;
       const Boundary boundary = outlines_ != nullptr ? Boundary::kFixed : Boundary::kFree;
       newton_ = std::make_unique<FlatNewton>(FlatProblem{level_a_.surface, boundary}, x, executor_);
     }
@@ -8712,14 +8645,15 @@ class PairEmbedder {
     return true;
   }
 
-  /// Lets a boundary leave its circle while triangles turn from one shape to those of the surface.
+  /// Turns triangles from one shape to those of the surface; a boundary leaves its circle.
   bool unfold(Hierarchy& h, int stage) {
     tell({"unfolding ", h.name(), ": stage ", stage + 1, " of ", kStages + 1});
     h.let_go();
     const Surface& s = h.surface();
     if (!newton_)
       newton_ = std::make_unique<FlatNewton>(
-          FlatProblem{stage < kStages ? softened(s, stage / double{kStages}, s.total_area) : s},
+          FlatProblem{stage < kStages ? softened(s, stage / double{kStages}, s.total_area) : s,
+                      is_held_ ? Boundary::kFixed : Boundary::kFree},
           h.positions(), executor_);
     if (newton_->minimize(200, 1e-4)) return true;
     h.set(h.current(), newton_->positions());
@@ -8843,7 +8777,6 @@ class PairEmbedder {
   Level level_a_, level_b_;             // the levels to relax; of one surface alone, the first
   std::unique_ptr<FlatNewton> newton_;  // relaxes them
   bool is_relaxed_ = true;              // the level of grow_by_levels()
-  int drags_ = 0;                       // on this level
   const int coarsest_;                  // vertices of the coarsest level
   const int depth_;                     // how many coarse levels there are
   int level_;                           // the one the hierarchies are at, depth_ is the coarsest
@@ -9028,10 +8961,11 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 }
 
 /// Computes the start for the options, in steps. Free boundaries that leave no room for a vertex,
-/// or a strained surface, stay on a circle until all vertices are back. Held boundaries go along a
-/// square; without landmarks on them, a free embedding defines their correspondence. Closed
-/// surfaces go onto a pillow; if that fails, onto one with other cones. Then exact landmarks are
-/// joined. May add vertices to the meshes of the pair.
+/// or a strained surface, begin on a circle. Held boundaries go along a square; without landmarks
+/// on them, a free embedding defines their correspondence. On circles and squares, all triangles
+/// have one shape at first, and Tutte's embedding of all vertices is tried first. Closed surfaces go
+/// onto a pillow; if that fails, onto one with other cones. Then exact landmarks are joined. May add
+/// vertices to the meshes of the pair.
 class Embedder {
  public:
   /// `landmarks`: their places on the surfaces of the given pair. `guides`: more pairs, which are
@@ -12808,11 +12742,12 @@ inline void refine(double longest, double largest, int most, Side side, SurfaceP
   }
 }
 
-/// Returns true if half of a surface or more lies in triangles larger than `area`.
-inline bool is_coarse(double area, const Surface& s) {
+/// Returns true if half of a surface or more lies in triangles with an edge longer than `length`.
+inline bool is_coarse(double length, const Surface& s) {
   double sum = 0;
-  for (double of_triangle : s.area)
-    if (of_triangle > area) sum += of_triangle;
+  for (int h = 0; h < s.mesh.tail.size(); h += 3)
+    if ((std::max)({s.edge_length(h), s.edge_length(h + 1), s.edge_length(h + 2)}) > length)
+      sum += s.area[h / 3];
   return sum >= 0.5 * s.total_area;
 }
 
@@ -12830,7 +12765,7 @@ inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLan
   for (Side side : {Side::kA, Side::kB}) {
     const Surface& s = side == Side::kA ? pair.a : pair.b;
     if (are_closed(pair)) refine(1e-9 * edge, 0, kLeast - s.mesh.n_vertices, side, pair, landmarks);
-    if (is_off || !is_coarse(options.refine * mean, s)) continue;
+    if (is_off || !is_coarse(options.refine * edge, s)) continue;
     refine(options.refine * edge, mean / (std::max)(1.0, options.refine),
            (kMost * finest - s.mesh.n_faces) / 2, side, pair, landmarks);
   }

@@ -89,7 +89,7 @@ scene, those with a skin in its bind pose.
   --keep-scale       do not scale the meshes; for meshes in the same unit. Else both get area 1, or
                      another relative size if landmarks agree on one
   --refine T         halve edges longer than T edges of the finer mesh, if half of a mesh lies in
-                     triangles larger than T mean triangles of the finer one (default 8; 0: never)
+                     triangles with such edges (default 8; 0: never)
   --no-weld          keep coincident vertices apart
   --set NAME=VALUE   set any option of report.json that is a number; 0 and 1 are false and true; can
                      be repeated

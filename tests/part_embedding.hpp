@@ -196,11 +196,13 @@ std::vector<Named> smaller_hostile_meshes() {
 // ---- checks ----
 
 void check_embeds(const TriangleMesh& a, const TriangleMesh& b,
-                  const std::vector<Landmark>& landmarks = {}) {
+                  const std::vector<Landmark>& landmarks = {},
+                  ism::Boundary boundary = ism::Boundary::kFree) {
   REQUIRE(ism::validate(a).empty());
   REQUIRE(ism::validate(b).empty());
   ism::Options options = on_one_thread();
   options.candidates = false;  // the embedding itself, not what guides it
+  options.boundary = boundary;
   const HalfEdgeMesh m = half_edges(a);
   if (m.loops() == 1) options.outer_a = m.tail[m.boundary[0]];  // so limbs are not closed
   const Embedding e = ism::initial_embedding(a, b, landmarks, options);
@@ -479,6 +481,17 @@ TEST_CASE("every hostile mesh is embedded injectively, paired with itself and wi
   for (const Named& shape : smaller_hostile_meshes()) {
     CAPTURE(shape.name);
     check_embeds(small_grid, shape.mesh, {{15, 2}});  // one landmark: rotations are tried
+  }
+}
+
+TEST_CASE("hostile meshes are embedded with their boundaries along a square") {
+  std::vector<Named> meshes = smaller_hostile_meshes();
+  meshes.push_back({"long folded strip", folded_grid(5, 150).mesh});
+  meshes.push_back({"thinner needles", needles(20, 12, 1e-4).mesh});
+  for (const Named& shape : meshes) {
+    CAPTURE(shape.name);
+    check_embeds(shape.mesh, shapes::grid(6, 5).mesh, {}, ism::Boundary::kFixed);
+    check_embeds(shape.mesh, shape.mesh, {}, ism::Boundary::kSlide);
   }
 }
 
