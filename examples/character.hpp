@@ -149,7 +149,7 @@ inline std::string add_weights(Character& c, const gltf_io::Part& part, int set)
       const std::string where =
           c.file.path + ": vertex " + std::to_string(v) + " of mesh " + std::to_string(part.mesh);
       if (!(weight > 0) || !std::isfinite(weight)) return where + " has a weight that is none";
-      if (id < 0 || id >= static_cast<double>(joints.size()))
+      if (!(id >= 0 && id < static_cast<double>(joints.size())))
         return where + " follows a joint that does not exist";
       const auto bone =
           std::find(c.bone_nodes.begin(), c.bone_nodes.end(), at(joints, static_cast<int>(id)));
@@ -226,7 +226,7 @@ inline void read_colors(Character& c) {
     const int id = gltf_io::attribute(primitive(c.file.model, part).attributes, "COLOR_0");
     if (id < 0) continue;
     const ism::Values values = gltf_io::numbers(c.file.model, id);
-    if (!values.allFinite() || values.cols() < 3) continue;
+    if (!values.allFinite() || values.cols() < 3 || values.cols() > 4) continue;
     if (c.colors.rows() == 0) c.colors.setOnes(c.surface.mesh.vertices.rows(), 4);
     c.colors.block(part.first_vertex, 0, part.vertices, values.cols()) = values;
   }

@@ -17,6 +17,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <Eigen/QR>
 
 #include <algorithm>
 #include <array>
@@ -55,7 +56,7 @@ class Writer {
   Writer(const Character& source, const Character& target, const Carried& carried)
       : source_(source), target_(target), carried_(carried), model_(target.file.model) {}
 
-  /// The bytes of a .glb file; none if they are more than the format can hold.
+  /// The bytes of a .glb file; none if the format cannot hold them.
   std::string glb();
   int copies() const { return copies_; }  // of vertices, along seams
   /// Names of parts that show textures of their own, and have the carried ones as a further set.
@@ -461,13 +462,14 @@ inline ism::Points3 moved_normals(const ism::TriangleMesh& mesh, const ism::Poin
   return normals;
 }
 
-/// Own targets come first.
+/// Own targets come first. Where the node flattens a part, displacements have no depth.
 inline void Writer::add_morphs(tinygltf::Primitive& p, const gltf_io::Part& part, const Split& s) {
   const Eigen::Matrix3d linear = part.placed.topLeftCorner<3, 3>();
+  const Eigen::Matrix3d back = linear.completeOrthogonalDecomposition().pseudoInverse();
   const ism::TriangleMesh& mesh = target_.surface.mesh;
   const int normal = gltf_io::attribute(p.attributes, "NORMAL");
   for (const Morph& morph : carried_.morphs) {
-    const ism::Values moves = rows_of(morph.moves * linear.inverse().transpose(), part, s);
+    const ism::Values moves = rows_of(morph.moves * back.transpose(), part, s);
     std::map<std::string, int> target;
     target["POSITION"] = gltf_io::add_numbers<float>(model_, moves, TINYGLTF_TYPE_VEC3,
                                                      TINYGLTF_TARGET_ARRAY_BUFFER);
@@ -670,6 +672,7 @@ inline void Writer::copy_weights(const tinygltf::AnimationSampler& sampler, int 
 inline void Writer::add_channel(tinygltf::Animation& to, int node, const std::string& path,
                                 const std::string& interpolation, int input,
                                 const ism::Values& output) {
+  if (output.rows() == 0) return;
   static const int kTypes[] = {0, TINYGLTF_TYPE_SCALAR, 0, TINYGLTF_TYPE_VEC3, TINYGLTF_TYPE_VEC4};
   if (inputs_.count(input) == 0)
     inputs_[input] = gltf_io::add_numbers<float>(

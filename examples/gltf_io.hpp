@@ -86,7 +86,8 @@ inline Eigen::Matrix4d global_transform(const tinygltf::Model& model,
 inline std::vector<Eigen::Matrix4d> inverse_binds(const tinygltf::Model& model, int skin);
 
 /// The bytes of a .glb file with all buffers and images in it; elements that nothing refers to are
-/// left out. None if they are more than the 4 GB that the format can hold.
+/// left out. None if they are more than the 4 GB that the format can hold, or if a number that was
+/// added is not finite as a float.
 inline std::string glb_text(tinygltf::Model model);
 
 /// Element i of a vector, where ids are ints.
@@ -133,6 +134,12 @@ inline std::string wrong(const char* what, std::size_t id, const char* message) 
   return std::string(": ") + what + " " + std::to_string(id) + " " + message;
 }
 
+inline bool is_unsigned(int type) {
+  return type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE ||
+         type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ||
+         type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
+}
+
 inline bool is_view_part(const tinygltf::Model& m, int view, std::size_t offset, std::size_t stride,
                          std::size_t count, std::size_t size) {
   return in(view, m.bufferViews.size()) &&
@@ -153,6 +160,8 @@ inline std::string check_accessor(const tinygltf::Model& m, std::size_t i) {
       return wrong("accessor", i, "reaches beyond its buffer");
   }
   if (!a.sparse.isSparse) return {};
+  if (!is_unsigned(a.sparse.indices.componentType))
+    return wrong("accessor", i, "has sparse indices that are not whole numbers from 0");
   const std::size_t n = static_cast<std::size_t>((std::max)(a.sparse.count, 0));
   const int bytes =
       tinygltf::GetComponentSizeInBytes(static_cast<std::uint32_t>(a.sparse.indices.componentType));
@@ -185,23 +194,29 @@ inline std::string check_buffers(const tinygltf::Model& m) {
 }
 
 inline bool is_attribute_list(const tinygltf::Model& m, const std::map<std::string, int>& list,
-                              std::size_t count) {
+                              int position) {
   return std::all_of(list.begin(), list.end(), [&](const auto& entry) {
-    return in(entry.second, m.accessors.size()) && at(m.accessors, entry.second).count == count;
+    return in(entry.second, m.accessors.size()) &&
+           (position == -1 ||
+            at(m.accessors, entry.second).count == at(m.accessors, position).count);
   });
 }
 
 inline std::string check_primitive(const tinygltf::Model& m, const tinygltf::Primitive& p) {
-  const int position = attribute(p.attributes, "POSITION");
-  if (position == -1) return {};  // nothing is drawn
-  if (!in(position, m.accessors.size())) return "refers to an accessor that does not exist";
-  if (at(m.accessors, position).type != TINYGLTF_TYPE_VEC3)
+  const int position = attribute(p.attributes, "POSITION");  // -1: nothing is drawn
+  if (!in_or_none(position, m.accessors.size())) return "refers to an accessor that does not exist";
+  if (position != -1 && at(m.accessors, position).type != TINYGLTF_TYPE_VEC3)
     return "has positions that are not three numbers each";
-  const std::size_t count = at(m.accessors, position).count;
-  bool fits = is_attribute_list(m, p.attributes, count);
-  for (const auto& target : p.targets) fits = fits && is_attribute_list(m, target, count);
+  const int normal = attribute(p.attributes, "NORMAL");
+  bool fits = is_attribute_list(m, p.attributes, position);
+  for (const auto& target : p.targets) fits = fits && is_attribute_list(m, target, position);
   if (!fits) return "has attributes that do not exist or differ in number";
+  if (normal != -1 && at(m.accessors, normal).type != TINYGLTF_TYPE_VEC3)
+    return "has normals that are not three numbers each";
   if (!in_or_none(p.indices, m.accessors.size())) return "refers to indices that do not exist";
+  if (p.indices != -1 && (at(m.accessors, p.indices).type != TINYGLTF_TYPE_SCALAR ||
+                          !is_unsigned(at(m.accessors, p.indices).componentType)))
+    return "has indices that are not whole numbers from 0";
   if (!in_or_none(p.material, m.materials.size())) return "refers to a material that is not there";
   return {};
 }
@@ -316,14 +331,31 @@ inline std::string check(const tinygltf::Model& m) {
   return check_animations(m);
 }
 
-/// Keeps the bytes of an image as they are in the file.
+inline const unsigned char* bytes_of(const tinygltf::Model& m, int view, std::size_t offset) {
+  const tinygltf::BufferView& v = at(m.bufferViews, view);
+  return at(m.buffers, v.buffer).data.data() + v.byteOffset + offset;
+}
+
+/// Keeps the bytes of an image as they are in the file; those in a view are taken once that is
+/// checked.
 inline bool keep_image(tinygltf::Image* image, const int, std::string*, std::string*, int, int,
                        const unsigned char* bytes, int size, void*) {
-  image->image.assign(bytes, bytes + size);
   image->as_is = true;
-  const bool is_png = size > 4 && bytes[0] == 0x89 && bytes[1] == 'P';
-  if (image->mimeType.empty()) image->mimeType = is_png ? "image/png" : "image/jpeg";
+  if (image->bufferView < 0) image->image.assign(bytes, bytes + size);
   return true;
+}
+
+inline void take_images(tinygltf::Model& m) {
+  for (tinygltf::Image& image : m.images) {
+    std::vector<unsigned char>& bytes = image.image;
+    if (image.bufferView >= 0) {
+      const tinygltf::BufferView& view = at(m.bufferViews, image.bufferView);
+      const unsigned char* const first = bytes_of(m, image.bufferView, 0);
+      bytes.assign(first, first + view.byteLength);
+    }
+    const bool is_png = bytes.size() > 4 && bytes[0] == 0x89 && bytes[1] == 'P';
+    if (image.mimeType.empty()) image.mimeType = is_png ? "image/png" : "image/jpeg";
+  }
 }
 
 inline std::string first_line(const std::string& text) {
@@ -355,11 +387,6 @@ inline double number_at(const unsigned char* p, const tinygltf::Accessor& a) {
     default:
       return 0;
   }
-}
-
-inline const unsigned char* bytes_of(const tinygltf::Model& m, int view, std::size_t offset) {
-  const tinygltf::BufferView& v = at(m.bufferViews, view);
-  return at(m.buffers, v.buffer).data.data() + v.byteOffset + offset;
 }
 
 /// The bytes of an accessor, one element after the other.
@@ -422,7 +449,7 @@ inline std::vector<int> listed(const tinygltf::Model& m, const tinygltf::Primiti
   return ids;
 }
 
-/// The nodes of the scene, parents first.
+/// The nodes of the scene, parents first, each once.
 inline std::vector<int> scene_nodes(const tinygltf::Model& m) {
   const int scene = m.defaultScene >= 0 ? m.defaultScene : 0;
   std::vector<int> nodes;
@@ -433,11 +460,15 @@ inline std::vector<int> scene_nodes(const tinygltf::Model& m) {
     for (int i = 0; i < size_of(m.nodes); ++i)
       if (at(parents, i) < 0) nodes.push_back(i);
   }
-  for (std::size_t i = 0; i < nodes.size() && nodes.size() <= m.nodes.size(); ++i) {
+  std::vector<char> is_listed(m.nodes.size(), 0);
+  std::vector<int> each;  // once
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (at(is_listed, nodes[i])++ != 0) continue;
+    each.push_back(nodes[i]);
     const std::vector<int>& children = at(m.nodes, nodes[i]).children;
     nodes.insert(nodes.end(), children.begin(), children.end());
   }
-  return nodes;
+  return each;
 }
 
 /// From the buffer of a node's mesh to the scene. With a skin, joints place it, the first one as in
@@ -485,13 +516,18 @@ inline void find_copies(const tinygltf::Model& m, const Part& part,
 inline std::string add_part(const tinygltf::Model& m, Part part, Surface& surface) {
   const tinygltf::Primitive& p = at(at(m.meshes, part.mesh).primitives, part.primitive);
   const ism::Values positions = numbers(m, p.attributes.at("POSITION"));
-  const std::vector<std::array<int, 3>> triangles = triangles_of(p.mode, listed(m, p));
+  const std::vector<int> ids = listed(m, p);
+  const std::vector<std::array<int, 3>> triangles = triangles_of(p.mode, ids);
   part.first_vertex = static_cast<int>(surface.mesh.vertices.rows());
   part.vertices = static_cast<int>(positions.rows());
   part.first_triangle = static_cast<int>(surface.mesh.triangles.rows());
   part.triangles = size_of(triangles);
   const std::string where =
       "primitive " + std::to_string(part.primitive) + " of mesh " + std::to_string(part.mesh);
+  const bool is_list = p.mode == TINYGLTF_MODE_TRIANGLES || p.mode == -1;
+  if (is_list && ids.size() % 3 != 0)
+    surface.notes.push_back(where + ": " + std::to_string(ids.size()) +
+                            " indices are not three per triangle, the last ones are left out");
   surface.mesh.vertices.conservativeResize(part.first_vertex + part.vertices, 3);
   for (int i = 0; i < part.vertices; ++i) {
     const Eigen::Vector4d x = part.placed * positions.row(i).transpose().homogeneous();
@@ -584,6 +620,20 @@ void for_each_view(tinygltf::Model& m, const Visit& visit) {
   for (tinygltf::Image& image : m.images) visit(image.bufferView);
 }
 
+/// tinygltf writes null for a thing without properties, and then cannot read it.
+template <class Items>
+void name_empty(Items& items, const char* name) {
+  for (auto& item : items)
+    if (item == typename Items::value_type()) item.name = name;
+}
+
+/// Numbers that were added, and are not finite, have such bounds.
+inline bool has_finite_bounds(const tinygltf::Model& m) {
+  return std::all_of(m.accessors.begin(), m.accessors.end(), [](const tinygltf::Accessor& a) {
+    return is_finite(a.minValues) && is_finite(a.maxValues);
+  });
+}
+
 /// True if all extensions of a file are known to refer to no accessor and to no view.
 inline bool is_closed_world(const tinygltf::Model& m) {
   return std::all_of(m.extensionsUsed.begin(), m.extensionsUsed.end(), [](const auto& name) {
@@ -652,13 +702,14 @@ int add_numbers(tinygltf::Model& m, const ism::Values& rows, int type, int targe
                                                             : TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
   a.count = static_cast<std::size_t>(rows.rows());
   const auto written = rows.cast<Number>().eval();
-  for (Eigen::Index k = 0; k < rows.cols() && rows.rows() > 0; ++k) {
+  if (!written.allFinite()) a.minValues = {std::numeric_limits<double>::quiet_NaN()};
+  for (Eigen::Index k = 0; k < rows.cols() && written.size() > 0; ++k) {
     a.minValues.push_back(static_cast<double>(written.col(k).minCoeff()));
     a.maxValues.push_back(static_cast<double>(written.col(k).maxCoeff()));
   }
-  std::vector<unsigned char> bytes(static_cast<std::size_t>(written.size()) * sizeof(Number));
-  std::memcpy(bytes.data(), written.data(), bytes.size());
-  return add_accessor(m, std::move(a), bytes, target);
+  const auto* const first = reinterpret_cast<const unsigned char*>(written.data());
+  const std::size_t size = static_cast<std::size_t>(written.size()) * sizeof(Number);
+  return add_accessor(m, std::move(a), {first, first + size}, target);
 }
 
 inline File load(const std::string& path) {
@@ -689,9 +740,12 @@ inline File load(const std::string& path) {
   if (!is_read && compressed != std::string::npos && error.find("bufferView") != std::string::npos)
     file.error = path + ": its meshes are compressed (KHR_draco_mesh_compression)";
   else if (!is_read)
-    file.error = path + ": no glTF 2.0 file, or a part of one: " + detail::first_line(error);
+    file.error = path + ": no glTF 2.0 file, or a part of one" + (error.empty() ? "" : ": ") +
+                 detail::first_line(error);
   else if (const std::string wrong = detail::check(file.model); !wrong.empty())
     file.error = path + wrong;
+  else
+    detail::take_images(file.model);
   return file;
 }
 
@@ -814,6 +868,7 @@ inline mesh_io::ReadResult read_mesh(const std::string& path) {
   Surface surface = surface_of(file);
   result.error = surface.error;
   result.ok = result.error.empty();
+  if (!result.ok) return result;
   result.corner_uv = corner_uv(file.model, surface, [](const Part&) { return 0; });
   result.mesh = joined(surface);
   result.notes = std::move(surface.notes);
@@ -846,6 +901,10 @@ inline void drop_unused_skins(tinygltf::Model& m) {
 }
 
 inline std::string glb_text(tinygltf::Model model) {
+  if (!detail::has_finite_bounds(model)) return {};
+  detail::name_empty(model.nodes, "node");
+  detail::name_empty(model.scenes, "scene");
+  detail::name_empty(model.textures, "texture");
   detail::join_buffers(model);
   if (detail::is_closed_world(model)) {
     detail::drop_unused(model.accessors,

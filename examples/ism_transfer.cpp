@@ -389,7 +389,9 @@ int run(Arguments& args) {
   const Carried carried = carry(args, source, target, map, carrier);
   character::Writer writer(source, target, carried);
   const std::string bytes = writer.glb();
-  if (bytes.empty()) return fail(kComputationFailed, "the file would have more than 4 GB");
+  if (bytes.empty())
+    return fail(kComputationFailed,
+                "the file would have more than 4 GB, or numbers that are not finite");
   error = mesh_io::write_files({{args.out, bytes}});
   if (!error.empty()) return fail(kComputationFailed, error);
   if (!args.quiet)

@@ -142,6 +142,54 @@ sed 's/"count": 12/"count": 13/' good.gltf >bad.gltf
 refused "bad.gltf: accessor 1 reaches beyond its buffer" source.glb bad.gltf -o out.glb
 sed 's/{"mesh": 0}/{"mesh": 0, "children": [0]}/' good.gltf >bad.gltf
 refused "bad.gltf: node 0 is a child of itself" source.glb bad.gltf -o out.glb
+# changed SED-SCRIPT SENTENCE: good.gltf with a change is refused.
+changed() {
+  sed "$1" good.gltf >bad.gltf
+  cmp -s good.gltf bad.gltf && fail "$1 changes nothing"
+  refused "bad.gltf: $2" source.glb bad.gltf -o out.glb
+}
+changed 's/5121/5120/' "mesh 0 has indices that are not whole numbers from 0"
+changed 's/"count": 12/"count": 2/' "there are no faces"
+changed 's/"indices": 1}/"attributes": {}}/' "there are no faces"
+changed 's/"meshes": .*/"meshes": [{"primitives": [{"attributes": {"NORMAL": 9}}]}]}/' \
+  "mesh 0 has attributes that do not exist"
+changed 's/"POSITION": 0/"POSITION": 0, "NORMAL": 1/;s/"count": 12/"count": 4/' \
+  "mesh 0 has normals that are not three numbers each"
+sparse='{"count": 1, "indices": {"bufferView": 1, "componentType": 5120}, "values": {"bufferView": 0}}'
+changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" "accessor 0 has sparse indices that"
+image='{"bufferView": 0, "mimeType": "image\/png"}'
+changed "s/byteLength\": 48/&0/;s/\"meshes\"/\"images\": [$image], &/" \
+  "buffer view 0 reaches beyond its buffer"
+for uri in none.bin . ../; do
+  changed "s|data:[^\"]*|$uri|" "no glTF 2.0 file, or a part of one"
+done
+
+# What is odd, but no harm: a node without properties, a node listed twice, indices left over.
+sed 's/{"mesh": 0}/&, {}/;s/"nodes": \[0\]/"nodes": [0, 1, 0]/;s/"count": 12/"count": 11/' \
+  good.gltf >odd.gltf
+"$ism_transfer" source.glb odd.gltf -o odd.glb --iterations 3 >stdout.txt 2>stderr.txt ||
+  fail "$(cat stderr.txt)"
+grep -q "11 indices are not three per triangle" stdout.txt || fail "left over: $(cat stdout.txt)"
+"$characters" same odd.gltf odd.glb || fail "a node without properties is lost"
+
+# Of the source, ids and sizes in the binary file: the same number of bytes.
+changed_source() {  # SED-SCRIPT SENTENCE
+  LC_ALL=C sed "$1" source.glb >bad.glb
+  cmp -s source.glb bad.glb && fail "$1 changes nothing"
+  refused "bad.glb: $2" bad.glb target.glb -o out.glb
+}
+changed_source 's/"joints":\[1,2\]/"joints":[1  ]/' "vertex"
+changed_source 's/JSON{/JSOM{/' "no glTF 2.0 file, or a part of one"
+changed_source 's/BIN\x00/BIM\x00/' "no glTF 2.0 file, or a part of one"
+for offset in 8 12; do  # the length of the file and of its first part
+  cp source.glb bad.glb
+  printf '\377\377\377\177' | dd of=bad.glb bs=1 seek=$offset conv=notrunc 2>/dev/null
+  refused "bad.glb: no glTF 2.0 file, or a part of one" bad.glb target.glb -o out.glb
+done
+mkdir folder.glb
+refused "folder.glb: " folder.glb target.glb -o out.glb
+refused "-o folder.glb: this is a folder" source.glb target.glb -o folder.glb
+
 sed 's/"scene": 0,/"scene": 0, "extensionsRequired": ["KHR_draco_mesh_compression"],/' \
   good.gltf >bad.gltf
 refused "bad.gltf: its meshes are compressed (KHR_draco_mesh_compression)" \
