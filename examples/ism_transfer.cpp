@@ -101,35 +101,23 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   return text.empty() ? flag + " needs a name" : "";
 }
 
-bool takes_value(const std::string& flag) {
-  for (const char* known :
-       {"-o", "--landmarks", "--only", "--influences", "--iterations", "--threads", "--set"})
-    if (flag == known) return true;
+bool read_switch(const std::string& flag, Arguments& args) {
+  if (flag == "--quiet") return args.quiet = true;
+  if (flag == "--help" || flag == "-h") return args.help = true;
   return false;
 }
 
 std::string read_arguments(const std::vector<std::string>& words, Arguments& args) {
-  std::string error;
-  int files = 0;
-  for (std::size_t i = 0; i < words.size() && error.empty(); ++i) {
-    const std::string& word = words[i];
-    if (word == "--quiet") {
-      args.quiet = true;
-    } else if (word == "--help" || word == "-h") {
-      args.help = true;
-    } else if (takes_value(word)) {
-      if (i + 1 == words.size()) return word + " needs a value";
-      error = read_value(word, words[++i], args);
-    } else if (word.size() > 1 && word[0] == '-') {
-      return "unknown option '" + word + "', --help lists them";
-    } else if (++files > 2) {
-      return "two files are expected, '" + word + "' is one too many";
-    } else {
-      (files == 1 ? args.source : args.target) = word;
-    }
-  }
+  const std::string error = program::read_words(
+      words, {"-o", "--landmarks", "--only", "--influences", "--iterations", "--threads", "--set"},
+      [&](const std::string& flag) { return read_switch(flag, args); },
+      [&](const std::string& flag, const std::string& text) {
+        return read_value(flag, text, args);
+      },
+      args.source, args.target);
   if (args.help || !error.empty()) return error;
-  if (files < 2) return "two files are needed: ism_transfer source.glb target.glb -o out.glb";
+  if (args.target.empty())
+    return "two files are needed: ism_transfer source.glb target.glb -o out.glb";
   if (args.out.empty()) return "a file for the result is needed: -o out.glb";
   if (std::filesystem::path(args.out).extension() != ".glb")
     return "-o needs a name that ends in .glb, not '" + args.out + "'";
