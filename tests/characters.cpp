@@ -117,15 +117,15 @@ struct Builder {
   tinygltf::Model model;
   tinygltf::Primitive primitive;
 
-  int vertices(const ism::Values& rows, int type) {
-    return gltf_io::add_numbers<float>(model, rows, type, TINYGLTF_TARGET_ARRAY_BUFFER);
+  int vertices(const ism::Values& rows) {
+    return gltf_io::add_numbers<float>(model, rows, TINYGLTF_TARGET_ARRAY_BUFFER);
   }
   void triangles(const std::vector<std::array<int, 3>>& list) {
     ism::Values ids(3 * gltf_io::size_of(list), 1);
     for (Eigen::Index i = 0; i < ids.rows(); ++i)
       ids(i, 0) = list[static_cast<std::size_t>(i / 3)][static_cast<std::size_t>(i % 3)];
-    primitive.indices = gltf_io::add_numbers<std::uint32_t>(model, ids, TINYGLTF_TYPE_SCALAR,
-                                                            TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
+    primitive.indices =
+        gltf_io::add_numbers<std::uint32_t>(model, ids, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
     primitive.mode = TINYGLTF_MODE_TRIANGLES;
   }
   void add_mesh(const std::string& name, tinygltf::Node node) {
@@ -175,12 +175,12 @@ void add_truth(const Limb& limb, const Mesh& mesh, Builder& b) {
     moves.row(i) = (limb.point(s, at, swelling(s)) - limb.point(s, at)).transpose();
   }
   auto& attributes = b.primitive.attributes;
-  attributes["JOINTS_0"] = gltf_io::add_numbers<std::uint8_t>(b.model, joints, TINYGLTF_TYPE_VEC4,
-                                                              TINYGLTF_TARGET_ARRAY_BUFFER);
-  attributes["WEIGHTS_0"] = b.vertices(weights, TINYGLTF_TYPE_VEC4);
-  attributes["COLOR_0"] = b.vertices(colors, TINYGLTF_TYPE_VEC4);
-  attributes["TEXCOORD_0"] = b.vertices(uv, TINYGLTF_TYPE_VEC2);
-  b.primitive.targets.push_back({{"POSITION", b.vertices(moves, TINYGLTF_TYPE_VEC3)}});
+  attributes["JOINTS_0"] =
+      gltf_io::add_numbers<std::uint8_t>(b.model, joints, TINYGLTF_TARGET_ARRAY_BUFFER);
+  attributes["WEIGHTS_0"] = b.vertices(weights);
+  attributes["COLOR_0"] = b.vertices(colors);
+  attributes["TEXCOORD_0"] = b.vertices(uv);
+  b.primitive.targets.push_back({{"POSITION", b.vertices(moves)}});
 }
 
 /// A skeleton of two joints, the second one in the middle of the axis; the animation bends it.
@@ -200,7 +200,7 @@ void add_skeleton(const Limb& limb, Builder& b) {
   b.model.nodes.push_back(tip);
   tinygltf::Skin skin;
   skin.joints = {1, 2};
-  skin.inverseBindMatrices = gltf_io::add_numbers<float>(b.model, inverse, TINYGLTF_TYPE_MAT4, 0);
+  skin.inverseBindMatrices = gltf_io::add_numbers<float>(b.model, inverse, 0);
   b.model.skins.push_back(skin);
   ism::Values times(2, 1), turns(2, 4), weights(2, 1);
   times << 0, 1;
@@ -208,13 +208,11 @@ void add_skeleton(const Limb& limb, Builder& b) {
   weights << 0, 1;
   tinygltf::Animation animation;
   animation.name = "bend";
-  const int input = gltf_io::add_numbers<float>(b.model, times, TINYGLTF_TYPE_SCALAR, 0);
+  const int input = gltf_io::add_numbers<float>(b.model, times, 0);
   for (const bool is_weights : {false, true}) {
     tinygltf::AnimationSampler sampler;
     sampler.input = input;
-    sampler.output =
-        gltf_io::add_numbers<float>(b.model, is_weights ? weights : turns,
-                                    is_weights ? TINYGLTF_TYPE_SCALAR : TINYGLTF_TYPE_VEC4, 0);
+    sampler.output = gltf_io::add_numbers<float>(b.model, is_weights ? weights : turns, 0);
     tinygltf::AnimationChannel channel;
     channel.sampler = is_weights;
     channel.target_node = is_weights ? 0 : 2;
@@ -229,7 +227,7 @@ std::string source_file() {
   const Limb limb = source_limb();
   const Mesh mesh = mesh_of(limb);
   Builder b;
-  b.primitive.attributes["POSITION"] = b.vertices(positions(limb, mesh), TINYGLTF_TYPE_VEC3);
+  b.primitive.attributes["POSITION"] = b.vertices(positions(limb, mesh));
   b.triangles(mesh.triangles);
   add_truth(limb, mesh, b);
   tinygltf::Node node;
@@ -258,7 +256,7 @@ std::string target_file() {
   place.scale = {0.5, 0.5, 0.5};
   b.model.nodes.push_back(place);
   const ism::Values points = positions(limb, mesh);
-  b.primitive.attributes["POSITION"] = b.vertices(points, TINYGLTF_TYPE_VEC3);
+  b.primitive.attributes["POSITION"] = b.vertices(points);
   b.triangles(mesh.triangles);
   b.add_mesh("body", {});
   ism::Values ring(2 * (limb.sides + 1), 3);
@@ -270,7 +268,7 @@ std::string target_file() {
     if (k < limb.sides)
       band.insert(band.end(), {{2 * k, 2 * k + 2, 2 * k + 1}, {2 * k + 2, 2 * k + 3, 2 * k + 1}});
   }
-  b.primitive.attributes["POSITION"] = b.vertices(ring, TINYGLTF_TYPE_VEC3);
+  b.primitive.attributes["POSITION"] = b.vertices(ring);
   b.triangles(band);
   b.add_mesh("ring", {});
   b.finish({0});
@@ -308,7 +306,7 @@ std::vector<Eigen::Matrix4d> vertex_transforms(const tinygltf::Model& m,
     at(joints, j) =
         gltf_io::global_transform(m, parents, at(at(m.skins, skin).joints, j)) * at(joints, j);
   std::vector<Eigen::Matrix4d> transforms(n, Eigen::Matrix4d::Zero());
-  const auto& attributes = at(at(m.meshes, part.mesh).primitives, part.primitive).attributes;
+  const auto& attributes = gltf_io::primitive_of(m, part).attributes;
   for (int set = 0; attributes.count("JOINTS_" + std::to_string(set)) > 0; ++set) {
     const ism::Values ids = gltf_io::numbers(m, attributes.at("JOINTS_" + std::to_string(set)));
     const ism::Values weights =
@@ -426,7 +424,7 @@ int check_same(const std::string& target_path, const std::string& out_path) {
 void check_vertices(const tinygltf::Model& m, const gltf_io::Part& part, bool is_ring) {
   const Limb limb = target_limb();
   const Mesh mesh = mesh_of(limb);
-  const tinygltf::Primitive& p = at(at(m.meshes, part.mesh).primitives, part.primitive);
+  const tinygltf::Primitive& p = gltf_io::primitive_of(m, part);
   const ism::Values joints = gltf_io::numbers(m, p.attributes.at("JOINTS_0"));
   const ism::Values weights = gltf_io::numbers(m, p.attributes.at("WEIGHTS_0"));
   const ism::Values moves = gltf_io::numbers(m, p.targets.at(0).at("POSITION"));
@@ -505,7 +503,7 @@ int check(const std::string& target_path, const std::string& out_path) {
 
 /// The image that a part shows, decoded; no pixels if none.
 render::Image texture_of(const tinygltf::Model& m, const gltf_io::Part& part) {
-  const int material = at(at(m.meshes, part.mesh).primitives, part.primitive).material;
+  const int material = gltf_io::primitive_of(m, part).material;
   if (material < 0) return {};
   const int texture = at(m.materials, material).pbrMetallicRoughness.baseColorTexture.index;
   if (texture < 0) return {};
@@ -523,7 +521,7 @@ int draw(const std::string& path, double time, const std::string& picture) {
     if (time < -1 && !mesh.weights.empty()) mesh.weights.back() = 1;
   const ism::TriangleMesh mesh = posed(file.model, surface);
   const ism::Points2 uv = gltf_io::corner_uv(file.model, surface, [&](const gltf_io::Part& part) {
-    const int material = at(at(file.model.meshes, part.mesh).primitives, part.primitive).material;
+    const int material = gltf_io::primitive_of(file.model, part).material;
     return material < 0
                ? 0
                : at(file.model.materials, material).pbrMetallicRoughness.baseColorTexture.texCoord;

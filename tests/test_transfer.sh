@@ -134,9 +134,9 @@ refused_target "primitive 0 of mesh 0: an index refers to vertex 9, but there ar
   "$corners" '\0\2\1\0\1\11\1\2\3\0\3\2' "$mesh"
 refused_target "there are no faces" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 0}]}'
-refused_target "mesh 0 refers to an accessor that does not exist" "$corners" "$ids" \
+refused_target "it refers to accessor 7, which does not exist" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 7}, "indices": 1}]}'
-refused_target "mesh 0 refers to a material that is not there" "$corners" "$ids" \
+refused_target "it refers to material 7, which does not exist" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 7}]}'
 sed 's/"count": 12/"count": 13/' good.gltf >bad.gltf
 refused "bad.gltf: accessor 1 reaches beyond its buffer" source.glb bad.gltf -o out.glb
@@ -152,11 +152,11 @@ changed 's/5121/5120/' "mesh 0 has indices that are not whole numbers from 0"
 changed 's/"count": 12/"count": 2/' "there are no faces"
 changed 's/"indices": 1}/"attributes": {}}/' "there are no faces"
 changed 's/"meshes": .*/"meshes": [{"primitives": [{"attributes": {"NORMAL": 9}}]}]}/' \
-  "mesh 0 has attributes that do not exist"
+  "it refers to accessor 9, which does not exist"
 changed 's/"POSITION": 0/"POSITION": 0, "NORMAL": 1/;s/"count": 12/"count": 4/' \
   "mesh 0 has normals that are not three numbers each"
 sparse='{"count": 1, "indices": {"bufferView": 1, "componentType": 5120}, "values": {"bufferView": 0}}'
-changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" "accessor 0 has sparse indices that"
+changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" "accessor 0 has sparse values beyond their buffer"
 image='{"bufferView": 0, "mimeType": "image\/png"}'
 changed "s/byteLength\": 48/&0/;s/\"meshes\"/\"images\": [$image], &/" \
   "buffer view 0 reaches beyond its buffer"
