@@ -98,8 +98,10 @@ class Collector {
 
 mesh_io::ReadResult read_by_assimp(const std::string& path) {
   Assimp::Importer importer;
-  const aiScene* const scene = importer.ReadFile(
-      path, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_PreTransformVertices);
+  // Validated first: on some broken files, the other steps end the program.
+  const aiScene* const scene =
+      importer.ReadFile(path, aiProcess_ValidateDataStructure | aiProcess_Triangulate |
+                                  aiProcess_SortByPType | aiProcess_PreTransformVertices);
   if (!scene) return failed(path + ": " + importer.GetErrorString());
   Collector collector;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) collector.add(*scene->mMeshes[i]);

@@ -28,6 +28,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <new>
 #include <numeric>
 #include <sstream>
 #include <string>
@@ -250,7 +251,8 @@ inline std::string wrong(const char* what, std::size_t id, const std::string& me
 }
 
 /// Every function of this part returns what is wrong, or an empty string.
-inline std::string check_extensions(tinygltf::Model& m) {
+inline std::string check_format(tinygltf::Model& m) {
+  if (m.asset.version.compare(0, 2, "2.") != 0) return ": its version of glTF is not 2.0";
   for (const std::string& name : m.extensionsRequired)
     if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression")
       return ": its meshes are compressed (" + name + "), which cannot be read";
@@ -388,7 +390,7 @@ inline std::string check_skins(tinygltf::Model& m) {
 
 inline std::string check(tinygltf::Model& m) {
   for (const auto checked :
-       {check_extensions, check_references, check_sizes, check_meshes, check_nodes, check_skins}) {
+       {check_format, check_references, check_sizes, check_meshes, check_nodes, check_skins}) {
     const std::string error = checked(m);
     if (!error.empty()) return error;
   }
@@ -703,11 +705,31 @@ int add_numbers(tinygltf::Model& m, const ism::Values& rows, int target) {
 
 namespace detail {
 
+/// How deep brackets are in each other in the JSON of a file; tinygltf calls itself for each level.
+inline int nesting(const std::string& bytes) {
+  std::size_t i = 0, end = bytes.size();
+  if (bytes.compare(0, 4, "glTF") == 0 && end >= 20) {
+    i = 20;
+    const double size = ism::detail::number_at<std::uint32_t>(bytes.data() + 12);
+    end = (std::min)(end, i + static_cast<std::size_t>(size));
+  }
+  int depth = 0, most = 0;
+  for (bool is_text = false; i < end; ++i) {
+    const char c = bytes[i];
+    if (c == '"') is_text = !is_text;
+    if (is_text && c == '\\') ++i;  // what follows ends no text
+    if (!is_text && (c == '[' || c == '{')) most = (std::max)(most, ++depth);
+    if (!is_text && (c == ']' || c == '}')) --depth;
+  }
+  return most;
+}
+
 /// Reads the text or the bytes of a file. Returns the end of a sentence, or an empty string.
 inline std::string parse(const std::string& bytes, const std::string& folder,
                          tinygltf::Model& model) {
   if (bytes.empty()) return ": the file is empty";
   if (bytes.size() > std::size_t{0xffffffff}) return ": the file is too large";
+  if (nesting(bytes) > 1000) return ": no glTF 2.0 file: its brackets are nested too deeply";
   tinygltf::TinyGLTF reader;
   reader.SetImageLoader(keep_image, nullptr);
   const auto* const begin = reinterpret_cast<const unsigned char*>(bytes.data());
@@ -718,6 +740,8 @@ inline std::string parse(const std::string& bytes, const std::string& folder,
             ? reader.LoadBinaryFromMemory(&model, &error, &warning, begin, size, folder)
             : reader.LoadASCIIFromString(&model, &error, &warning, bytes.data(), size, folder))
       return check(model);
+  } catch (const std::bad_alloc&) {
+    return ": it refers to a folder, or to more than fits in memory";
   } catch (const std::exception& e) {
     error = e.what();
   }

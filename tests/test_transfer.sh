@@ -148,6 +148,7 @@ changed() {
   cmp -s good.gltf bad.gltf && fail "$1 changes nothing"
   refused "bad.gltf: $2" source.glb bad.gltf -o out.glb
 }
+changed 's/"version": "2/"version": "1/' "its version of glTF is not 2.0"
 changed 's/5121/5120/' "mesh 0 has indices that are not whole numbers from 0"
 changed 's/"count": 12/"count": 2/' "there are no faces"
 changed 's/"indices": 1}/"attributes": {}}/' "there are no faces"
@@ -160,9 +161,11 @@ changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" "accessor 0 has sparse val
 image='{"bufferView": 0, "mimeType": "image\/png"}'
 changed "s/byteLength\": 48/&0/;s/\"meshes\"/\"images\": [$image], &/" \
   "buffer view 0 reaches beyond its buffer"
-for uri in none.bin . ../; do
-  changed "s|data:[^\"]*|$uri|" "no glTF 2.0 file, or a part of one"
-done
+changed 's|data:[^"]*|none.bin|' "no glTF 2.0 file, or a part of one"
+changed 's|data:[^"]*|.|' "it refers to a folder, or to more than fits in memory"
+deep="$(printf '[%.0s' {1..5000}; printf ']%.0s' {1..5000})"
+changed "s/\"scene\": 0,/&\"extras\": $deep,/" \
+  "no glTF 2.0 file: its brackets are nested too deeply"
 
 # What is odd, but no harm: a node without properties, a node listed twice, indices left over.
 sed 's/{"mesh": 0}/&, {}/;s/"nodes": \[0\]/"nodes": [0, 1, 0]/;s/"count": 12/"count": 11/' \
