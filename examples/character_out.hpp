@@ -450,11 +450,11 @@ class Writer {
       p.attributes["COLOR_0"] =
           add_vertices(model_, rows_of(carried_.colors, part).cwiseMax(0).cwiseMin(1));
     for (int i = 0; i < size_of(carried_.morphs); ++i) add_morph(p, part, i);
-    std::vector<tinygltf::Primitive>& list = at(model_.meshes, node.mesh).primitives;
+    tinygltf::Mesh& mesh = at(model_.meshes, node.mesh);
     if (is_mapped && carried_.uv.rows() > 0)
-      write_textured(p, part, at(model_.meshes, node.mesh));
+      write_textured(p, part, mesh);
     else
-      at(list, part.primitive) = p;
+      at(mesh.primitives, part.primitive) = p;
   }
 
   /// The rows of a part among those of all vertices.
@@ -542,6 +542,7 @@ class Writer {
         set_triangles(s, triangles, is_mirrored, list.back());
       if (material >= 0) list.back().material = materials_.textured(p.material, material, set);
     }
+    if (list.empty()) list.push_back(p);  // points, or lines
     at(mesh.primitives, part.primitive) = list[0];
     mesh.primitives.insert(mesh.primitives.end(), list.begin() + 1, list.end());
   }

@@ -705,6 +705,15 @@ int add_numbers(tinygltf::Model& m, const ism::Values& rows, int target) {
 
 namespace detail {
 
+/// A file beside the glTF file; tinygltf itself would read a folder, too.
+inline bool read_file(std::vector<unsigned char>* to, std::string* error, const std::string& path,
+                      void*) {
+  std::string bytes;
+  *error = mesh_io::read_bytes(path, bytes);
+  to->assign(bytes.begin(), bytes.end());
+  return error->empty();
+}
+
 /// How deep brackets are in each other in the JSON of a file; tinygltf calls itself for each level.
 inline int nesting(const std::string& bytes) {
   std::size_t i = 0, end = bytes.size();
@@ -732,6 +741,8 @@ inline std::string parse(const std::string& bytes, const std::string& folder,
   if (nesting(bytes) > 1000) return ": no glTF 2.0 file: its brackets are nested too deeply";
   tinygltf::TinyGLTF reader;
   reader.SetImageLoader(keep_image, nullptr);
+  reader.SetFsCallbacks({tinygltf::FileExists, tinygltf::ExpandFilePath, read_file,
+                         tinygltf::WriteWholeFile, nullptr});
   const auto* const begin = reinterpret_cast<const unsigned char*>(bytes.data());
   const unsigned size = static_cast<unsigned>(bytes.size());
   std::string error, warning;
@@ -741,7 +752,7 @@ inline std::string parse(const std::string& bytes, const std::string& folder,
             : reader.LoadASCIIFromString(&model, &error, &warning, bytes.data(), size, folder))
       return check(model);
   } catch (const std::bad_alloc&) {
-    return ": it refers to a folder, or to more than fits in memory";
+    throw;
   } catch (const std::exception& e) {
     error = e.what();
   }

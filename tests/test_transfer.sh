@@ -156,20 +156,25 @@ changed 's/"meshes": .*/"meshes": [{"primitives": [{"attributes": {"NORMAL": 9}}
   "it refers to accessor 9, which does not exist"
 changed 's/"POSITION": 0/"POSITION": 0, "NORMAL": 1/;s/"count": 12/"count": 4/' \
   "mesh 0 has normals that are not three numbers each"
-sparse='{"count": 1, "indices": {"bufferView": 1, "componentType": 5120}, "values": {"bufferView": 0}}'
-changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" "accessor 0 has sparse values beyond their buffer"
+indices='{"bufferView": 1, "componentType": 5120}'
+sparse="{\"count\": 1, \"indices\": $indices, \"values\": {\"bufferView\": 0}}"
+changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" \
+  "accessor 0 has sparse values beyond their buffer"
 image='{"bufferView": 0, "mimeType": "image\/png"}'
 changed "s/byteLength\": 48/&0/;s/\"meshes\"/\"images\": [$image], &/" \
   "buffer view 0 reaches beyond its buffer"
 changed 's|data:[^"]*|none.bin|' "no glTF 2.0 file, or a part of one"
-changed 's|data:[^"]*|.|' "it refers to a folder, or to more than fits in memory"
+changed 's|data:[^"]*|.|' "no glTF 2.0 file, or a part of one: File read error"
 deep="$(printf '[%.0s' {1..5000}; printf ']%.0s' {1..5000})"
 changed "s/\"scene\": 0,/&\"extras\": $deep,/" \
   "no glTF 2.0 file: its brackets are nested too deeply"
 
-# What is odd, but no harm: a node without properties, a node listed twice, indices left over.
-sed 's/{"mesh": 0}/&, {}/;s/"nodes": \[0\]/"nodes": [0, 1, 0]/;s/"count": 12/"count": 11/' \
-  good.gltf >odd.gltf
+# What is odd, but no harm: a node without properties, a node listed twice, indices left over,
+# points beside the triangles.
+points='{"attributes": {"POSITION": 0}, "mode": 0}'
+sed "s/\"indices\": 1}/&, $points/" good.gltf |
+  sed 's/{"mesh": 0}/&, {}/;s/"nodes": \[0\]/"nodes": [0, 1, 0]/;s/"count": 12/"count": 11/' \
+    >odd.gltf
 "$ism_transfer" source.glb odd.gltf -o odd.glb --iterations 3 >stdout.txt 2>stderr.txt ||
   fail "$(cat stderr.txt)"
 grep -q "11 indices are not three per triangle" stdout.txt || fail "left over: $(cat stdout.txt)"
