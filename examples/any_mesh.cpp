@@ -41,7 +41,12 @@ class Collector {
     for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
       const aiFace& face = mesh.mFaces[f];
       if (face.mNumIndices != 3) continue;
-      for (int k = 0; k < 3; ++k) add_corner(mesh, face.mIndices[k]);
+      for (int k = 0; k < 3; ++k) {
+        if (face.mIndices[k] < mesh.mNumVertices)
+          add_corner(mesh, face.mIndices[k]);
+        else
+          error_ = ": a face refers to a vertex that does not exist";
+      }
     }
   }
 
@@ -93,8 +98,10 @@ class Collector {
 
 mesh_io::ReadResult read_by_assimp(const std::string& path) {
   Assimp::Importer importer;
-  const aiScene* const scene = importer.ReadFile(
-      path, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_PreTransformVertices);
+  // Validated first: on some broken files, the other steps end the program.
+  const aiScene* const scene =
+      importer.ReadFile(path, aiProcess_ValidateDataStructure | aiProcess_Triangulate |
+                                  aiProcess_SortByPType | aiProcess_PreTransformVertices);
   if (!scene) return failed(path + ": " + importer.GetErrorString());
   Collector collector;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) collector.add(*scene->mMeshes[i]);
@@ -128,8 +135,8 @@ mesh_io::ReadResult read(const std::string& path) {
   return failed(path + ": there is no reader for files with this extension");
 #else
   return failed(path +
-                ": only OBJ, OFF, PLY and STL files can be read, and glTF with tinygltf and "
-                "others with assimp where these are built in");
+                ": this program was built without assimp, which reads files other than OBJ, OFF, "
+                "PLY, STL and glTF");
 #endif
 }
 

@@ -54,10 +54,6 @@ namespace detail {
 using gltf_io::at;
 using gltf_io::size_of;
 
-inline const tinygltf::Primitive& primitive(const tinygltf::Model& m, const gltf_io::Part& part) {
-  return at(at(m.meshes, part.mesh).primitives, part.primitive);
-}
-
 inline int depth(const std::vector<int>& parents, int node) {
   int count = 0;
   for (node = at(parents, node); node >= 0; node = at(parents, node)) ++count;
@@ -135,7 +131,7 @@ inline int carrying_joint(const Character& c, int node) {
 inline std::string add_weights(Character& c, const gltf_io::Part& part, int set) {
   const tinygltf::Model& m = c.file.model;
   const std::string number = std::to_string(set);
-  const auto& attributes = primitive(m, part).attributes;
+  const auto& attributes = gltf_io::primitive_of(m, part).attributes;
   const std::vector<int>& joints = at(m.skins, at(m.nodes, part.node).skin).joints;
   const ism::Values ids = gltf_io::numbers(m, attributes.at("JOINTS_" + number));
   const ism::Values values = gltf_io::numbers(m, attributes.at("WEIGHTS_" + number));
@@ -149,7 +145,7 @@ inline std::string add_weights(Character& c, const gltf_io::Part& part, int set)
       const std::string where =
           c.file.path + ": vertex " + std::to_string(v) + " of mesh " + std::to_string(part.mesh);
       if (!(weight > 0) || !std::isfinite(weight)) return where + " has a weight that is none";
-      if (id < 0 || id >= static_cast<double>(joints.size()))
+      if (!(id >= 0 && id < static_cast<double>(joints.size())))
         return where + " follows a joint that does not exist";
       const auto bone =
           std::find(c.bone_nodes.begin(), c.bone_nodes.end(), at(joints, static_cast<int>(id)));
@@ -162,7 +158,7 @@ inline std::string read_weights(Character& c) {
   if (c.bones.empty()) return {};
   c.weights = ism::Values::Zero(c.surface.mesh.vertices.rows(), size_of(c.bones));
   for (const gltf_io::Part& part : c.surface.parts) {
-    const auto& attributes = primitive(c.file.model, part).attributes;
+    const auto& attributes = gltf_io::primitive_of(c.file.model, part).attributes;
     const bool has_skin = at(c.file.model.nodes, part.node).skin >= 0;
     for (int set = 0; has_skin && attributes.count("JOINTS_" + std::to_string(set)) > 0 &&
                       attributes.count("WEIGHTS_" + std::to_string(set)) > 0;
@@ -202,7 +198,7 @@ inline std::string read_morphs(Character& c) {
   const tinygltf::Model& m = c.file.model;
   c.morph_of.resize(m.meshes.size());
   for (const gltf_io::Part& part : c.surface.parts) {
-    const auto& targets = primitive(m, part).targets;
+    const auto& targets = gltf_io::primitive_of(m, part).targets;
     std::vector<int>& morph_of = at(c.morph_of, part.mesh);
     for (int t = 0; t < size_of(targets); ++t) {
       const int morph = find_morph(c, target_name(at(m.meshes, part.mesh), t));
@@ -223,10 +219,11 @@ inline std::string read_morphs(Character& c) {
 /// White where there are none.
 inline void read_colors(Character& c) {
   for (const gltf_io::Part& part : c.surface.parts) {
-    const int id = gltf_io::attribute(primitive(c.file.model, part).attributes, "COLOR_0");
+    const int id =
+        gltf_io::attribute(gltf_io::primitive_of(c.file.model, part).attributes, "COLOR_0");
     if (id < 0) continue;
     const ism::Values values = gltf_io::numbers(c.file.model, id);
-    if (!values.allFinite() || values.cols() < 3) continue;
+    if (!values.allFinite() || values.cols() < 3 || values.cols() > 4) continue;
     if (c.colors.rows() == 0) c.colors.setOnes(c.surface.mesh.vertices.rows(), 4);
     c.colors.block(part.first_vertex, 0, part.vertices, values.cols()) = values;
   }
@@ -235,7 +232,7 @@ inline void read_colors(Character& c) {
 }  // namespace detail
 
 inline int shown_uv(const tinygltf::Model& model, const gltf_io::Part& part) {
-  const int material = detail::primitive(model, part).material;
+  const int material = gltf_io::primitive_of(model, part).material;
   if (material < 0) return 0;
   const auto& texture =
       gltf_io::at(model.materials, material).pbrMetallicRoughness.baseColorTexture;

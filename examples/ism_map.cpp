@@ -201,14 +201,6 @@ bool read_switch(const std::string& flag, Arguments& args) {
   return false;
 }
 
-bool takes_value(const std::string& flag) {
-  for (const char* known : {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset",
-                            "--measure", "--variant", "--boundary", "--iterations", "--tolerance",
-                            "--refine", "--threads", "--set", "--texture", "--glb", "--morph"})
-    if (flag == known) return true;
-  return false;
-}
-
 std::string read_frames(const std::string& text, int& frames) {
   constexpr int kMost = 100;  // all are kept until they are written
   const std::string error = read_number("--morph", text, frames);
@@ -246,23 +238,19 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
 
 std::string read_arguments(const std::vector<std::string>& words, Arguments& args) {
   std::string error = read_preset(words, args);
-  int meshes = 0;
-  for (std::size_t i = 0; i < words.size() && error.empty(); ++i) {
-    const std::string& word = words[i];
-    if (read_switch(word, args)) continue;
-    if (takes_value(word)) {
-      if (i + 1 == words.size()) return word + " needs a value";
-      error = read_value(word, words[++i], args);
-    } else if (word.size() > 1 && word[0] == '-') {
-      return "unknown option '" + word + "', --help lists them";
-    } else if (++meshes > 2) {
-      return "two meshes are expected, '" + word + "' is one too many";
-    } else {
-      (meshes == 1 ? args.a : args.b) = word;
-    }
-  }
+  if (!error.empty()) return error;
+  error = program::read_words(
+      words,
+      {"-o", "--landmarks", "--pins", "--initial", "--kappa", "--preset", "--measure", "--variant",
+       "--boundary", "--iterations", "--tolerance", "--refine", "--threads", "--set", "--texture",
+       "--glb", "--morph"},
+      [&](const std::string& flag) { return read_switch(flag, args); },
+      [&](const std::string& flag, const std::string& text) {
+        return read_value(flag, text, args);
+      },
+      args.a, args.b);
   if (args.help || !error.empty()) return error;
-  if (meshes < 2) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
+  if (args.b.empty()) return "two meshes are needed: ism_map A.obj B.obj -o OUT";
   if (args.out.empty()) return "a folder for the results is needed: -o OUT";
   if (args.start_only) args.options.max_iterations = 0;
   return {};

@@ -101,35 +101,23 @@ std::string read_value(const std::string& flag, const std::string& text, Argumen
   return text.empty() ? flag + " needs a name" : "";
 }
 
-bool takes_value(const std::string& flag) {
-  for (const char* known :
-       {"-o", "--landmarks", "--only", "--influences", "--iterations", "--threads", "--set"})
-    if (flag == known) return true;
+bool read_switch(const std::string& flag, Arguments& args) {
+  if (flag == "--quiet") return args.quiet = true;
+  if (flag == "--help" || flag == "-h") return args.help = true;
   return false;
 }
 
 std::string read_arguments(const std::vector<std::string>& words, Arguments& args) {
-  std::string error;
-  int files = 0;
-  for (std::size_t i = 0; i < words.size() && error.empty(); ++i) {
-    const std::string& word = words[i];
-    if (word == "--quiet") {
-      args.quiet = true;
-    } else if (word == "--help" || word == "-h") {
-      args.help = true;
-    } else if (takes_value(word)) {
-      if (i + 1 == words.size()) return word + " needs a value";
-      error = read_value(word, words[++i], args);
-    } else if (word.size() > 1 && word[0] == '-') {
-      return "unknown option '" + word + "', --help lists them";
-    } else if (++files > 2) {
-      return "two files are expected, '" + word + "' is one too many";
-    } else {
-      (files == 1 ? args.source : args.target) = word;
-    }
-  }
+  const std::string error = program::read_words(
+      words, {"-o", "--landmarks", "--only", "--influences", "--iterations", "--threads", "--set"},
+      [&](const std::string& flag) { return read_switch(flag, args); },
+      [&](const std::string& flag, const std::string& text) {
+        return read_value(flag, text, args);
+      },
+      args.source, args.target);
   if (args.help || !error.empty()) return error;
-  if (files < 2) return "two files are needed: ism_transfer source.glb target.glb -o out.glb";
+  if (args.target.empty())
+    return "two files are needed: ism_transfer source.glb target.glb -o out.glb";
   if (args.out.empty()) return "a file for the result is needed: -o out.glb";
   if (std::filesystem::path(args.out).extension() != ".glb")
     return "-o needs a name that ends in .glb, not '" + args.out + "'";
@@ -239,8 +227,7 @@ void carry_uv(const Character& source, const retarget::Carrier& carrier, Carried
   std::vector<int> material_of;  // per triangle of A
   for (const int part : source.part_of)
     material_of.push_back(
-        character::detail::primitive(source.file.model, gltf_io::at(source.surface.parts, part))
-            .material);
+        gltf_io::primitive_of(source.file.model, gltf_io::at(source.surface.parts, part)).material);
   std::vector<int> materials = material_of;
   std::sort(materials.begin(), materials.end());
   materials.erase(std::unique(materials.begin(), materials.end()), materials.end());
@@ -317,15 +304,15 @@ void print_parts(const Character& target, const retarget::Carrier& carrier) {
 }
 
 void print_carried(const Character& source, const Carried& carried,
-                   const character::Writer& writer) {
+                   const character::Written& written) {
   if (carried.weights.rows() > 0)
     std::printf("skin         %d joints, at most %d per vertex; the body is %.3f times as large\n",
                 static_cast<int>(std::count(source.is_joint.begin(), source.is_joint.end(), true)),
                 carried.influences, carried.scale);
   if (!carried.morphs.empty()) std::printf("morphs       %zu\n", carried.morphs.size());
   if (carried.uv.rows() > 0)
-    std::printf("uv           carried, %d vertices along seams are copied\n", writer.copies());
-  for (const std::string& name : writer.textured())
+    std::printf("uv           carried, %d vertices along seams are copied\n", written.copies);
+  for (const std::string& name : written.textured)
     std::printf(
         "             '%s' shows textures of its own: the carried coordinates are a further "
         "set\n",
@@ -335,7 +322,7 @@ void print_carried(const Character& source, const Carried& carried,
 
 void print_summary(const Arguments& args, const Character& source, const Character& target,
                    const ism::Result& result, const retarget::Carrier& carrier,
-                   const Carried& carried, const character::Writer& writer, double seconds) {
+                   const Carried& carried, const character::Written& written, double seconds) {
   const ism::IterationLog& last = result.final_state();
   print_side("source", source, *result.start.prepared_a, result.start.opening_a);
   print_side("target", target, *result.start.prepared_b, result.start.opening_b);
@@ -345,7 +332,7 @@ void print_summary(const Arguments& args, const Character& source, const Charact
   std::printf("coverage     %.2f%% of the source, %.2f%% of the target\n", 100 * last.coverage_a,
               100 * last.coverage_b);
   print_parts(target, carrier);
-  print_carried(source, carried, writer);
+  print_carried(source, carried, written);
   std::printf("seconds      %.1f\n", seconds);
   std::printf("result in    %s\n", args.out.c_str());
 }
@@ -387,13 +374,14 @@ int run(Arguments& args) {
   const retarget::Carrier carrier(map, target.surface.same);
   warn_if_turned(map);
   const Carried carried = carry(args, source, target, map, carrier);
-  character::Writer writer(source, target, carried);
-  const std::string bytes = writer.glb();
-  if (bytes.empty()) return fail(kComputationFailed, "the file would have more than 4 GB");
-  error = mesh_io::write_files({{args.out, bytes}});
+  const character::Written written = character::write(source, target, carried);
+  if (written.bytes.empty())
+    return fail(kComputationFailed,
+                "the file would have more than 4 GB, or numbers that are not finite");
+  error = mesh_io::write_files({{args.out, written.bytes}});
   if (!error.empty()) return fail(kComputationFailed, error);
   if (!args.quiet)
-    print_summary(args, source, target, result, carrier, carried, writer,
+    print_summary(args, source, target, result, carrier, carried, written,
                   program::seconds_since(start));
   if (!program::is_printed()) return fail(kComputationFailed, "the output cannot be written");
   return 0;

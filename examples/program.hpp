@@ -1,5 +1,5 @@
-// program.hpp: what ism_map and ism_transfer have in common: numbers on the command line, progress,
-// Ctrl-C, exit codes. Part of the examples of ism.hpp.
+// program.hpp: what ism_map and ism_transfer have in common: the command line, progress, Ctrl-C,
+// exit codes. Part of the examples of ism.hpp.
 
 #pragma once
 
@@ -8,6 +8,7 @@
 #include "mesh_io.hpp"
 #include "system.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -81,6 +82,32 @@ inline std::string read_setting(const std::string& text, ism::Options& options) 
   std::string names;
   for_each_option(options, [&](const char* option, auto&) { names += ' ' + std::string(option); });
   return "--set: there is no option '" + name + "', but these:" + names;
+}
+
+/// Reads a command line of options and two files. read_switch(word) sets an option that takes no
+/// value, and is false for other words; read_value(flag, value) returns an error sentence, as this
+/// function does, or an empty string.
+template <class ReadSwitch, class ReadValue>
+std::string read_words(const std::vector<std::string>& words,
+                       const std::vector<std::string>& takes_value, const ReadSwitch& read_switch,
+                       const ReadValue& read_value, std::string& file_a, std::string& file_b) {
+  std::string error;
+  int files = 0;
+  for (std::size_t i = 0; i < words.size() && error.empty(); ++i) {
+    const std::string& word = words[i];
+    if (read_switch(word)) continue;
+    if (std::count(takes_value.begin(), takes_value.end(), word) > 0) {
+      if (i + 1 == words.size()) return word + " needs a value";
+      error = read_value(word, words[++i]);
+    } else if (word.size() > 1 && word[0] == '-') {
+      return "unknown option '" + word + "', --help lists them";
+    } else if (++files > 2) {
+      return "two files are expected, '" + word + "' is one too many";
+    } else {
+      (files == 1 ? file_a : file_b) = word;
+    }
+  }
+  return error;
 }
 
 /// Is a mesh a surface, once it is prepared? Returns an error sentence, or an empty string.

@@ -402,12 +402,15 @@ inline std::vector<Moments> Carrier::vertex_moments() const {
 inline std::vector<Similarity> Carrier::turns() const {
   using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   const std::vector<int> same = representatives();
-  const std::vector<Moments> near = vertex_moments();
-  std::vector<Moments> wide = near;  // with those of the neighbours, so that turns vary smoothly
-  for (int f = 0; f < meta_.b->triangles.rows(); ++f)
-    for (int k = 0; k < 3; ++k)
-      wide[index(same[index(meta_.b->triangles(f, k))])] +=
-          near[index(same[index(meta_.b->triangles(f, (k + 1) % 3))])];
+  constexpr int kRounds = 4;  // of adding the neighbours: a fold, as of a lip, turns nothing over
+  std::vector<Moments> wide = vertex_moments();
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<Moments> near = wide;
+    for (int f = 0; f < meta_.b->triangles.rows(); ++f)
+      for (int k = 0; k < 3; ++k)
+        wide[index(same[index(meta_.b->triangles(f, k))])] +=
+            near[index(same[index(meta_.b->triangles(f, (k + 1) % 3))])];
+  }
   ism::Values values(static_cast<Eigen::Index>(nearest_.size()), 10);
   for (std::size_t v = 0; v < nearest_.size(); ++v) {
     const Similarity s = fit(wide[index(same[v])]);

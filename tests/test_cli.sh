@@ -46,7 +46,7 @@ refused() {
 
 refused "two meshes are needed: ism_map A.obj B.obj -o OUT"
 refused "two meshes are needed: ism_map A.obj B.obj -o OUT" a.obj -o out
-refused "two meshes are expected, 'c.obj' is one too many" a.obj b.obj c.obj -o out
+refused "two files are expected, 'c.obj' is one too many" a.obj b.obj c.obj -o out
 refused "a folder for the results is needed: -o OUT" a.obj b.obj
 refused "unknown option '--kapa', --help lists them" a.obj b.obj -o out --kapa 2
 refused "--kappa needs a value" a.obj b.obj -o out --kappa

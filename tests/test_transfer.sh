@@ -134,14 +134,70 @@ refused_target "primitive 0 of mesh 0: an index refers to vertex 9, but there ar
   "$corners" '\0\2\1\0\1\11\1\2\3\0\3\2' "$mesh"
 refused_target "there are no faces" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 0}]}'
-refused_target "mesh 0 refers to an accessor that does not exist" "$corners" "$ids" \
+refused_target "it refers to accessor 7, which does not exist" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 7}, "indices": 1}]}'
-refused_target "mesh 0 refers to a material that is not there" "$corners" "$ids" \
+refused_target "it refers to material 7, which does not exist" "$corners" "$ids" \
   '{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 7}]}'
 sed 's/"count": 12/"count": 13/' good.gltf >bad.gltf
 refused "bad.gltf: accessor 1 reaches beyond its buffer" source.glb bad.gltf -o out.glb
 sed 's/{"mesh": 0}/{"mesh": 0, "children": [0]}/' good.gltf >bad.gltf
 refused "bad.gltf: node 0 is a child of itself" source.glb bad.gltf -o out.glb
+# changed SED-SCRIPT SENTENCE: good.gltf with a change is refused.
+changed() {
+  sed "$1" good.gltf >bad.gltf
+  cmp -s good.gltf bad.gltf && fail "$1 changes nothing"
+  refused "bad.gltf: $2" source.glb bad.gltf -o out.glb
+}
+changed 's/"version": "2/"version": "1/' "its version of glTF is not 2.0"
+changed 's/5121/5120/' "mesh 0 has indices that are not whole numbers from 0"
+changed 's/"count": 12/"count": 2/' "there are no faces"
+changed 's/"indices": 1}/"attributes": {}}/' "there are no faces"
+changed 's/"meshes": .*/"meshes": [{"primitives": [{"attributes": {"NORMAL": 9}}]}]}/' \
+  "it refers to accessor 9, which does not exist"
+changed 's/"POSITION": 0/"POSITION": 0, "NORMAL": 1/;s/"count": 12/"count": 4/' \
+  "mesh 0 has normals that are not three numbers each"
+indices='{"bufferView": 1, "componentType": 5120}'
+sparse="{\"count\": 1, \"indices\": $indices, \"values\": {\"bufferView\": 0}}"
+changed "s/\"bufferView\": 0,/&\"sparse\": $sparse,/" \
+  "accessor 0 has sparse values beyond their buffer"
+image='{"bufferView": 0, "mimeType": "image\/png"}'
+changed "s/byteLength\": 48/&0/;s/\"meshes\"/\"images\": [$image], &/" \
+  "buffer view 0 reaches beyond its buffer"
+changed 's|data:[^"]*|none.bin|' "no glTF 2.0 file, or a part of one"
+changed 's|data:[^"]*|.|' "no glTF 2.0 file, or a part of one: File read error"
+deep="$(printf '[%.0s' {1..5000}; printf ']%.0s' {1..5000})"
+changed "s/\"scene\": 0,/&\"extras\": $deep,/" \
+  "no glTF 2.0 file: its brackets are nested too deeply"
+
+# What is odd, but no harm: a node without properties, a node listed twice, indices left over,
+# points beside the triangles.
+points='{"attributes": {"POSITION": 0}, "mode": 0}'
+sed "s/\"indices\": 1}/&, $points/" good.gltf |
+  sed 's/{"mesh": 0}/&, {}/;s/"nodes": \[0\]/"nodes": [0, 1, 0]/;s/"count": 12/"count": 11/' \
+    >odd.gltf
+"$ism_transfer" source.glb odd.gltf -o odd.glb --iterations 3 >stdout.txt 2>stderr.txt ||
+  fail "$(cat stderr.txt)"
+grep -q "11 indices are not three per triangle" stdout.txt || fail "left over: $(cat stdout.txt)"
+"$characters" same odd.gltf odd.glb || fail "a node without properties is lost"
+
+# Of the source, ids and sizes in the binary file: the same number of bytes.
+changed_source() {  # SED-SCRIPT SENTENCE
+  LC_ALL=C sed "$1" source.glb >bad.glb
+  cmp -s source.glb bad.glb && fail "$1 changes nothing"
+  refused "bad.glb: $2" bad.glb target.glb -o out.glb
+}
+changed_source 's/"joints":\[1,2\]/"joints":[1  ]/' "vertex"
+changed_source 's/JSON{/JSOM{/' "no glTF 2.0 file, or a part of one"
+changed_source 's/BIN\x00/BIM\x00/' "no glTF 2.0 file, or a part of one"
+for offset in 8 12; do  # the length of the file and of its first part
+  cp source.glb bad.glb
+  printf '\377\377\377\177' | dd of=bad.glb bs=1 seek=$offset conv=notrunc 2>/dev/null
+  refused "bad.glb: no glTF 2.0 file, or a part of one" bad.glb target.glb -o out.glb
+done
+mkdir folder.glb
+refused "folder.glb: " folder.glb target.glb -o out.glb
+refused "-o folder.glb: this is a folder" source.glb target.glb -o folder.glb
+
 sed 's/"scene": 0,/"scene": 0, "extensionsRequired": ["KHR_draco_mesh_compression"],/' \
   good.gltf >bad.gltf
 refused "bad.gltf: its meshes are compressed (KHR_draco_mesh_compression)" \

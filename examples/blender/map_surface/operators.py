@@ -9,6 +9,7 @@ from . import carry, ism, job, landmarks, layers
 from .surface import UserError, object_in, read_surface, topology_of
 
 PERIOD = 0.1  # seconds between two looks at the run
+PATIENCE = 0.3  # seconds that Esc waits for the run to end; the next look may be a slow picture away
 
 
 def _objects(scene: bpy.types.Scene) -> tuple[bpy.types.Object, bpy.types.Object]:
@@ -133,14 +134,14 @@ class MAP_SURFACE_OT_map(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        is_stopped = event.type == "ESC" and event.value == "PRESS"
+        if is_stopped:
             self._job.cancel()
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
+        elif event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._job.wait(0):
+        if self._job.wait(PATIENCE if is_stopped else 0):
             _show_progress(context, f"Map Surface: {progress()} (Esc stops)")
-            return {"PASS_THROUGH"}
+            return {"RUNNING_MODAL"} if is_stopped else {"PASS_THROUGH"}
         self._end_modal(context)
         return self._finish()
 
