@@ -6779,8 +6779,7 @@ class Decimation {
         outline_(outline),
         executor_(executor),
         mesh_(mesh),
-        version_(s.mesh.n_vertices, 0),
-        merged_(s.mesh.n_vertices, 1) {
+        version_(s.mesh.n_vertices, 0) {
     compute_quadrics();
   }
 
@@ -6803,7 +6802,6 @@ class Decimation {
           continue;
         }
         quadric_[c.v].add(quadric_[c.u]);
-        merged_[c.v] += merged_[c.u];
         collapses.push_back(mesh_.collapse(c.u, c.v));
         ++version_[c.u];
         --active;
@@ -6872,15 +6870,8 @@ class Decimation {
   bool follow_each_other(int v, int w) const {
     return mesh_.boundary_next[v] == w || mesh_.boundary_next[w] == v;
   }
-  bool are_alike() const { return outline_ != nullptr; }
 
   double cost_of(int u, int v) const {
-    constexpr int kRegular = 6;
-    if (are_alike()) {
-      const int valence =
-          mesh_.faces_of[u].size() + mesh_.faces_of[v].size() - (mesh_.on_boundary(u) ? 2 : 4);
-      return static_cast<double>(merged_[u] + merged_[v]) * (std::max)(valence, kRegular);
-    }
     constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
     constexpr double kProtected = 1e6;  // times the squared area of the surface
     const double length2 = squared_norm(point(u) - point(v));
@@ -6889,7 +6880,6 @@ class Decimation {
   }
 
   bool shape_allows(int u, int v) const {
-    if (are_alike()) return true;
     constexpr double kTurn = 0.2;      // least cosine between old and new normal
     constexpr double kQuality = 0.15;  // least 4√3 area / Σ length² unless it was worse before
     constexpr double kThinnest = 1e-10;  // and always
@@ -6926,7 +6916,6 @@ class Decimation {
   DynamicMesh& mesh_;
   Array<Quadric> quadric_;
   Array<int> version_;
-  Array<int> merged_;  // per vertex, those it stands for
   std::priority_queue<Candidate> heap_;
   bool keep_shape_ = true;
 };
@@ -8963,9 +8952,9 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 /// Computes the start for the options, in steps. Free boundaries that leave no room for a vertex,
 /// or a strained surface, begin on a circle. Held boundaries go along a square; without landmarks
 /// on them, a free embedding defines their correspondence. On circles and squares, all triangles
-/// have one shape at first, and Tutte's embedding of all vertices is tried first. Closed surfaces go
-/// onto a pillow; if that fails, onto one with other cones. Then exact landmarks are joined. May add
-/// vertices to the meshes of the pair.
+/// have one shape at first, and Tutte's embedding of all vertices is tried first. Closed surfaces
+/// go onto a pillow; if that fails, onto one with other cones. Then exact landmarks are joined. May
+/// add vertices to the meshes of the pair.
 class Embedder {
  public:
   /// `landmarks`: their places on the surfaces of the given pair. `guides`: more pairs, which are
