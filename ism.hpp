@@ -7335,6 +7335,13 @@ class Hierarchy {
     return true;
   }
 
+  /// Distortion of the current embedding; of an isometry: 2.
+  double strain() const {
+    const Level level = current();
+    return embedding_energy(level.surface, positions(level), 0, level.surface.mesh.n_faces) /
+           level.surface.total_area;
+  }
+
   /// The loop of a level that becomes its outline.
   int outer_loop_of(const Level& level) const {
     const HalfEdgeMesh& m = level.surface.mesh;
@@ -8586,17 +8593,21 @@ class PairEmbedder {
       const int v = cones.data()[i] = side == Side::kA ? cones_[i].a : cones_[i].b;
       keep[v] = Decimation::kCone;
     }
+    const int n = s.mesh.n_vertices;
     std::vector<int> bases = {Hierarchy::kBase, Hierarchy::kSmallBase};
-    if (!cones_.empty()) bases = {Hierarchy::kPillowBase, bases[0], bases[1], s.mesh.n_vertices};
-    if (outlines_ != nullptr) bases.insert(bases.begin(), s.mesh.n_vertices);
-    for (int base : bases) {
+    if (!cones_.empty()) bases = {Hierarchy::kPillowBase, bases[0], bases[1], n};
+    // On an outline, all vertices at once, unless limbs shrink too much.
+    constexpr double kMostStrain = 1e6;
+    if (outlines_ != nullptr) bases = {n, bases[0], bases[1], n};
+    for (std::size_t i = 0; i < bases.size(); ++i) {
       const int outer = side == Side::kA ? options_.outer_a : options_.outer_b;
-      h = std::make_unique<Hierarchy>(s, side, keep, base, outline(side), outer, executor_);
+      h = std::make_unique<Hierarchy>(s, side, keep, bases[i], outline(side), outer, executor_);
       if (executor_.is_stopped()) return true;
       const bool is_embedded =
           cones_.empty() ? h->embed_base() : h->embed_on_pillow(cones, side_of_pillow(pair_));
       if (executor_.is_stopped()) return true;
-      if (is_embedded) return false;
+      const bool is_first = outlines_ != nullptr && i == 0;
+      if (is_embedded && (!is_first || h->strain() < kMostStrain)) return false;
     }
     return fail({"Tutte's embedding of the decimated mesh ", h->name(), " failed"});
   }
