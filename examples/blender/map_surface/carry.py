@@ -8,6 +8,7 @@ from . import ism
 from .surface import Surface, inverse_of
 
 ROUNDS = 50  # of smoothing what was filled
+NEAR = 4  # rounds of neighbours: a fold, as of a lip, turns nothing over
 
 
 def to_vertices(map: ism.Map, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +104,7 @@ def gradients(map: ism.Map, source: Surface, target: Surface) -> tuple[np.ndarra
     """How the map turns and stretches space at each vertex of the target.
 
     A polygon of the common refinement has a linear map of its plane; normals go to normals, longer
-    by the root of the ratio of the areas. The mean over the triangles at a vertex is weighted by
+    by the root of the ratio of the areas. The mean over the triangles around a vertex is weighted by
     area. Integrals along the sides of the polygons take the place of derivatives, so that slivers
     do no harm.
 
@@ -135,6 +136,9 @@ def gradients(map: ism.Map, source: Surface, target: Surface) -> tuple[np.ndarra
     per_face = sums(meta.face_b, np.column_stack([integral, area_a]), len(target.triangles))
     n = len(target.positions)
     total = sums(target.triangles.ravel(), np.repeat(per_face, 3, axis=0), n)
+    neighbours = np.roll(target.triangles, -1, axis=1)
+    for _ in range(NEAR):
+        total += sums(target.triangles.ravel(), total[neighbours.ravel()], n)
     has_area = total[:, 9] > 0
     mean = total[:, :9] / np.where(has_area, total[:, 9], 1)[:, None]
     return mean.reshape(-1, 3, 3), has_area
