@@ -5861,11 +5861,12 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
 //             (part [23], candidates), and from there on Algorithm 1 maps every level. Exact
-//             landmarks are joined before it runs. Boundaries that are held lie along a square at
-//             all resolutions, and the planes meet once all vertices are back. A free boundary that
-//             leaves no room for a vertex, or its surface strained, goes back to a circle: there
-//             all triangles are alike, which leaves room everywhere, until every vertex is back;
-//             then they turn step by step to their own shapes.
+//             landmarks are joined before it runs. Held boundaries lie along a square from the
+//             start, and the planes meet at the full meshes. A free boundary that leaves no room
+//             for a vertex, or its surface strained, goes back to a circle. On squares and circles
+//             all triangles are alike at first, which leaves room for Tutte's embedding of all
+//             vertices, or, if limbs shrink too much there, for vertices inside to return; then
+//             triangles turn step by step to their own shapes.
 // Parts:      outlines · decimation · planar Newton · one surface across all resolutions · both
 //             boundaries on one square · both surfaces · exact landmarks · which of them a call
 //             needs
@@ -6764,9 +6765,8 @@ struct Quadric {
 };
 
 /// Chooses the collapses, cheapest first: the cost is the error quadric plus a little of the edge
-/// length; protected vertices go as late as the shape of triangles allows. With a square, no inner
-/// edge comes to lie in a side. On a circle, where all triangles have one shape, the cost is the
-/// number of vertices merged into one, times its valence, so every level is as even as the mesh.
+/// length; protected vertices go as late as the shape of triangles allows. Vertices on an outline
+/// stay, and no inner edge comes to lie in a side of a square.
 class Decimation {
  public:
   static constexpr char kCone = 2;  // among `is_protected`: never collapsed
@@ -7608,21 +7608,15 @@ class Hierarchy {
     return 1.0 / c.changed.size() * sum;
   }
 
-  /// Puts u where place(t) is, for the first of t = 1, 1/2, 1/4, ... for which that fits.
-  template <class Place>
-  bool place_halving(int u, const Place& place) {
+  /// Puts u at the first of from + t (to - from) that fits, t = 1, 1/2, 1/4, ...
+  bool place_on_ray(int u, Vec2 from, Vec2 to) {
+    constexpr int kMostHalvings = 44;  // after these, there is no room
     double t = 1;
     for (int i = 0; i < kMostHalvings; ++i, t *= 0.5) {
-      put(u, place(t));
-      if (fits(u)) return true;
+      put(u, from + t * (to - from));
+      if (fits(u)) return relax(u), true;
     }
     return false;
-  }
-
-  bool place_on_ray(int u, Vec2 from, Vec2 to) {
-    if (!place_halving(u, [&](double t) { return from + t * (to - from); })) return false;
-    relax(u);
-    return true;
   }
 
   /// The centre of the largest triangle that v had in the place of u.
@@ -7735,8 +7729,6 @@ class Hierarchy {
       energy = ring_energy(u);
     }
   }
-
-  static constexpr int kMostHalvings = 44;  // after these, there is no room
 
   const Surface& s_;
   const Side side_;
