@@ -56,7 +56,7 @@
 //            and the ids of offending elements. Exceptions of allocations and callbacks, in any
 //            thread, reach the caller without leaks; the call then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   adds the implementation, parts [3] to [23], in one file
+// MACROS     ISM_IMPLEMENTATION   adds the implementation, parts [3] to [22], in one file
 //            ISM_NO_THREADS       builds that file without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
@@ -69,10 +69,10 @@
 //            [13] sparse LDLT                                  [14] initial embedding
 //            [15] map evaluation and meta mesh
 //            II, what surfaces and programs need besides
-//            [16] scaffold                   [17] checked and prepared meshes
-//            [18] alignments in space        [19] applications
-//            [20] closed surfaces            [21] verification
-//            [22] threads and progress       [23] entry points
+//            [16] checked and prepared meshes                  [17] alignments in space
+//            [18] applications               [19] closed surfaces
+//            [20] verification               [21] threads and progress
+//            [22] entry points
 //
 // HISTORY, LICENSE (MIT)  at the end of the file.
 
@@ -527,7 +527,7 @@ struct Options {
 
   /// The published method: as_published, κ = 0 for every measure of the library, ω_L from 1e9 on,
   /// at most 550 iterations, no coarse levels. as_published means: ω_R = 1e-8, α = 1.25, a memory
-  /// that decays by 0.5, all steps of the line search, no quasi-Newton steps, no scaffold, no
+  /// that decays by 0.5, all steps of the line search, no quasi-Newton steps, no gaps kept, no
   /// minimum coverage. Two bounds beyond the paper remain, on the step length and on the loss of
   /// coverage per step: without them the overlap vanishes in the first iterations.
   static Options paper();
@@ -1389,7 +1389,7 @@ inline bool arithmetic_is_sound() {
 // Invariants: half-edge h = 3 f + k runs from corner k of face f to corner k + 1; out[v] is an
 //             outgoing half-edge of v, the boundary one if v lies on the boundary, so a
 //             counter-clockwise turn from it visits every face of v.
-// Fails:      never, for meshes without problems in part [17].
+// Fails:      never, for meshes without problems in part [16].
 
 inline int next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 inline int prev(int h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -3286,8 +3286,7 @@ struct Tuning {
   /// memory keeps their gradients.
   int quasi_newton_steps = 6;
   /// α of §5.4, by which an iteration may change ω_L, and the value below which ω_L hardly acts and
-  /// is not lowered further. With the paper's α = 1.25 a pair of hands takes 1.3 times as long, a
-  /// pair of animals 2.5 times; with 2 an ear and a horn of another pair stay apart.
+  /// is not lowered further.
   double omega_factor = 3;
   double omega_least = 1e-4;
   /// The longest displacement of a vertex per step, in radii of the domain, and the largest loss of
@@ -3299,15 +3298,12 @@ struct Tuning {
   double least_coverage = 0.5;
   /// The line search tries every search_stride-th step 0.8^ℓ, then the neighbours of the best.
   int search_stride = 3;
-  /// Relative error of the directions for ω_L / α and α ω_L by conjugate gradients, preconditioned
-  /// by the factor for ω_L. 1e-6 neither costs nor gains anything.
-  double solve_tolerance = 1e-3;
   /// The iterations over which Options::tolerance is averaged, half as many after coarse levels: a
   /// bridge over pauses before E falls again. No run stops while ω_L decreases above 1e-3.
   int window = 20;
-  /// Adds a scaffold (§4.4) from the first step on that would make a boundary of f(A) or g(B)
-  /// intersect itself. Without a scaffold, a run stalls there.
-  bool scaffold = true;
+  /// Keeps gaps of boundaries open from the first step on that would make a boundary of f(A) or
+  /// g(B) intersect itself (§4.4); without, a run stalls there.
+  bool gaps = true;
 };
 
 /// The options of a run and the constants that follow from them.
@@ -3321,9 +3317,8 @@ struct RunOptions : Options {
       tuning.omega_factor = 1.25;
       tuning.omega_least = tuning.least_coverage = 0;
       tuning.search_stride = 1;
-      tuning.solve_tolerance = 1e-12;
       tuning.window = 10;
-      tuning.scaffold = false;
+      tuning.gaps = false;
     }
     tuning.omega_least = (std::min)(tuning.omega_least, omega_start);
     if (as_published || omega_start == 0) tuning.quasi_newton_steps = 0;
@@ -3404,11 +3399,6 @@ inline void ldlt_factorize(const ShiftedMatrix& matrix, const Points2& positions
 
 /// Solves A x = b with the factor of A.
 inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b);
-
-/// Solves A x = b with the factor of a matrix close to A, up to a relative error.
-inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
-                                        const Array<Vec2>& b, double tolerance,
-                                        const Executor& executor);
 
 // ---- value ----
 
@@ -4178,31 +4168,90 @@ inline Points2 moved(const HalfEdgeMesh& m, const Array<Follower>& followers, co
   return y;
 }
 
-// ---- hook: a scaffold keeps boundaries apart (part [16]) ----
+// ---- gaps of a boundary (§4.4) ----
+//
+// The paper suggests a scaffold [Jiang, Schaefer and Panozzo 2017] to keep a boundary simple. Here,
+// only narrow gaps between parts of it resist: their energy is infinite where they close, and least
+// at x, so a step that lowers the sum of both energies lowers E. Every iteration finds them anew.
 
-/// Triangles around each embedding as if it were alone: inside every opening, and between the outer
-/// loop and a box. With n vertices in the mesh, vertex n + 4 i + k is corner k of the i-th box.
-struct Scaffold {
-  int n_vertices = 0;
-  Array<Vec2> box;
-  Array<std::array<int, 3>> triangle;
-  Array<Mat2> rest_inverse;  // of the triangles at construction
-  Array<double> weight;      // per triangle, replaces its area
+/// A gap between a boundary vertex v and a point of a boundary edge, (1 - t) u + t w.
+struct Gap {
+  int v, u, w;
+  double t;
+  Vec2 normal;  // across the gap, divided by its width at x
+  double weight;
 
-  Vec2 point(const Points2& x, int v) const {
-    return v < n_vertices ? row2(x, v) : box[v - n_vertices];
+  /// The width relative to that at x, or its change by moves of the vertices.
+  template <class Place>
+  double width(const Place& place) const {
+    return dot(normal, place(v) - (1 - t) * place(u) - t * place(w));
   }
-  Vec2 displacement(const Array<Vec2>& d, int v) const { return v < n_vertices ? d[v] : Vec2(); }
 };
 
-/// Builds the scaffold at x; `weight` scales its energy.
-inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight);
-/// Returns the scaffold's energy minus its energy at construction.
-inline double scaffold_energy(const Scaffold& s, const Points2& x);
-/// Returns the largest step that inverts no scaffold triangle.
-inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d);
-/// Adds the scaffold's Hessian at construction; its gradient is zero there.
-inline void add_scaffold(const Scaffold& s, Array<Block>& blocks);
+/// Finds the gaps that are narrow for the edges beside them; `weight`: of all together.
+inline Array<Gap> find_gaps(const HalfEdgeMesh& m, const Points2& x, double weight) {
+  constexpr double kReach = 0.5;    // widest gap, in boundary edges
+  constexpr double kNarrow = 1e-6;  // below, gaps would be too stiff for the linear solver
+  constexpr double kLeast = 1e-60;  // share of the weight; below, only the exact test decides
+  Array<Gap> gaps;
+  for (int c = 0; c + 1 < m.component.size(); ++c) {
+    const int begin = m.loop[m.component[c]], end = m.loop[m.component[c + 1]];
+    BoxTree tree;
+    build_tree(m, x, begin, end, tree);
+    for (int i = begin; i < end; ++i) {
+      const int v = m.tail[m.boundary[i]];
+      const Vec2 p = row2(x, v);
+      const double reach = kReach * norm(row2(x, m.tip(m.boundary[i])) - p);
+      const Vec2 lo = p - Vec2{reach, reach}, hi = p + Vec2{reach, reach};
+      const auto is_near = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+      tree.find(is_near, [&](int k) {
+        const int u = m.tail[m.boundary[begin + k]], w = m.tip(m.boundary[begin + k]);
+        const Vec2 a = row2(x, u), b = row2(x, w), along = b - a;
+        if (v == u || v == w || !(orient2d(a, b, p) < 0)) return false;
+        const double t = clamp01(dot(p - a, along) / squared_norm(along));
+        const Vec2 across = p - a - t * along;
+        const double width = norm(across), openness = width / (kNarrow * reach);
+        const double share = (std::min)(1.0, openness * openness);
+        if (width < reach && share > kLeast)
+          gaps.push_back(
+              {v, u, w, t, 1 / (width * width) * across, weight * share / m.boundary.size()});
+        return false;
+      });
+    }
+  }
+  return gaps;
+}
+
+/// Returns the energy of gaps of relative widths r, Σ weight (r + 1/r - 2).
+inline double gap_energy(const Array<Gap>& gaps, const Points2& x) {
+  double energy = 0;
+  for (const Gap& gap : gaps) {
+    const double r = gap.width([&](int v) { return row2(x, v); });
+    energy += r > 0 ? gap.weight * (r - 1) * (r - 1) / r : kInfinity;
+  }
+  return energy;
+}
+
+/// Returns the largest step that closes no gap.
+inline double max_step(const Array<Gap>& gaps, const Array<Vec2>& d) {
+  double s = kInfinity;
+  for (const Gap& gap : gaps)
+    if (const double change = gap.width([&](int v) { return d[v]; }); change < 0)
+      s = (std::min)(s, -1 / change);
+  return s;
+}
+
+/// Adds the Hessian at x, where the gradient is zero.
+inline void add_gaps(const Array<Gap>& gaps, Array<Block>& blocks) {
+  for (const Gap& gap : gaps) {
+    const int vertex[3] = {gap.v, gap.u, gap.w};
+    const double c[3] = {1, gap.t - 1, -gap.t};
+    const Mat2 H = 2 * gap.weight * columns(gap.normal.x * gap.normal, gap.normal.y * gap.normal);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        if (vertex[i] <= vertex[j]) blocks.push_back({vertex[i], vertex[j], c[i] * c[j] * H});
+  }
+}
 
 // ---- hook: springs between vertices (parts [14] and [22]) ----
 
@@ -4268,7 +4317,7 @@ struct Trial {
   double omega = 0, max_step = 0;  // of the direction
   bool accepted = false;
   bool collides = false;  // rejected because a boundary intersects itself
-  double resistance = 0;  // energy of the scaffold
+  double resistance = 0;  // energy of gaps
   double pull = 0;        // increase of the springs' energy
   Iterate x;
   double value() const { return x.energy + resistance + pull; }
@@ -4283,7 +4332,7 @@ struct StepRules {
 /// Returns the largest E of an acceptable trial: Armijo's rule (Algorithm 1, line 21).
 inline double largest_energy(const Iterate& from, const Direction& d, const Trial& t) {
   constexpr double kArmijo = 1e-4;
-  return from.energy + kArmijo * t.step.length * d.slope - (std::max)(t.resistance, 0.0) - t.pull;
+  return from.energy + kArmijo * t.step.length * d.slope - t.resistance - t.pull;
 }
 
 inline bool is_acceptable(const StepRules& rules, const Iterate& from, const Direction& d,
@@ -4311,7 +4360,7 @@ struct SearchProblem {
   const Weights& weights;
   const StepRules& rules;
   const Array<Follower>& followers;
-  const Scaffold& scaffold;  // may be empty
+  const Array<Gap>& gaps;
   const Array<Spring>& springs;
   const Iterate& from;
   const Executor& executor;
@@ -4329,7 +4378,7 @@ inline void evaluate_trial(const SearchProblem& problem, const Direction& d, dou
   t.accepted = is_injective(m, t.x.x);
   t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
-  t.resistance = scaffold_energy(problem.scaffold, t.x.x);
+  t.resistance = gap_energy(problem.gaps, t.x.x);
   t.pull =
       with_springs(0, problem.springs, t.x.x) - with_springs(0, problem.springs, problem.from.x);
   const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance - t.pull);
@@ -4487,9 +4536,9 @@ class Optimizer {
         executor_(executor),
         models_(s, weights_, executor_),
         omega_(options.omega_start),
-        problem_{s,         weights_,  rules_,
-                 followers, scaffold_, springs_,
-                 x_,        executor,  options.tuning.search_stride} {
+        problem_{s,         weights_, rules_,
+                 followers, gaps_,    springs_,
+                 x_,        executor, options.tuning.search_stride} {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -4636,7 +4685,6 @@ class Optimizer {
     }
     history_[0] = std::move(model);
     is_remembered_ = true;
-    if (is_scaffolded_) build_scaffold_here();
     if (!history_[0].has_hessian()) return;
     int hessians = 0, keep = 0;
     while (keep < history_.size() && keep < kGradientsPerHessian * std::int64_t{most_hessians} &&
@@ -4656,34 +4704,26 @@ class Optimizer {
     return system;
   }
 
-  /// Returns ω, ω/α and α ω (line 11). Once ω is small, tries a larger one only after a short step.
+  /// Returns the values of ω to try: α ω, ω/α and ω (line 11); beyond the paper, ω alone.
   Array<double> omegas_to_try(const LinearSystem& system) const {
-    constexpr double kShort = 0.1;
-    Array<double> omegas(1, omega_);
-    if (!system.has_Q()) return omegas;
-    const double smaller = omega_ / options_.tuning.omega_factor;
-    if (smaller >= options_.tuning.omega_least) omegas.push_back(smaller);
-    if (tries_all_steps() || omega_ > kHardlyActs || last_step_ < kShort)
-      omegas.push_back(omega_ * options_.tuning.omega_factor);
+    Array<double> omegas;
+    if (system.has_Q() && options_.as_published)
+      for (double factor : {options_.tuning.omega_factor, 1 / options_.tuning.omega_factor})
+        omegas.push_back(omega_ * factor);
+    omegas.push_back(omega_);
     return omegas;
   }
 
-  /// Solves (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12). Factorises one matrix; its factor
-  /// preconditions conjugate gradients for the other ω.
+  /// Solves (H + ω Lᵀ M L) d = -g for each ω (lines 10 to 12).
   Array<Direction> solve(const LinearSystem& system) {
     Timer timer;
-    Array<double> omegas = omegas_to_try(system);
-    ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
-    if (factor_.negative > 0) omegas.resize(1);  // rounding; conjugate gradients need s.p.d. ones
-    const Array<Vec2> right = negated(system.gradient);
-    Array<Direction> directions(omegas.size());
-    executor_.run(omegas.size(), [&](int k) {
-      if (!factor_.ok) return;
-      Array<Vec2> d = k == 0 ? ldlt_solve(factor_, right)
-                             : solve_with_neighbour(factor_, system.shifted(omegas[k]), right,
-                                                    options_.tuning.solve_tolerance, executor_);
-      directions[k] = direction(std::move(d), omegas[k]);
-    });
+    Array<Direction> directions;
+    for (double omega : omegas_to_try(system)) {
+      ldlt_factorize(system.shifted(omega), x_.x, executor_, factor_);
+      directions.push_back(factor_.ok
+                               ? direction(ldlt_solve(factor_, negated(system.gradient)), omega)
+                               : Direction());
+    }
     log_.seconds_solve += timer.lap();
     return directions;
   }
@@ -4723,7 +4763,7 @@ class Optimizer {
   }
 
   void set_largest_step(Direction& d) const {
-    d.max_step = (std::min)(max_step(s_.mesh, x_.x, d.d), max_step(scaffold_, x_.x, d.d));
+    d.max_step = (std::min)(max_step(s_.mesh, x_.x, d.d), max_step(gaps_, d.d));
     d.first_step = (std::min)(0.99 * d.max_step,
                               options_.tuning.max_displacement * radius_ / longest_move(d.d));
     if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
@@ -4735,7 +4775,7 @@ class Optimizer {
   void search(const Array<Direction>& directions) {
     Timer timer;
     trials_.run(problem_, directions);
-    if (options_.tuning.scaffold && trials_.collided) is_scaffolded_ = true;  // beyond the paper
+    if (options_.tuning.gaps && trials_.collided) keeps_gaps_ = true;  // beyond the paper
     log_.seconds_search += timer.lap();
   }
 
@@ -4744,7 +4784,7 @@ class Optimizer {
     const Trial& best = trials_.best;
     plan_quasi_newton_steps(best);
     std::swap(x_, trials_.best.x);
-    omega_ = best.omega;
+    omega_ = options_.as_published ? best.omega : next_omega(best);
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
     if (pull_) log_.energy += pull_(x_, springs_);
@@ -4783,37 +4823,40 @@ class Optimizer {
     return !directions.empty();
   }
 
+  /// Returns the next ω_L. It shrinks after a step of d or more, and grows after a short one.
+  /// Trying three values costs two more solutions and finds no better maps.
+  double next_omega(const Trial& best) const {
+    constexpr double kLong = 1, kShort = 0.25;
+    const double factor = options_.tuning.omega_factor;
+    if (log_.quasi_newton || omega_ == 0) return omega_;
+    if (best.step.length < kShort) return omega_ * factor;
+    return best.step.length < kLong ? omega_
+                                    : (std::max)(omega_ / factor, options_.tuning.omega_least);
+  }
+
   // -- where no step is found --
 
-  /// Changes one thing: adds the scaffold, clears the memory, or lowers ω_L at once, as an
+  /// Changes one thing: keeps gaps open, clears the memory, or lowers ω_L at once, as an
   /// oversmoothed direction may ascend. Returns false if nothing is left to change.
   bool recover() {
     constexpr double kDrop = 16;
     if (executor_.is_stopped()) return false;
-    if (is_scaffolded_ && !has_scaffold_) return build_scaffold_here(), true;
+    if (keeps_gaps_ && !has_gaps_) return renew_springs(), true;
     if (reset_history()) return true;
     if (!holds_back()) return false;
     omega_ = (std::max)(omega_ / kDrop, options_.tuning.omega_least);
     return true;
   }
 
-  /// Builds the scaffold around both embeddings, with the weight of E_f and E_g.
-  void build_scaffold_here() {
-    scaffold_ = build_scaffold(s_.mesh, x_.x, weights_.barrier * s_.total_area);
-    has_scaffold_ = true;
-    sum_others();
-  }
-
   void renew_springs() {
+    constexpr double kGaps = 30;  // weight of all gaps, relative to E_f and E_g
     springs_.clear();
     if (pull_) pull_(x_, springs_);
     for (const Spring& spring : held_springs_) springs_.push_back(spring);
-    sum_others();
-  }
-
-  void sum_others() {
+    has_gaps_ = keeps_gaps_;
+    if (keeps_gaps_) gaps_ = find_gaps(s_.mesh, x_.x, kGaps * weights_.barrier * s_.total_area);
     Array<Block> blocks;
-    add_scaffold(scaffold_, blocks);
+    add_gaps(gaps_, blocks);
     add_springs(springs_, blocks);
     others_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
@@ -5059,13 +5102,13 @@ class Optimizer {
   QuickSteps quick_;
   const SearchProblem problem_;
   LineSearch trials_;
-  bool is_scaffolded_ = false;  // a trial made a boundary intersect itself
-  bool has_scaffold_ = false;
-  Scaffold scaffold_;
+  bool keeps_gaps_ = false;  // a trial made a boundary intersect itself
+  bool has_gaps_ = false;
+  Array<Gap> gaps_;
   Array<Spring> held_springs_;
   Pull pull_;
   Array<Spring> springs_;  // of both
-  BlockMatrix others_;     // the Hessian of scaffold and springs
+  BlockMatrix others_;     // the Hessian of gaps and springs
 };
 
 // ==== [13] SPARSE LDLT (George 1973; Duff and Reid 1983) =========================================
@@ -5810,47 +5853,6 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
   return x;
 }
 
-/// Computes y += A x.
-inline void add_product(const ShiftedMatrix& A, const Array<Vec2>& x, Array<Vec2>& y) {
-  A.H->for_each_block([&](int r, int c, int b) {
-    const Mat2 block = A.block(b);
-    y[r] += block * x[c];
-    if (r != c) y[c] += transposed(block) * x[r];
-  });
-}
-
-/// Solves A x = b by conjugate gradients, preconditioned by the factor of a matrix close to A, both
-/// positive definite [Hestenes and Stiefel 1952]. If the eigenvalues of one relative to the other
-/// lie in [1, α], the error falls by (√α - 1) / (√α + 1) per step. Stops when √(rᵀz), z the
-/// preconditioned r, is at most `tolerance` of its first value, after 50 steps, or if cancelled.
-inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedMatrix& A,
-                                        const Array<Vec2>& b, double tolerance,
-                                        const Executor& executor) {
-  constexpr int kMostSteps = 50;
-  const int n = b.size();
-  Array<Vec2> x(n), r = b, p(n), Ap;
-  double before = 0, first = 0;
-  for (int k = 0; k < kMostSteps && !executor.is_stopped(); ++k) {
-    const Array<Vec2> z = ldlt_solve(factor, r);
-    const double now = dot(r, z);
-    if (k == 0) first = now;
-    if (!(now > tolerance * tolerance * first)) break;
-    const double along = k == 0 ? 0 : now / before;
-    for (int i = 0; i < n; ++i) p[i] = z[i] + along * p[i];
-    Ap.assign(n, {});
-    add_product(A, p, Ap);
-    const double curvature = dot(p, Ap);
-    if (!(curvature > 0)) break;
-    const double step = now / curvature;
-    for (int i = 0; i < n; ++i) {
-      x[i] += step * p[i];
-      r[i] -= step * Ap[i];
-    }
-    before = now;
-  }
-  return x;
-}
-
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
@@ -5860,7 +5862,7 @@ inline Array<Vec2> solve_with_neighbour(const LdltFactor& factor, const ShiftedM
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
-//             (part [23], candidates), and from there on Algorithm 1 maps every level. Exact
+//             (part [22], candidates), and from there on Algorithm 1 maps every level. Exact
 //             landmarks are joined before it runs. Held boundaries lie along a square from the
 //             start, and the planes meet at the full meshes. A free boundary that leaves no room
 //             for a vertex, or its surface strained, goes back to a circle. On squares and circles
@@ -6396,6 +6398,36 @@ inline void add_springs(const HalfEdgeMesh& m, const Points2& x, const Place& p,
   add_springs(p, q, stiffness, {}, all, springs);
 }
 
+/// Finds the place of the other mesh on which a place lies, and the motions of the corners of both
+/// to one plane; false if the map does not cover it.
+inline bool find_image(const HalfEdgeMesh& m, const Points2& x,
+                       const Array<OverlayPolygon>& polygons, const Groups<int>& by_face,
+                       const Place& p, Place& image, std::array<Motion, 6>& motion) {
+  constexpr double kRounding = 1e-9;
+  double most = -kRounding;
+  m.for_each_outgoing(p.corners[0], [&](int h) {
+    Spot spot;
+    if (!find_spot(m, x, p, h / 3, spot)) return;
+    by_face.for_each_in(h / 3, [&](int i) {
+      const OverlayPolygon& polygon = polygons[i];
+      const bool is_on_b = polygon.tb == h / 3;
+      const Motion to_a = is_on_b ? polygon.motion : Motion();  // to the plane of t_A
+      const int first = 3 * (is_on_b ? polygon.ta : polygon.tb), own = is_on_b ? 0 : 3;
+      const SixPoints points = six_points(m, x, polygon);
+      const Vec3 w = barycentric(to_a * spot.at, points[own], points[own + 1], points[own + 2]);
+      const double least = (std::min)({w.x, w.y, w.z});
+      if (least <= most) return;
+      most = least;
+      for (int k = 0; k < 3; ++k) {
+        image.corners[k] = m.tail[first + k], image.weights[k] = w[k];
+        motion.data()[k] = to_a * spot.motion.data()[k];
+        motion.data()[3 + k] = motion_in(m, polygon, first + k);
+      }
+    });
+  });
+  return most > -kRounding;
+}
+
 // ---- alignment ----
 
 /// The planar area of the triangles around a place, relative to their area on the surface.
@@ -6464,8 +6496,9 @@ class LandmarkPull {
   bool is_empty() const { return ends_.empty(); }
 
   double operator()(const Iterate& x, Array<Spring>& springs) const {
+    const Groups<int> by_face = group_polygons(x.overlay.polygons, s_->mesh.n_faces);
     double energy = 0;
-    for (const End& end : ends_) energy += pull(end, x, springs);
+    for (const End& end : ends_) energy += pull(end, x, by_face, springs);
     return energy;
   }
 
@@ -6476,11 +6509,12 @@ class LandmarkPull {
     double weight;
   };
 
-  double pull(const End& end, const Iterate& x, Array<Spring>& springs) const {
+  double pull(const End& end, const Iterate& x, const Groups<int>& by_face,
+              Array<Spring>& springs) const {
     constexpr double kDoubt = 0.15;  // c, in roots of the area
     Place on_b;
     std::array<Motion, 6> motion;
-    if (!find_image(end.a, x, on_b, motion)) return 0;
+    if (!find_image(s_->mesh, x.x, x.overlay.polygons, by_face, end.a, on_b, motion)) return 0;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
     const auto flat = [&](int k) { return motion.data()[3 + k] * row2(x.x, on_b.corners[k]); };
     const Vec3 image = position(*s_, on_b);
@@ -6493,34 +6527,6 @@ class LandmarkPull {
     add_springs(end.a, on_b, weight * (transposed(P) * metric * P),
                 weight * (transposed(P) * Vec2{dot(e1, r), dot(e2, r)}), motion, springs);
     return unit_ * end.weight * t * share;
-  }
-
-  /// Finds the place of B on which a place of A lies, and the motions of the corners of both to the
-  /// plane of a triangle of A; false if the map does not cover it.
-  bool find_image(const Place& p, const Iterate& x, Place& image,
-                  std::array<Motion, 6>& motion) const {
-    constexpr double kRounding = 1e-9;
-    const HalfEdgeMesh& m = s_->mesh;
-    double most = -kRounding;
-    m.for_each_outgoing(p.corners[0], [&](int h) {
-      Spot spot;
-      if (!find_spot(m, x.x, p, h / 3, spot)) return;
-      for (int i = x.overlay.newest[h / 3]; i >= 0; i = x.overlay.older[i]) {
-        const OverlayPolygon& polygon = x.overlay.polygons[i];
-        const SixPoints points = six_points(m, x.x, polygon);
-        const Vec3 w = barycentric(spot.at, points[3], points[4], points[5]);
-        const double least = (std::min)({w.x, w.y, w.z});
-        if (least <= most) continue;
-        most = least;
-        for (int k = 0; k < 3; ++k) {
-          const int g = 3 * polygon.tb + k;
-          image.corners[k] = m.tail[g], image.weights[k] = w[k];
-          motion.data()[k] = spot.motion.data()[k];
-          motion.data()[3 + k] = motion_in(m, polygon, g);
-        }
-      }
-    });
-    return most > -kRounding;
   }
 
   static Vec3 nearest_on(const Array<Vec3>& line, const Vec3& p) {
@@ -6973,23 +6979,23 @@ class FlatNewton {
 
  private:
   /// Takes a projected Newton step with backtracking; false if the energy does not fall. Once a
-  /// trial makes the boundary intersect itself, a scaffold keeps it simple.
+  /// trial makes the boundary intersect itself, its gaps stay open.
   bool step() {
-    constexpr double kWeight = 1e-2;  // of all triangles of the scaffold, per area of the surface
+    constexpr double kWeight = 0.01;  // of all gaps, per area of the surface
     const LinearSystem system = assemble();
     while (true) {
       bool collided = false;
-      if (is_scaffolded_) scaffold_ = build_scaffold(m_, x_, kWeight * problem_.surface.total_area);
+      if (keeps_gaps_) gaps_ = find_gaps(m_, x_, kWeight * problem_.surface.total_area);
       if (descend(system, collided)) return true;
-      if (is_scaffolded_ || !collided || executor_.is_stopped()) return false;
-      is_scaffolded_ = true;
+      if (keeps_gaps_ || !collided || executor_.is_stopped()) return false;
+      keeps_gaps_ = true;
     }
   }
 
   bool descend(LinearSystem system, bool& collided) {
     constexpr int kMostTrials = 30;
     const Array<Vec2> gradient = system.gradient;
-    add_springs_and_scaffold(system);
+    add_springs_and_gaps(system);
     reduce(problem_.followers, is_fixed_, executor_, system);
     Array<Vec2> d;
     if (!solve(system, d)) return false;
@@ -7001,7 +7007,7 @@ class FlatNewton {
       Points2 y = moved(m_, problem_.followers, x_, d, s);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
       collided = collided || collides(m_, y);
-      if (collided && !is_scaffolded_) return false;
+      if (collided && !keeps_gaps_) return false;
     }
     return false;
   }
@@ -7018,18 +7024,18 @@ class FlatNewton {
 
   /// Returns a step of 1, or a shorter one before the first triangle degenerates.
   double first_step(const Array<Vec2>& d) const {
-    return (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(scaffold_, x_, d)});
+    return (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(gaps_, d)});
   }
 
   bool is_accepted(const Points2& y, double promised) {
     if (!is_injective(m_, y)) return false;
     const double energy = value(y);
-    if (!(energy + scaffold_energy(scaffold_, y) <= energy_ + 1e-4 * promised)) return false;
+    if (!(energy + gap_energy(gaps_, y) <= energy_ + 1e-4 * promised)) return false;
     energy_ = energy;
     return true;
   }
 
-  /// Gradient and Hessian, without the Hessians of springs and scaffold.
+  /// Gradient and Hessian, without the Hessians of springs and gaps.
   LinearSystem assemble() {
     constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
     terms_.resize(m_.n_faces);
@@ -7041,10 +7047,10 @@ class FlatNewton {
     return {std::move(model.H), {}, std::move(model.gradient)};
   }
 
-  void add_springs_and_scaffold(LinearSystem& system) const {
+  void add_springs_and_gaps(LinearSystem& system) const {
     Array<Block> blocks;
     add_springs(problem_.springs, blocks);
-    add_scaffold(scaffold_, blocks);
+    add_gaps(gaps_, blocks);
     if (blocks.empty()) return;
     system.H = sum(system.H, sum_of_blocks(m_.n_vertices, blocks, executor_), executor_);
   }
@@ -7058,8 +7064,8 @@ class FlatNewton {
   int steps_ = 0;
   Array<FaceTerm> terms_;
   LdltFactor factor_;
-  bool is_scaffolded_ = false;
-  Scaffold scaffold_;
+  bool keeps_gaps_ = false;
+  Array<Gap> gaps_;
 };
 
 // ---- one surface across all resolutions ----
@@ -8072,39 +8078,20 @@ inline constexpr int kMostSmoothing = 10;    // and once it is mapped
 inline constexpr double kTolerance = 1e-3;   // relative decrease per step that ends a level
 inline constexpr double kNextOmega = 1e-3;   // ω_L at the map of a coarser level
 
-inline double distance_to_segment(Vec2 p, Vec2 u, Vec2 v) {
-  const Vec2 edge = v - u;
-  const double t = clamp01(dot(p - u, edge) / squared_norm(edge));
-  return norm(p - u - t * edge);
-}
-
-/// Returns the centre of the triangle that lies farthest from the boundary.
-inline Vec2 deepest_point(const HalfEdgeMesh& m, const Points2& x) {
-  constexpr double kRounding = 1 - 1e-12;
-  BoxTree tree;
-  build_tree(m, x, 0, m.boundary.size(), tree);
-  Vec2 deepest;
-  double largest = -1;
-  int nearest = 0;  // on the boundary; likely to be near the next triangle, too
+/// Returns the centre of a triangle, one of those most edges away from the boundary.
+inline Vec2 inner_point(const HalfEdgeMesh& m, const Points2& x) {
+  Array<int> boundary;
+  for (int h : m.boundary) boundary.push_back(m.tail[h]);
+  const Array<int> away = distances_in_edges(m, boundary);
+  int most = -1;
+  Vec2 center;
   for (int f = 0; f < m.n_faces; ++f) {
-    const Vec2 p =
-        1.0 / 3 * (row2(x, m.corner(f, 0)) + row2(x, m.corner(f, 1)) + row2(x, m.corner(f, 2)));
-    double depth = kInfinity;
-    const auto may_be_nearer = [&](Vec2 lo, Vec2 hi) {
-      const double distance_to_box = norm(upper(upper(lo - p, p - hi), Vec2()));
-      return kRounding * distance_to_box <= depth;
-    };
-    const auto is_too_near = [&](int i) {
-      const int h = m.boundary[i];
-      const double distance = distance_to_segment(p, row2(x, m.tail[h]), row2(x, m.tip(h)));
-      if (distance < depth) depth = distance, nearest = i;
-      return depth <= largest;
-    };
-    if (is_too_near(nearest) || tree.find(may_be_nearer, is_too_near)) continue;
-    largest = depth;
-    deepest = p;
+    const int u = m.corner(f, 0), v = m.corner(f, 1), w = m.corner(f, 2);
+    if (away[u] + away[v] + away[w] <= most) continue;
+    most = away[u] + away[v] + away[w];
+    center = 1.0 / 3 * (row2(x, u) + row2(x, v) + row2(x, w));
   }
-  return deepest;
+  return center;
 }
 
 /// Returns a place after decimation: the mean of its remaining corners, with rows from `first` on.
@@ -8515,30 +8502,13 @@ class PairEmbedder {
     constexpr double kStiffness = 3;
     Overlay overlay;
     compute_overlay(s, x, overlay);
-    Array<std::array<int, 2>> at(s.mesh.n_vertices, {-1, -1});  // polygon and half-edge
-    for (const OverlayPolygon& p : overlay.polygons)
-      for (int i = 0; i < p.count; ++i) {
-        const int k = p.piece(i), h = k < 3 ? 3 * p.ta + k : 3 * p.tb + k - 3;
-        if (!same_triangle(p.piece(i > 0 ? i - 1 : p.count - 1), k)) continue;
-        at[s.mesh.tail[h]] = {static_cast<int>(&p - overlay.polygons.data()), h};
-      }
+    const Groups<int> by_face = group_polygons(overlay.polygons, s.mesh.n_faces);
     Array<Spring> springs;
     const auto tie = [&](int v) {
-      const auto [index, h] = at[v];
-      if (index < 0) return;
-      const OverlayPolygon& p = overlay.polygons[index];
-      const SixPoints points = six_points(s.mesh, x, p);
-      const bool is_of_a = h / 3 == p.ta;
-      const int other = is_of_a ? p.tb : p.ta, own = is_of_a ? 0 : 3, first = 3 - own;
-      const Vec3 weights =
-          barycentric(points[own + h % 3], points[first], points[first + 1], points[first + 2]);
       Place on;
-      std::array<Motion, 6> motion = {motion_in(s.mesh, p, h)};
-      for (int k = 0; k < 3; ++k) {
-        on.corners[k] = s.mesh.corner(other, k), on.weights[k] = weights[k];
-        motion.data()[3 + k] = motion_in(s.mesh, p, 3 * other + k);
-      }
-      add_springs(copy_of(v), on, diagonal(kStiffness), {}, motion, springs);
+      std::array<Motion, 6> motion;
+      if (find_image(s.mesh, x, overlay.polygons, by_face, copy_of(v), on, motion))
+        add_springs(copy_of(v), on, diagonal(kStiffness), {}, motion, springs);
     };
     for (int v : tied_a_) tie(level_a_.place[v]);
     for (int v : tied_b_) tie(s.n_a + level_b_.place[v]);
@@ -8790,7 +8760,7 @@ class PairEmbedder {
 //             less energy to move, and edges can bend around other landmarks.
 // Fails:      with the landmarks that are still apart after some refinements.
 
-/// Hook: per triangle, why it is too thin to be mapped, or null (part [17]).
+/// Hook: per triangle, why it is too thin to be mapped, or null (part [16]).
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& triangles);
 
 /// Adds vertices at exact landmarks, and at landmarks on held boundaries. False if a triangle
@@ -9140,13 +9110,13 @@ class Embedder {
     return Stage::kJoining;
   }
 
-  /// If the surfaces still lie apart, e.g. one in an opening of the other, brings their deepest
-  /// points together.
+  /// If the surfaces still lie apart, e.g. one in an opening of the other, brings inner points
+  /// together.
   void make_overlap() {
     Points2& f = result_.f;
     if (badness(join(pair_), stacked(f, result_.g)) < kInfinity) return;
-    f = transformed(f, rigid_motion({1, 0}, deepest_point(pair_.a.mesh, f),
-                                    deepest_point(pair_.b.mesh, result_.g)));
+    f = transformed(f, rigid_motion({1, 0}, inner_point(pair_.a.mesh, f),
+                                    inner_point(pair_.b.mesh, result_.g)));
   }
 
   SurfacePair& pair_;
@@ -10105,235 +10075,7 @@ DistortionSummary summarize(const std::vector<PolygonDistortion>& polygons) {
 
 namespace detail {
 
-// ==== [16] SCAFFOLD (paper §4.4) =================================================================
-//
-// Purpose:    keeps the boundary of an embedding simple [Jiang, Schaefer and Panozzo 2017]:
-//             triangles fill the space between it and a box and resist deformation a little. Their
-//             energy is least at construction, so a step that lowers the sum of both energies
-//             lowers E. Every iteration rebuilds them: the boundary can move, but never collide.
-// Invariants: all triangles are positive, exactly; this implies that the boundary is simple.
-// Fails:      leaves out triangles of no area in doubles; there, the boundary's exact test decides.
-
-/// Returns the space outside the surface at a loop as one counter-clockwise polygon: an opening, or
-/// the space between an outer loop and a box around it. A bridge joins the box's second corner to
-/// the rightmost vertex of the loop, which is visible from it.
-inline Array<int> space_at(const HalfEdgeMesh& m, const Points2& x, int loop, Scaffold& s) {
-  const int begin = m.loop[loop], n = m.loop[loop + 1] - begin;
-  const auto vertex = [&](int i) { return m.tail[m.boundary[begin + i % n]]; };
-  Array<int> polygon;
-  if (!runs_counter_clockwise(m, x, loop)) {
-    for (int i = n; i > 0; --i) polygon.push_back(vertex(i));
-    return polygon;
-  }
-  int start = 0;
-  Vec2 lo = row2(x, vertex(0)), hi = lo;
-  for (int i = 1; i < n; ++i) {
-    lo = lower(lo, row2(x, vertex(i)));
-    hi = upper(hi, row2(x, vertex(i)));
-    if (x(vertex(i), 0) > x(vertex(start), 0)) start = i;
-  }
-  const double room = 0.5 * (std::max)(hi.x - lo.x, hi.y - lo.y);
-  lo -= {room, room}, hi += {room, room};
-  const int corner = s.n_vertices + s.box.size();
-  for (const Vec2 p : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) s.box.push_back(p);
-  polygon.push_back(corner);
-  polygon.push_back(corner + 1);
-  for (int i = 0; i <= n; ++i) polygon.push_back(vertex(start + n - i));
-  for (int k = 1; k < 4; ++k) polygon.push_back(corner + k);
-  return polygon;
-}
-
-/// Triangulates a polygon by clipping ears from a queue, in rounds. No round clips two neighbours:
-/// that would make fans, which take n² flips to become Delaunay. A vertex that is no ear is tested
-/// again once a neighbour or the vertex that blocks it is clipped. About O(n log n), except for
-/// spirals, where one vertex may block many.
-class EarClipper {
- public:
-  EarClipper(const Scaffold& scaffold, const Points2& x, const Array<int>& polygon) {
-    const int n = polygon.size();
-    tree_.reset(n);
-    for (int i = 0; i < n; ++i) {
-      const Vec2 p = scaffold.point(x, polygon[i]);
-      corner_.push_back({polygon[i], p, (i + n - 1) % n, (i + 1) % n, kIdle, {}});
-      tree_.set(i, p, p);
-      enqueue(i);
-    }
-    tree_.join();
-  }
-
-  /// Returns the corners of the triangles, fewer than n - 2 triangles if the polygon is not simple.
-  Array<int> run() {
-    Array<int> corners;
-    int left = corner_.size();
-    for (int first = 0; first < queue_.size() && left >= 3; ++first) {
-      const int i = queue_[first];
-      Corner& c = corner_[i];
-      const bool waits = c.state == kWaits;
-      c.state = kIdle;
-      if (corner_[c.prev].next != i) continue;  // clipped already
-      if (waits) {
-        enqueue(i);
-      } else if (is_ear(i)) {
-        for (int k : {c.prev, i, c.next}) corners.push_back(corner_[k].vertex);
-        clip(i);
-        --left;
-      }
-    }
-    return corners;
-  }
-
- private:
-  enum State : char { kIdle, kQueued, kWaits };  // kWaits: moves to the end of the queue
-
-  struct Corner {
-    int vertex;
-    Vec2 point;
-    int prev, next;  // of the remaining ones
-    State state;
-    Array<int> blocked;  // those that this one has blocked
-  };
-
-  void enqueue(int i) {
-    if (corner_[i].state != kIdle) return;
-    corner_[i].state = kQueued;
-    queue_.push_back(i);
-  }
-
-  void clip(int i) {
-    Corner& c = corner_[i];
-    corner_[c.prev].next = c.next;
-    corner_[c.next].prev = c.prev;
-    tree_.remove(i);
-    for (; !c.blocked.empty(); c.blocked.pop_back()) enqueue(c.blocked.back());
-    enqueue(c.prev);
-    if (corner_[c.next].state == kQueued) corner_[c.next].state = kWaits;
-    enqueue(c.next);
-  }
-
-  /// Returns true if the triangle at i is positive and contains no other remaining vertex.
-  bool is_ear(int i) {
-    const Corner &b = corner_[i], &a = corner_[b.prev], &c = corner_[b.next];
-    const Vec2 p = a.point, q = b.point, r = c.point;
-    if (!(orient2d(p, q, r) > 0)) return false;
-    const Vec2 lo = lower(lower(p, q), r), hi = upper(upper(p, q), r);
-    const auto may_contain_some = [&](Vec2 box_lo, Vec2 box_hi) {
-      const auto is_right_of = [&](Vec2 from, Vec2 to) {  // exactly
-        const Vec2 leftmost = {to.y > from.y ? box_lo.x : box_hi.x,
-                               to.x > from.x ? box_hi.y : box_lo.y};
-        return orient2d(from, to, leftmost) < 0;
-      };
-      return boxes_meet(lo, hi, box_lo, box_hi) && !is_right_of(p, q) && !is_right_of(q, r) &&
-             !is_right_of(r, p);
-    };
-    const auto blocks = [&](int k) {
-      const int v = corner_[k].vertex;  // the ends of the bridge occur twice
-      if (v == a.vertex || v == b.vertex || v == c.vertex) return false;
-      corner_[k].blocked.push_back(i);
-      return true;
-    };
-    return !tree_.find(may_contain_some, blocks);  // the box of a point is inside or outside
-  }
-
-  Array<Corner> corner_;
-  Array<int> queue_;  // with all past entries
-  BoxTree tree_;      // of the remaining vertices
-};
-
-/// Returns true if a flip of an edge is valid and the angles opposite it add up to more than π.
-inline bool flip_improves(const Scaffold& s, const Points2& x, const HalfEdgeMesh& m, int h) {
-  constexpr double kClear = 1e-9;  // margin, so that rounding cannot cause endless flips
-  const int t = m.twin[h];
-  const Vec2 a = s.point(x, m.tail[h]), b = s.point(x, m.tail[t]);
-  const Vec2 c = s.point(x, m.tail[prev(h)]), d = s.point(x, m.tail[prev(t)]);
-  if (!(orient2d(a, d, c) > 0) || !(orient2d(d, b, c) > 0)) return false;
-  // Exact signs: on a boundary that is straight up to rounding, areas round to 0.
-  const double cot_c = dot(a - c, b - c) / orient2d(a, b, c);
-  const double cot_d = dot(b - d, a - d) / orient2d(b, a, d);
-  return cot_c + cot_d < -kClear * (std::abs(cot_c) + std::abs(cot_d));
-}
-
-inline void make_delaunay(const Scaffold& s, const Points2& x, HalfEdgeMesh& m) {
-  constexpr int kMostFlips = 1000;  // per edge
-  Array<int> stack;
-  for (int h = 0; h < m.tail.size(); ++h)
-    if (m.twin[h] > h) stack.push_back(h);
-  for (std::int64_t left = kMostFlips * std::int64_t{m.n_faces}; !stack.empty() && left > 0;) {
-    const int h = stack.back();
-    stack.pop_back();
-    if (m.twin[h] < 0 || !flip_improves(s, x, m, h)) continue;
-    const int first = 3 * (h / 3), second = 3 * (m.twin[h] / 3);
-    flip(m, h);
-    --left;
-    for (int outer : {first, first + 2, second, second + 1}) stack.push_back(outer);
-  }
-}
-
-/// Triangles in nearly closed gaps get less weight: they would be too stiff for the linear solver.
-inline Scaffold build_scaffold(const HalfEdgeMesh& m, const Points2& x, double weight) {
-  constexpr double kNarrow = 1e-10;  // relative to the diagonal of the first box
-  Scaffold s;
-  s.n_vertices = m.n_vertices;
-  Array<int> corners;
-  for (int loop = 0; loop < m.loops(); ++loop) {
-    const Array<int> polygon = space_at(m, x, loop, s);
-    for (int v : EarClipper(s, x, polygon).run()) corners.push_back(v);
-  }
-  HalfEdgeMesh space = build_half_edges(m.n_vertices + s.box.size(), triangles_from(corners));
-  make_delaunay(s, x, space);
-  const double narrow = kNarrow * norm(s.box[2] - s.box[0]);
-  for (int f = 0; f < space.n_faces; ++f) {
-    const Vec2 a = s.point(x, space.corner(f, 0));
-    const Vec2 p = s.point(x, space.corner(f, 1)) - a, q = s.point(x, space.corner(f, 2)) - a;
-    const Mat2 R = columns(p, q), R_inverse = inverse(R);
-    if (!(determinant(R) > 0) || !is_finite(R_inverse)) continue;  // area in exact arithmetic only
-    const double longest =
-        std::sqrt((std::max)({squared_norm(p), squared_norm(q), squared_norm(q - p)}));
-    const double openness = (std::min)(1.0, cross(p, q) / longest / narrow);
-    s.triangle.push_back({space.corner(f, 0), space.corner(f, 1), space.corner(f, 2)});
-    s.rest_inverse.push_back(R_inverse);
-    s.weight.push_back(weight / space.n_faces * openness * openness);
-  }
-  return s;
-}
-
-inline double scaffold_energy(const Scaffold& s, const Points2& x) {
-  double energy = 0;
-  for (int t = 0; t < s.triangle.size(); ++t) {
-    const std::array<int, 3>& v = s.triangle[t];
-    const Mat2 J =
-        jacobian(s.point(x, v[0]), s.point(x, v[1]), s.point(x, v[2]), s.rest_inverse[t]);
-    energy += triangle_energy(J, s.weight[t]) - 4 * s.weight[t];
-  }
-  return energy;
-}
-
-inline double max_step(const Scaffold& s, const Points2& x, const Array<Vec2>& d) {
-  double least = kInfinity;
-  for (const std::array<int, 3>& v : s.triangle) {
-    const Vec2 p = s.point(x, v[0]), dp = s.displacement(d, v[0]);
-    least = (std::min)(
-        least, triangle_max_step(s.point(x, v[1]) - p, s.point(x, v[2]) - p,
-                                 s.displacement(d, v[1]) - dp, s.displacement(d, v[2]) - dp));
-  }
-  return least;
-}
-
-inline void add_scaffold(const Scaffold& s, Array<Block>& blocks) {
-  const double identity[4] = {1, 0, 0, 1};
-  const TriangleDensity<double> w = triangle_density(identity);
-  for (int t = 0; t < s.triangle.size(); ++t) {
-    const CornerWeights<double> B(s.rest_inverse[t].entry);
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        const int r = s.triangle[t][static_cast<std::size_t>(i)];
-        const int c = s.triangle[t][static_cast<std::size_t>(j)];
-        if (r <= c && c < s.n_vertices)
-          blocks.push_back({r, c, s.weight[t] * point_hessian(w, B, i, j)});
-      }
-  }
-}
-
-// ==== [17] CHECKED AND PREPARED MESHES ===========================================================
+// ==== [16] CHECKED AND PREPARED MESHES ===========================================================
 //
 // Purpose:    find_problems() reports why a mesh cannot be mapped; Preparer repairs it.
 // Invariants: sound parts stay unchanged, and so do ids where nothing is repaired.
@@ -11181,7 +10923,7 @@ inline bool is_nearly_closed(const Surface& s) {
   return kLongTube * loop_length(s, outer_loop(s, -1)) < std::sqrt(s.total_area);
 }
 
-// ==== [18] ALIGNMENTS IN SPACE ===================================================================
+// ==== [17] ALIGNMENTS IN SPACE ===================================================================
 //
 // Purpose:    finds corresponding points of two surfaces of about one shape and pose, at any
 //             position in space.
@@ -11532,7 +11274,7 @@ inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair&
   return best;
 }
 
-// ==== [19] APPLICATIONS (paper §1, §6.3) =========================================================
+// ==== [18] APPLICATIONS (paper §1, §6.3) =========================================================
 //
 // Purpose:    transfers attributes between the surfaces; gives one mesh the geometry of the other.
 // Invariants: attributes pass through corners of the meta mesh, whose places in both meshes are
@@ -11697,7 +11439,7 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
   return x;
 }
 
-// ==== [20] CLOSED SURFACES =======================================================================
+// ==== [19] CLOSED SURFACES =======================================================================
 //
 // Purpose:    decides where to cut a closed surface open that is mapped to one with a boundary, and
 //             finds tips and distances for several parts.
@@ -11873,10 +11615,10 @@ inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open
   return p;
 }
 
-// ==== [21] VERIFICATION ==========================================================================
+// ==== [20] VERIFICATION ==========================================================================
 //
 // Purpose:    proves the guarantees of the library for a given map independently: it uses nothing
-//             of parts [5] to [20] but the meshes, the planar positions and the meta mesh.
+//             of parts [5] to [19] but the meshes, the planar positions and the meta mesh.
 // Method:     Integer arithmetic, without rounding. An embedding of positive triangles covers a
 //             point as often as its boundary winds around it; a sweep over the boundary [Shamos and
 //             Hoey 1976] shows that it is simple and winds around each point at most once. So f and
@@ -12306,7 +12048,7 @@ Outcome verify(const SurfaceMap& map) {
 
 namespace detail {
 
-// ==== [22] THREADS AND PROGRESS ==================================================================
+// ==== [21] THREADS AND PROGRESS ==================================================================
 //
 // Purpose:    the services of part [4]: parallel tasks, on threads of the library or by the
 //             caller's job system, and reports.
@@ -12488,7 +12230,7 @@ inline void Executor::tick() const {
   tell_again();
 }
 
-// ==== [23] ENTRY POINTS ==========================================================================
+// ==== [22] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -13929,7 +13671,7 @@ class StartFinder {
     int n = 0;
     for (int i = 0; i < running_; ++i)
       if (is_different(candidates_[i], n)) std::swap(candidates_[n++], candidates_[i]);
-    running_ = (std::min)(n, round_ == 0 ? 4 : 2);
+    running_ = (std::min)(n, round_ == 0 ? 5 : 3);
     if (round_ >= kWithTips) return;
     const auto other = std::find_if(first + running_, first + n,
                                     [](const Candidate& c) { return c.alignment < 0; });
@@ -14269,8 +14011,8 @@ SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, c
 // ==== HISTORY ====================================================================================
 //
 // 1.0.0  Algorithm 1 with its constraints, held and sliding boundaries and measures; beyond the
-//        paper: coverage, coarse to fine, quasi-Newton steps, a scaffold, exact landmarks; closed
-//        surfaces and surfaces with openings; prepare(), Solver, Transfer, verify().
+//        paper: coverage, coarse to fine, quasi-Newton steps, gaps that stay open, exact landmarks;
+//        closed surfaces and surfaces with openings; prepare(), Solver, Transfer, verify().
 //
 // ==== LICENSE ====================================================================================
 //

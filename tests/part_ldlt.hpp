@@ -552,27 +552,6 @@ TEST_CASE("factors and solutions are the same bits for any number of threads") {
   }
 }
 
-TEST_CASE("a factor solves for its neighbours, near and far, as exactly as wanted") {
-  Rng rng(16);
-  const int n = 20;
-  const BlockMatrix pattern = pattern_of(n * n, lattice_edges(n, 2));
-  const LdltSymbolic symbolic = dissected(pattern, lattice_points(n));
-  const BlockMatrix H = positive_matrix(pattern, rng), Q = positive_matrix(pattern, rng);
-  const VectorXd b = random_vector(2 * n * n, rng);
-  LdltFactor factor;
-  const Executor run = executor(1);
-  factorize(symbolic, {&H, &Q, 1}, run, factor);
-  for (double omega : {0.5, 0.8, 1.25, 2.0, 16.0})
-    for (double tolerance : {1e-3, 1e-10}) {
-      CAPTURE(omega);
-      const ShiftedMatrix A = {&H, &Q, omega};
-      const VectorXd x = dense(solve_with_neighbour(factor, A, per_vertex(b), tolerance, run));
-      CHECK((assembled(A) * x - b).norm() < 10 * tolerance * b.norm());
-    }
-  const Array<Vec2> zero(n * n);
-  CHECK(dense(solve_with_neighbour(factor, {&H, &Q, 2}, zero, 0, run)).isZero(0));
-}
-
 }  // namespace ldlt_tests
 
 #endif  // ISM_TESTS_PART_LDLT_HPP

@@ -404,9 +404,6 @@ void bench_ldlt(const State& s, const LinearSystem& system, double omega, int th
                    residual(cholmod.solve(flat_b)));
   }
 #endif
-  const double neighbour = median_seconds(
-      repeats, [&] { x = solve_with_neighbour(factor, system.shifted(omega / 2), b, 1e-3, run); });
-  report.add("conjugate gradients to 1e-3 for omega / 2", 1, neighbour, 1e3, "ms");
 }
 
 void bench_run(const Problem& problem, int threads, Report& report) {
