@@ -3301,9 +3301,6 @@ struct Tuning {
   /// The iterations over which Options::tolerance is averaged, half as many after coarse levels: a
   /// bridge over pauses before E falls again. No run stops while ω_L decreases above 1e-3.
   int window = 20;
-  /// Keeps gaps of boundaries open from the first step on that would make a boundary of f(A) or
-  /// g(B) intersect itself (§4.4); without, a run stalls there.
-  bool gaps = true;
 };
 
 /// The options of a run and the constants that follow from them.
@@ -3318,7 +3315,6 @@ struct RunOptions : Options {
       tuning.omega_least = tuning.least_coverage = 0;
       tuning.search_stride = 1;
       tuning.window = 10;
-      tuning.gaps = false;
     }
     tuning.omega_least = (std::min)(tuning.omega_least, omega_start);
     if (as_published || omega_start == 0) tuning.quasi_newton_steps = 0;
@@ -4581,9 +4577,7 @@ class Optimizer {
       if (is_stationary_) break;
       search(directions);  // lines 17 to 23
       found = trials_.found;
-      if (!found && recover()) continue;  // beyond the paper
-      if (!found) found = leave_kink();   // beyond the paper
-      break;
+      if (found || !recover()) break;  // beyond the paper
     }
     if (executor_.is_stopped()) return false;
     if (found) accept(result);  // lines 24 and 25
@@ -4775,7 +4769,7 @@ class Optimizer {
   void search(const Array<Direction>& directions) {
     Timer timer;
     trials_.run(problem_, directions);
-    if (options_.tuning.gaps && trials_.collided) keeps_gaps_ = true;  // beyond the paper
+    keeps_gaps_ = keeps_gaps_ || (trials_.collided && !options_.as_published);  // beyond the paper
     log_.seconds_search += timer.lap();
   }
 
@@ -4861,67 +4855,6 @@ class Optimizer {
     others_ = sum_of_blocks(s_.mesh.n_vertices, blocks, executor_);
   }
 
-  /// Leaves a kink. Where edges of A lie along edges of B, as everywhere on two equal planes, the
-  /// slope of E jumps, and E may rise along a direction of negative slope. The shortest convex
-  /// combination of the gradient g and one slightly ahead gives the next direction, until E falls,
-  /// or promises so little that x is stationary [Kiwiel 1985]. Returns true if a step is found.
-  bool leave_kink() {
-    constexpr int kMost = 24;
-    if (!make_factor_positive()) return false;
-    Array<Vec2> g = gradient_at(0), d = ldlt_solve(factor_, negated(g));
-    for (int k = 0; k < kMost && !executor_.is_stopped(); ++k) {
-      is_stationary_ = is_little(-dot(g, d), options_.tolerance);
-      const Array<Direction> directions = single_direction(d);
-      if (is_stationary_ || !(directions[0].slope < 0)) return false;
-      quick_.step = 1;
-      if (search_back(directions)) return true;
-      const Array<Vec2> ahead = gradient_along(directions[0]);
-      if (ahead.empty()) return false;
-      const Array<Vec2> e = ldlt_solve(factor_, negated(ahead));
-      const double gg = -dot(g, d), gh = -dot(g, e), hh = -dot(ahead, e);  // products gᵀ B h
-      if (!(gg - 2 * gh + hh > 0)) return false;
-      const double share = clamp01((gg - gh) / (gg - 2 * gh + hh));
-      for (int i = 0; i < g.size(); ++i) {
-        g[i] += share * (ahead[i] - g[i]);
-        d[i] += share * (e[i] - d[i]);
-      }
-    }
-    return false;
-  }
-
-  /// Enlarges the diagonal until the factor is positive definite (rounding); false if it fails.
-  bool make_factor_positive() {
-    constexpr double kLeast = 1e-14, kMost = 1, kMore = 100;
-    for (double share = kLeast; factor_.negative > 0 && share <= kMost; share *= kMore) {
-      LinearSystem system = blended_system();
-      if (executor_.is_stopped()) break;
-      for (int r = 0; r < system.H.rows(); ++r) {
-        Mat2& diagonal = system.H.value[system.H.start[r]];
-        diagonal = (1 + share) * diagonal;
-      }
-      ldlt_factorize(system.shifted(omega_), x_.x, executor_, factor_);
-    }
-    return factor_.ok && factor_.negative == 0;
-  }
-
-  Array<Direction> single_direction(Array<Vec2> d) const {
-    Array<Direction> directions(1, direction(std::move(d), omega_));
-    set_largest_step(directions[0]);
-    return directions;
-  }
-
-  /// Returns the gradient of the unknowns slightly ahead; empty if there is no map.
-  Array<Vec2> gradient_along(const Direction& direction) {
-    constexpr double kLittle = 1e-5;
-    Iterate y;
-    y.x = moved(s_.mesh, followers_, x_.x, direction.d, kLittle * direction.first_step);
-    if (!is_injective(s_.mesh, y.x)) return {};
-    evaluate(s_, weights_, y);
-    if (!std::isfinite(y.energy)) return {};
-    models_.differentiate_elements(y, false);
-    return of_unknowns(models_.assemble().gradient, y.x);
-  }
-
   // -- quasi-Newton steps: once ω_L is small, with the last factor --
 
   /// The plan for the next quasi-Newton steps.
@@ -4956,7 +4889,8 @@ class Optimizer {
     Array<Vec2> d = quasi_newton_direction(
         factor_, secants(),
         of_unknowns(blended_gradient(history_, options_.tuning.history_decay), x_.x));
-    const Array<Direction> directions = single_direction(std::move(d));
+    Array<Direction> directions(1, direction(std::move(d), omega_));
+    set_largest_step(directions[0]);
     log_.seconds_solve += timer.lap();
     const bool found = directions[0].slope < 0 && search_back(directions);
     if (executor_.is_stopped()) return false;

@@ -1267,7 +1267,6 @@ TEST_CASE("the paper preset has the paper's constants and can be run") {
   CHECK(paper.tuning.quasi_newton_steps == 0);
   CHECK(paper.max_iterations == 550);
   CHECK(paper.tuning.window == 10);
-  CHECK_FALSE(paper.tuning.gaps);
   const auto [a, b] = random_pair(28);
   Options options = paper;
   options.initial_f = a.plane;
