@@ -3407,6 +3407,7 @@ struct Iterate {
   double area_a = 0, area_b = 0;  // area A', area B'
   double energy_f = 0, energy_g = 0;
   double energy = kInfinity;  // E
+  double pull = 0;            // hook: of a Pull
 };
 
 inline Mat2 triangle_jacobian(const Surface& s, const Points2& x, int f) {
@@ -4286,8 +4287,8 @@ inline void add_springs(const Array<Spring>& springs, Array<Block>& blocks) {
   }
 }
 
-/// Hook: springs that follow the map. Adds them for an iterate; returns the energy they stand for,
-/// which has their gradient there.
+/// Hook: an energy that depends on the map. Returns it, at least 0, for an iterate, and adds
+/// springs that have its gradient there.
 using Pull = std::function<double(const Iterate& x, Array<Spring>& springs)>;
 
 // ---- line search ----
@@ -4314,7 +4315,7 @@ struct Trial {
   bool accepted = false;
   bool collides = false;  // rejected because a boundary intersects itself
   double resistance = 0;  // energy of gaps
-  double pull = 0;        // increase of the springs' energy
+  double pull = 0;        // increase of the springs' and the hook's energy
   Iterate x;
   double value() const { return x.energy + resistance + pull; }
 };
@@ -4357,7 +4358,8 @@ struct SearchProblem {
   const StepRules& rules;
   const Array<Follower>& followers;
   const Array<Gap>& gaps;
-  const Array<Spring>& springs;
+  const Array<Spring>& springs;  // without those of `pull`
+  const Pull& pull;
   const Iterate& from;
   const Executor& executor;
   int stride;  // Tuning::search_stride
@@ -4375,10 +4377,16 @@ inline void evaluate_trial(const SearchProblem& problem, const Direction& d, dou
   t.collides = !t.accepted && collides(m, t.x.x);
   if (!t.accepted) return;
   t.resistance = gap_energy(problem.gaps, t.x.x);
-  t.pull =
-      with_springs(0, problem.springs, t.x.x) - with_springs(0, problem.springs, problem.from.x);
+  t.pull = with_springs(0, problem.springs, t.x.x) -
+           with_springs(0, problem.springs, problem.from.x) - problem.from.pull;
   const double limit = (std::min)(largest_energy(problem.from, d, t), best - t.resistance - t.pull);
   evaluate(problem.s, problem.weights, t.x, limit);
+  t.x.pull = 0;
+  if (problem.pull && t.x.energy <= limit) {
+    Array<Spring> springs;
+    t.x.pull = problem.pull(t.x, springs);
+    t.pull += t.x.pull;
+  }
   t.accepted = is_acceptable(problem.rules, problem.from, d, t);
 }
 
@@ -4532,9 +4540,11 @@ class Optimizer {
         executor_(executor),
         models_(s, weights_, executor_),
         omega_(options.omega_start),
-        problem_{s,         weights_, rules_,
-                 followers, gaps_,    springs_,
-                 x_,        executor, options.tuning.search_stride} {
+        problem_{s,        weights_,
+                 rules_,   followers,
+                 gaps_,    held_springs_,
+                 pull_,    x_,
+                 executor, options.tuning.search_stride} {
     if (omega_ > 0) laplacian_ = squared_laplacian(s, executor_);  // line 1
   }
 
@@ -4550,7 +4560,8 @@ class Optimizer {
               options_.tuning.least_coverage * x_.area_a,
               options_.tuning.least_coverage * x_.area_b};
     describe(s_, followers_, x_, result.initial);
-    if (pull_) result.initial.energy += pull_(x_, springs_);
+    if (pull_) x_.pull = pull_(x_, springs_);
+    result.initial.energy += x_.pull;
     result.initial.omega = omega_;
     result.log_begin = result.initial;
     result.status = Status::kUnfinished;
@@ -4781,7 +4792,7 @@ class Optimizer {
     omega_ = options_.as_published ? best.omega : next_omega(best);
     is_remembered_ = false;
     describe(s_, followers_, x_, log_);
-    if (pull_) log_.energy += pull_(x_, springs_);
+    log_.energy += x_.pull;
     log_.iteration = static_cast<int>(result.log.size()) + 1;
     log_.omega = best.omega;
     log_.step = best.step.length;
@@ -6448,7 +6459,8 @@ class LandmarkPull {
     constexpr double kDoubt = 0.15;  // c, in roots of the area
     Place on_b;
     std::array<Motion, 6> motion;
-    if (!find_image(s_->mesh, x.x, x.overlay.polygons, by_face, end.a, on_b, motion)) return 0;
+    if (!find_image(s_->mesh, x.x, x.overlay.polygons, by_face, end.a, on_b, motion))
+      return unit_ * end.weight * kDoubt * kDoubt;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
     const auto flat = [&](int k) { return motion.data()[3 + k] * row2(x.x, on_b.corners[k]); };
     const Vec3 image = position(*s_, on_b);
