@@ -5944,8 +5944,12 @@ inline void flip(HalfEdgeMesh& m, int h) {
   set(second, d, db), set(second + 1, b, bc), set(second + 2, c, first + 1);
 }
 
-inline bool is_copy(const AddedVertex& p) { return p.corners[1] < 0; }
-inline bool is_on_edge(const AddedVertex& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
+/// A place on a mesh: at a vertex (other corners: -1), on an edge or in a triangle.
+using Place = AddedVertex;
+
+/// The vertex of a place, or -1 if it is on an edge or in a triangle.
+inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
+inline bool is_on_edge(const Place& p) { return p.corners[1] >= 0 && p.corners[2] < 0; }
 
 inline AddedVertex copy_of(int v) {
   AddedVertex copy;
@@ -5962,11 +5966,6 @@ inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
   const int h = is_mean ? find_edge(m, p.corners[0], p.corners[1]) : -1;
   if (h < 0 || is_on_edge(p) || m.tail[prev(h)] == p.corners[2]) return h;
   return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
-}
-
-/// Adds a vertex where find_place() found it. The list of the boundary is then stale.
-inline void add_vertex(HalfEdgeMesh& m, int h, const AddedVertex& p) {
-  is_on_edge(p) ? split_edge(m, h) : split_triangle(m, h);
 }
 
 /// Vertices with those added behind them.
@@ -5986,36 +5985,49 @@ Points with_added(const Points& vertices, const std::vector<AddedVertex>& added)
   return all;
 }
 
-/// Adds vertices one by one; the shape stays. If an edge or a triangle does not exist, returns
-/// false; the surface is then unusable.
-inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s) {
-  for (const AddedVertex& p : added) {
-    const int h = find_place(s.mesh, p);
-    if (h < 0) return false;
-    add_vertex(s.mesh, h, p);
+/// A place in the plane of a triangle, and the motions of its corners to this plane.
+struct Spot {
+  Vec2 at;
+  std::array<Motion, 3> motion;
+};
+
+/// False if the place is not in the triangle.
+inline bool find_spot(const HalfEdgeMesh& m, const Points2& x, const Place& p, int face,
+                      Spot& spot) {
+  spot = Spot();
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
+    int h = 3 * face;
+    while (h < 3 * face + 3 && m.tail[h] != p.corners[k]) ++h;
+    if (h == 3 * face + 3) return false;
+    if (!m.pillow.is_empty()) spot.motion.data()[k] = m.pillow.place[h];
+    spot.at += (vertex_at(p) >= 0 ? 1 : p.weights[k]) * place_of(m, x, h);
   }
+  return true;
+}
+
+/// Takes vertices that were added to the mesh into the surface.
+inline void append(const std::vector<AddedVertex>& added, Surface& s) {
   trace_boundary(s.mesh);
   s.vertices = with_added(s.vertices, added);
   s.added.insert(s.added.end(), added.begin(), added.end());
   compute_rest_frames(s);
-  return true;
 }
 
-/// Does the same in the plane, too.
-inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s, Points2& x) {
-  HalfEdgeMesh m = s.mesh;
-  x.conservativeResize(x.rows() + static_cast<int>(added.size()), 2);
+/// Adds vertices one by one, to positions in the plane, too, if there are any; the shape stays. If
+/// an edge or a triangle does not exist, returns false; the surface is then unusable.
+inline bool add_vertices(const std::vector<AddedVertex>& added, Surface& s, Points2* x = nullptr) {
+  const bool is_in_plane = x != nullptr && x->size() > 0;
+  if (is_in_plane) x->conservativeResize(x->rows() + static_cast<int>(added.size()), 2);
   for (const AddedVertex& p : added) {
-    const int h = find_place(m, p);
+    const int h = find_place(s.mesh, p);
     if (h < 0) return false;
-    Vec2 sum;
-    for (int k = 0; k < 3; ++k)
-      for (int e : {h, next(h), prev(h)})
-        if (m.tail[e] == p.corners[k]) sum += p.weights[k] * place_of(m, x, e);
-    set_row(x, m.n_vertices, usable(m, sum));
-    add_vertex(m, h, p);
+    Spot spot;
+    if (is_in_plane && find_spot(s.mesh, *x, p, h / 3, spot))
+      set_row(*x, s.mesh.n_vertices, usable(s.mesh, spot.at));
+    is_on_edge(p) ? split_edge(s.mesh, h) : split_triangle(s.mesh, h);
   }
-  return add_vertices(added, s);
+  append(added, s);
+  return true;
 }
 
 /// Halves edges longer than `longest` at triangles larger than `largest`, the longest first [Rivara
@@ -6130,10 +6142,7 @@ inline void halve_edges(double longest, double largest, int most, Surface& s) {
   EdgeHalver halver(longest, largest, s);
   halver.run(most);
   s.mesh = std::move(halver.m);
-  trace_boundary(s.mesh);
-  s.vertices = with_added(s.vertices, halver.added);
-  s.added.insert(s.added.end(), halver.added.begin(), halver.added.end());
-  compute_rest_frames(s);
+  append(halver.added, s);
 }
 
 /// Cuts a surface along inner edges. At the tail of each half-edge given, the fan on its left keeps
@@ -6157,18 +6166,10 @@ inline void cut_along(const Array<int>& edges, Surface& s) {
   for (int h = 0; h < m.twin.size(); ++h)
     if (is_cut[h]) m.twin[h] = -1;
   find_outgoing(m);
-  trace_boundary(m);
-  s.vertices = with_added(s.vertices, copies);
-  s.added.insert(s.added.end(), copies.begin(), copies.end());
+  append(copies, s);
 }
 
 // ---- landmarks on the surfaces ----
-
-/// Place of one end of a landmark: at a vertex (other corners: -1), on an edge or in a triangle.
-using Place = AddedVertex;
-
-/// The vertex of a place, or -1 if it is on an edge or in a triangle.
-inline int vertex_at(const Place& p) { return p.corners[1] < 0 ? p.corners[0] : -1; }
 
 inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
   if (vertex_at(p) >= 0) return m.on_boundary(vertex_at(p));
@@ -6200,7 +6201,7 @@ inline bool tidy(Place& p) {
 inline void follow(const AddedVertex& added, int id, Place& p) {
   int at[3], last = -1;
   double least = kInfinity;
-  if (is_copy(added)) return;
+  if (vertex_at(added) >= 0) return;  // a copy
   const int n = is_on_edge(added) ? 2 : 3;
   for (int k = 0; k < n; ++k) {
     for (at[k] = 0; at[k] < 3 && p.corners[at[k]] != added.corners[k];) ++at[k];
@@ -6234,21 +6235,13 @@ struct PlacedLandmark {
   double weight = 1;  // less for pairs that were found, not given
 };
 
-/// Landmarks after the last vertices of the surfaces, a and b, were added.
-inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks,
-                                     const std::vector<AddedVertex>& a,
-                                     const std::vector<AddedVertex>& b, const SurfacePair& pair) {
-  const auto move = [](const Surface& s, const std::vector<AddedVertex>& added, Place& p) {
-    p = located(p, s.mesh.n_vertices - static_cast<int>(added.size()), added);
-  };
-  for (PlacedLandmark& l : landmarks) move(pair.a, a, l.a), move(pair.b, b, l.b);
-  return landmarks;
-}
-
 /// Landmarks of the given meshes on the surfaces, to which vertices may have been added.
-inline Array<PlacedLandmark> located(const Array<PlacedLandmark>& landmarks,
-                                     const SurfacePair& pair) {
-  return located(landmarks, pair.a.added, pair.b.added, pair);
+inline Array<PlacedLandmark> located(Array<PlacedLandmark> landmarks, const SurfacePair& pair) {
+  const auto move = [](const Surface& s, Place& p) {
+    p = located(p, s.mesh.n_vertices - static_cast<int>(s.added.size()), s.added);
+  };
+  for (PlacedLandmark& l : landmarks) move(pair.a, l.a), move(pair.b, l.b);
+  return landmarks;
 }
 
 /// A landmark with both ends at vertices.
@@ -6301,26 +6294,6 @@ inline void add_springs(const Place& p, const Place& q, const Mat2& stiffness, V
       springs.push_back({corner(k), corner(l), -c(k) * c(l) * stiffness,
                          (k == 0 ? -g.sign * c(l) : 0) * force, inverse(g) * motion.data()[l]});
     }
-}
-
-/// A place in the plane of a triangle, and the motions of its corners to this plane.
-struct Spot {
-  Vec2 at;
-  std::array<Motion, 3> motion;
-};
-
-/// False if the place is not in the triangle.
-inline bool find_spot(const HalfEdgeMesh& m, const Points2& x, const Place& p, int face,
-                      Spot& spot) {
-  spot = Spot();
-  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) {
-    int h = 3 * face;
-    while (h < 3 * face + 3 && m.tail[h] != p.corners[k]) ++h;
-    if (h == 3 * face + 3) return false;
-    if (!m.pillow.is_empty()) spot.motion.data()[k] = m.pillow.place[h];
-    spot.at += (vertex_at(p) >= 0 ? 1 : p.weights[k]) * place_of(m, x, h);
-  }
-  return true;
 }
 
 /// The spot in some triangle at a place.
@@ -8709,19 +8682,19 @@ class PairEmbedder {
 /// Hook: per triangle, why it is too thin to be mapped, or null (part [16]).
 inline Array<const char*> triangle_defects(const Points3& vertices, const Triangles& triangles);
 
-/// Adds vertices at exact landmarks, and at landmarks on held boundaries. False if a triangle
-/// becomes too thin, or their order is wrong.
+/// Adds vertices at exact landmarks, and at landmarks on held boundaries, to positions, too, if
+/// there are any. False if a triangle becomes too thin, or their order is wrong.
 inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const RunOptions& options,
-                                  SurfacePair& pair, std::vector<AddedVertex>& a,
-                                  std::vector<AddedVertex>& b, Outcome& outcome) {
+                                  SurfacePair& pair, Embedding& start) {
+  std::vector<AddedVertex> a, b;
   for (const PlacedLandmark& l : landmarks) {
     const bool is_on_both = on_boundary(pair.a.mesh, l.a) && on_boundary(pair.b.mesh, l.b);
     if (!options.exact_landmarks && !is_on_both) continue;
     add_place(l.a, pair.a.mesh.n_vertices, a);
     add_place(l.b, pair.b.mesh.n_vertices, b);
   }
-  if (!add_vertices(a, pair.a) || !add_vertices(b, pair.b))
-    return fail(outcome, Status::kInvalidLandmarks,
+  if (!add_vertices(a, pair.a, &start.f) || !add_vertices(b, pair.b, &start.g))
+    return fail(start, Status::kInvalidLandmarks,
                 {"landmarks are too close to each other to become vertices"});
   for (Side side : {Side::kA, Side::kB}) {
     const Surface& s = side == Side::kA ? pair.a : pair.b;
@@ -8729,12 +8702,12 @@ inline bool add_landmark_vertices(const Array<PlacedLandmark>& landmarks, const 
     const Array<const char*> defects = triangle_defects(s.vertices, triangles_from(s.mesh.tail));
     for (int f = 0; f < defects.size(); ++f)
       if (defects[f] != nullptr)
-        return fail(outcome, Status::kInvalidLandmarks,
+        return fail(start, Status::kInvalidLandmarks,
                     {"landmarks on ", letter(side),
                      " are too close to edges: once they are vertices, triangle ", f, defects[f]},
                     {{side, Element::kFace, f}});
   }
-  return check_order(pair, located(landmarks, a, b, pair), outcome);
+  return check_order(pair, located(landmarks, pair), start);
 }
 
 /// True if an injective embedding stays injective after a vertex was moved: the triangles around it
@@ -8843,7 +8816,7 @@ class LandmarkJoiner {
     sort_unique(edges);
     std::vector<AddedVertex> added;
     for (const std::array<int, 2>& edge : edges) added.emplace_back(edge[0], edge[1]);
-    add_vertices(added, s, x);
+    add_vertices(added, s, &x);
   }
 
   SurfacePair& pair_;
@@ -8928,7 +8901,9 @@ class Embedder {
     switch (stage_) {
       case Stage::kBegin:
         if (!PairEmbedder::has_levels(options_)) mapped_.reset();
-        if ((is_held() || options_.exact_landmarks) && !prepare_landmarks()) return Stage::kEnd;
+        if ((is_held() || options_.exact_landmarks) &&
+            !add_landmark_vertices(landmarks_, options_, pair_, result_))
+          return Stage::kEnd;
         if (is_on_pillow() && !mapped_ && !find_cones()) return Stage::kEnd;
         if (is_held()) outline_builder_ = std::make_unique<OutlineBuilder>(pair_, landmarks());
         if (is_held() && outline_builder_->has_landmarks()) return begin_square();
@@ -9016,11 +8991,6 @@ class Embedder {
     if (options_.exact_landmarks && pairs.size() >= 4) return pairs;
     for (const PlacedLandmark& l : found) add(l);
     return pairs;
-  }
-
-  bool prepare_landmarks() {
-    std::vector<AddedVertex> a, b;
-    return add_landmark_vertices(landmarks_, options_, pair_, a, b, result_);
   }
 
   Stage begin(Stage stage, const OutlinePair* outlines) {
@@ -9476,7 +9446,7 @@ inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
   Array<int> original = numbers_below(n);
   const int first = n - static_cast<int>(added.size());
   for (int v = (std::max)(0, first); v < n; ++v)
-    if (const AddedVertex& p = added.data()[v - first]; is_copy(p) && p.corners[0] >= 0)
+    if (const AddedVertex& p = added.data()[v - first]; vertex_at(p) >= 0)
       original[v] = p.corners[0];
   return original;
 }
@@ -12931,17 +12901,11 @@ class Run {
   /// Begins at the positions of the start. Exact landmarks in triangles become vertices first.
   void begin_at_positions() {
     Embedding& start = result_.start;
-    std::vector<AddedVertex> a, b;
-    const SurfacePair before = pair_;
-    if (!options_.exact_landmarks ||
-        add_landmark_vertices(located(opened_, pair_), options_, pair_, a, b, start)) {
-      pair_ = before;
-      add_vertices(a, pair_.a, start.f);
-      add_vertices(b, pair_.b, start.g);
-      if (!is_injective(pair_.a.mesh, start.f) || !is_injective(pair_.b.mesh, start.g))
-        fail(start, Status::kInvalidLandmarks,
-             {"landmarks are too close to edges, for the positions there are"});
-    }
+    if ((!options_.exact_landmarks ||
+         add_landmark_vertices(located(opened_, pair_), options_, pair_, start)) &&
+        !(is_injective(pair_.a.mesh, start.f) && is_injective(pair_.b.mesh, start.g)))
+      fail(start, Status::kInvalidLandmarks,
+           {"landmarks are too close to edges, for the positions there are"});
     accept_start();
   }
 
