@@ -5968,20 +5968,23 @@ inline int find_place(const HalfEdgeMesh& m, const AddedVertex& p) {
   return m.twin[h] >= 0 && m.tail[prev(m.twin[h])] == p.corners[2] ? m.twin[h] : -1;
 }
 
+inline Vec2 mean(const Place& p, const Points2& x) {
+  Vec2 sum;
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
+  return sum;
+}
+inline Vec3 mean(const Place& p, const Points3& x) {
+  Vec3 sum;
+  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row3(x, p.corners[k]);
+  return sum;
+}
+
 /// Vertices with those added behind them.
-template <class Points>
-Points with_added(const Points& vertices, const std::vector<AddedVertex>& added) {
+inline Points3 with_added(const Points3& vertices, const std::vector<AddedVertex>& added) {
   int v = static_cast<int>(vertices.rows());
-  Points all(v + static_cast<int>(added.size()), vertices.cols());
+  Points3 all(v + static_cast<int>(added.size()), 3);
   std::copy(vertices.data(), vertices.data() + vertices.size(), all.data());
-  for (const AddedVertex& p : added) {
-    for (int c = 0; c < all.cols(); ++c) {
-      all(v, c) = p.weights[0] * all(p.corners[0], c);
-      for (int k = 1; k < 3 && p.corners[k] >= 0; ++k)
-        all(v, c) += p.weights[k] * all(p.corners[k], c);
-    }
-    ++v;
-  }
+  for (const AddedVertex& p : added) set_row(all, v++, mean(p, all));
   return all;
 }
 
@@ -6176,12 +6179,6 @@ inline bool on_boundary(const HalfEdgeMesh& m, const Place& p) {
   return is_on_edge(p) && m.twin[find_edge(m, p.corners[0], p.corners[1])] < 0;
 }
 
-inline Vec2 mean(const Place& p, const Points2& x) {
-  Vec2 sum = p.weights[0] * row2(x, p.corners[0]);
-  for (int k = 1; k < 3 && p.corners[k] >= 0; ++k) sum += p.weights[k] * row2(x, p.corners[k]);
-  return sum;
-}
-
 /// Removes corners that are -1 or have hardly any weight; false if none is left.
 inline bool tidy(Place& p) {
   int n = 0;
@@ -6370,13 +6367,6 @@ inline Place in_joint(const JointSurface& s, Place p) {
   return p;
 }
 
-inline Vec3 position(const Surface& s, const Place& p) {
-  Vec3 sum;
-  for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
-    sum += p.weights[k] * row3(s.vertices, p.corners[k]);
-  return sum;
-}
-
 /// The energy of landmarks that pull: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
 /// McClure 1985], S is the mean area of the surfaces, and r leads from the image of A's end to B's
 /// end in space, for any planes. A landmark that contradicts the map loses its pull. In its
@@ -6390,17 +6380,15 @@ class LandmarkPull {
     constexpr double kMost = 50;       // landmarks of full weight; more share it
     constexpr int kMostSprings = 300;  // of many landmarks, so many spread over the list pull
     const int step = 1 + landmarks.size() / (kMostSprings + 1);
-    const auto pulls = [](const PlacedLandmark& l) { return l.weight == 1 && l.given.weight > 0; };
     double total = 0;
-    for (int i = 0; i < landmarks.size(); i += step)
-      if (pulls(landmarks[i])) total += landmarks[i].given.weight;
-    const double share = (std::min)(1.0, kMost / total);
     for (int i = 0; i < landmarks.size(); i += step) {
       const PlacedLandmark& l = landmarks[i];
-      if (!pulls(l)) continue;
-      ends_.push_back({l.a, targets_.size(), l.given.weight * share});
-      targets_.push_back(Array<Vec3>(1, position(s, in_joint(s, l.b))));
+      if (l.weight < 1 || !(l.given.weight > 0)) continue;
+      total += l.given.weight;
+      ends_.push_back({l.a, targets_.size(), l.given.weight});
+      targets_.push_back(Array<Vec3>(1, mean(in_joint(s, l.b), s.vertices)));
     }
+    for (End& end : ends_) end.weight *= (std::min)(1.0, kMost / total);
     for (const Curve& curve : curves) {
       Array<Vec3> line;
       for (int v : curve.b) line.push_back(row3(s.vertices, s.n_a + v));
@@ -6436,7 +6424,7 @@ class LandmarkPull {
       return unit_ * end.weight * kDoubt * kDoubt;
     const auto on = [&](int k) { return row3(s_->vertices, on_b.corners[k]); };
     const auto flat = [&](int k) { return motion.data()[3 + k] * row2(x.x, on_b.corners[k]); };
-    const Vec3 image = position(*s_, on_b);
+    const Vec3 image = mean(on_b, s_->vertices);
     const Vec3 r = nearest_on(targets_[end.target], image) - image;
     const double t = squared_norm(r) / unit_, share = 1 / (1 + t / (kDoubt * kDoubt));
     const double weight = end.weight * share * share;
@@ -12311,8 +12299,10 @@ inline double relative_size(const SurfacePair& pair, const Array<PlacedLandmark>
   Array<double> ratio;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
-      const double on_a = norm(position(pair.a, landmarks[i].a) - position(pair.a, landmarks[j].a));
-      const double on_b = norm(position(pair.b, landmarks[i].b) - position(pair.b, landmarks[j].b));
+      const double on_a =
+          norm(mean(landmarks[i].a, pair.a.vertices) - mean(landmarks[j].a, pair.a.vertices));
+      const double on_b =
+          norm(mean(landmarks[i].b, pair.b.vertices) - mean(landmarks[j].b, pair.b.vertices));
       if (on_a > 0 && on_b > 0) ratio.push_back(on_a / on_b);
     }
   if (n < kFewest || ratio.size() < 3) return 1;
@@ -13494,8 +13484,8 @@ class StartFinder {
     Array<char> is_used_a(a_->vertex.size(), 0), is_used_b(b_->vertex.size(), 0);
     for (PlacedLandmark l : landmarks_) {
       if (are_many) {
-        l.a = copy_of(nearest_vertex(pair.a, position(whole_.a, l.a)));
-        l.b = copy_of(nearest_vertex(pair.b, position(whole_.b, l.b)));
+        l.a = copy_of(nearest_vertex(pair.a, mean(l.a, whole_.a.vertices)));
+        l.b = copy_of(nearest_vertex(pair.b, mean(l.b, whole_.b.vertices)));
       } else if (!move_to_level(*a_, 0, l.a) || !move_to_level(*b_, 0, l.b)) {
         continue;
       }
