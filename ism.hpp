@@ -6586,8 +6586,9 @@ struct DynamicMesh {
 
   bool on_boundary(int v) const { return boundary_next[v] >= 0; }
   bool is_present(int v) const { return !faces_of[v].empty(); }
-  /// True if the loop of u has only three edges.
-  bool is_shortest_loop(int u) const { return boundary_next[boundary_next[boundary_next[u]]] == u; }
+  bool follow_each_other(int v, int w) const {
+    return boundary_next[v] == w || boundary_prev[v] == w;
+  }
   bool has(int f, int v) const { return face[f][0] == v || face[f][1] == v || face[f][2] == v; }
 
   /// The neighbours of u, each once, ascending.
@@ -6602,15 +6603,14 @@ struct DynamicMesh {
 
   /// The link condition: collapsing u onto v leaves a disk.
   bool may_collapse(int u, int v, const Array<int>& ring_u) const {
-    const bool along = boundary_next[u] == v || boundary_prev[u] == v;
-    if (on_boundary(u) && (!along || is_shortest_loop(u))) return false;
+    const bool along = follow_each_other(u, v);
+    if (on_boundary(u) && !along) return false;
+    if (on_boundary(u) && boundary_next[boundary_next[boundary_next[u]]] == u) return false;
     const Array<int> ring_v = neighbours(v);
-    int common = 0;
-    for (int i = 0, k = 0; i < ring_u.size() && k < ring_v.size();) {
-      common += ring_u[i] == ring_v[k];
-      ring_u[i] < ring_v[k] ? ++i : ++k;
-    }
-    return common == (along ? 1 : 2);
+    const auto is_common = [&](int w) {
+      return std::binary_search(ring_v.begin(), ring_v.end(), w);
+    };
+    return std::count_if(ring_u.begin(), ring_u.end(), is_common) == (along ? 1 : 2);
   }
 
   Collapse collapse(int u, int v) {
@@ -6773,16 +6773,13 @@ class Decimation {
     for (int w : ring) {
       if (w == v) continue;
       if (protected_[v] == kCone && protected_[w] == kCone) return false;
-      if (outline_ != nullptr && outline_->share_side(v, w) && !follow_each_other(v, w))
+      if (outline_ != nullptr && outline_->share_side(v, w) && !mesh_.follow_each_other(v, w))
         return false;
     }
     return !is_hub(u) && !is_hub(v) && mesh_.may_collapse(u, v, ring);
   }
 
   bool is_on_outline(int v) const { return outline_ != nullptr && outline_->u[v] >= 0; }
-  bool follow_each_other(int v, int w) const {
-    return mesh_.boundary_next[v] == w || mesh_.boundary_next[w] == v;
-  }
 
   double cost_of(int u, int v) const {
     constexpr double kLength = 1e-3;    // share of the length, keeps flat regions even
@@ -6904,11 +6901,12 @@ class FlatNewton {
     const Array<Vec2> gradient = system.gradient;
     add_springs_and_gaps(system);
     reduce(problem_.followers, is_fixed_, executor_, system);
-    Array<Vec2> d;
-    if (!solve(system, d)) return false;
+    ldlt_factorize(system.shifted(0), x_, executor_, factor_);
+    if (!factor_.ok) return false;
+    Array<Vec2> d = ldlt_solve(factor_, negated(system.gradient));
     expand_direction(problem_.followers, d);
     const double slope = dot(gradient, d);
-    if (!(slope < 0)) return false;
+    if (!(slope < 0 && std::isfinite(slope))) return false;
     double s = first_step(d);
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
       Points2 y = moved(m_, problem_.followers, x_, d, s);
@@ -6917,16 +6915,6 @@ class FlatNewton {
       if (collided && !keeps_gaps_) return false;
     }
     return false;
-  }
-
-  /// Computes d = -H⁻¹ g; false if it is not finite.
-  bool solve(const LinearSystem& system, Array<Vec2>& d) {
-    ldlt_factorize(system.shifted(0), x_, executor_, factor_);
-    if (!factor_.ok) return false;
-    d = ldlt_solve(factor_, negated(system.gradient));
-    for (Vec2 move : d)
-      if (!std::isfinite(move.x) || !std::isfinite(move.y)) return false;
-    return true;
   }
 
   /// Returns a step of 1, or a shorter one before the first triangle degenerates.
@@ -7580,13 +7568,9 @@ class Hierarchy {
       const Opposite edge = opposite(f, u);
       if (!(orient2d(p, edge.at_p, edge.at_q) > 0)) return false;
     }
-    return !mesh_.on_boundary(u) || boundary_fits(u);
-  }
-
-  bool boundary_fits(int u) {
-    const int before = mesh_.boundary_prev[u], after = mesh_.boundary_next[u];
+    if (!mesh_.on_boundary(u)) return true;
     update_outline(u);
-    return edge_fits(before, u) && edge_fits(u, after);
+    return edge_fits(mesh_.boundary_prev[u], u) && edge_fits(u, mesh_.boundary_next[u]);
   }
 
   /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
@@ -8001,21 +7985,25 @@ inline Vec2 inner_point(const HalfEdgeMesh& m, const Points2& x) {
   return center;
 }
 
+/// The corner of the largest weight.
+inline int nearest_corner(const Place& p) {
+  const double* const w = p.weights.data();
+  return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
+}
+
 /// Returns a place after decimation: the mean of its remaining corners, with rows from `first` on.
 /// False if there are none.
 inline bool move_to_level(const Level& level, int first, Place& p) {
-  int heaviest = 0;
   bool is_whole = true;
   for (int k = 0; k < 3; ++k) {
     const bool is_there = p.corners[k] >= 0 && level.place[p.corners[k]] >= 0;
     is_whole = is_whole && (is_there || p.corners[k] < 0);
     p.corners[k] = is_there ? first + level.place[p.corners[k]] : -1;
     if (!is_there) p.weights[k] = 0;
-    if (p.weights[k] > p.weights[heaviest]) heaviest = k;
   }
-  // On a pillow, only the corners of a triangle have a mean.
-  for (int k = 0; k < 3; ++k)
-    if (!is_whole && !level.surface.mesh.pillow.is_empty() && k != heaviest) p.corners[k] = -1;
+  const int heaviest = nearest_corner(p);
+  if (!is_whole && !level.surface.mesh.pillow.is_empty() && heaviest >= 0)
+    p = copy_of(heaviest);  // on a pillow, only the corners of a triangle have a mean
   return tidy(p);
 }
 
@@ -8068,11 +8056,6 @@ Array<int> farthest_items(int most, Array<double> nearest, const Distance& dista
 
 /// Four pairs of vertices, the cones of two pillows; empty for surfaces with boundaries.
 using Cones = Array<VertexPair>;
-
-inline int nearest_corner(const Place& p) {
-  const double* const w = p.weights.data();
-  return p.corners[static_cast<int>(std::max_element(w, w + 3) - w)];
-}
 
 /// Returns the distances of pairs along edges, in roots of the area: the smaller one of both
 /// surfaces minus the difference between them; 0 where an edge joins two pairs.
