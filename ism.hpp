@@ -5801,22 +5801,18 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
 // ==== [14] INITIAL EMBEDDING (paper §6, Initialization) ==========================================
 //
 // Purpose:    injective planar embeddings of A and B of low symmetric Dirichlet energy, with
-//             landmarks near each other. It stands behind the loop, which maps its
-//             coarse levels.
+//             landmarks near each other. It stands behind the loop, which maps its coarse levels.
 // Method:     Tutte's embedding of a whole limb shrinks exponentially, below what doubles resolve;
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
 //             (part [22], candidates), and from there on Algorithm 1 maps every level. Exact
 //             landmarks are joined before it runs. Held boundaries lie along a square from the
-//             start, and the planes meet at the full meshes. A free boundary that leaves no room
-//             for a vertex, or its surface strained, goes back to a circle. On squares and circles
-//             all triangles are alike at first, which leaves room for Tutte's embedding of all
-//             vertices, or, if limbs shrink too much there, for vertices inside to return; then
-//             triangles turn step by step to their own shapes.
-// Parts:      outlines · decimation · planar Newton · one surface across all resolutions · both
-//             boundaries on one square · both surfaces · exact landmarks · which of them a call
-//             needs
+//             start. A free boundary that leaves no room for a vertex, or its surface strained,
+//             goes back to a circle. On both, all triangles are alike at first, which leaves room
+//             for Tutte's embedding of all vertices, or, if limbs shrink too much there, for
+//             vertices inside to return; then triangles turn step by step to their own shapes, and
+//             the planes meet at the full meshes.
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex; the status names it.
 
@@ -7957,8 +7953,8 @@ class OutlineBuilder {
 // Method:     each surface alone up to a coarse level, where the planes meet; then both, tied by
 //             the landmarks, up to the full meshes. The level at which the planes meet decides the
 //             isotopy class of the map around the landmarks; limbs that have unfolded freely decide
-//             it better than limbs that are pulled while they unfold. With outlines, each surface
-//             is embedded alone up to the full mesh. On pillows they share a plane from the start.
+//             it better than limbs that are pulled while they unfold. On pillows they share a plane
+//             from the start.
 // Invariants: a step that the caller stops changes no visible result; the next call repeats or
 //             continues it, so results do not depend on pauses.
 // Fails:      with a status and a sentence.
@@ -8812,12 +8808,9 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
   return energy < kInfinity ? energy / (pair.a.total_area + pair.b.total_area) : kInfinity;
 }
 
-/// Computes the start for the options, in steps. Free boundaries that leave no room for a vertex,
-/// or a strained surface, begin on a circle. Held boundaries go along a square; without landmarks
-/// on them, a free embedding defines their correspondence. On circles and squares, all triangles
-/// have one shape at first, and Tutte's embedding of all vertices is tried first. Closed surfaces
-/// go onto a pillow; if that fails, onto one with other cones. Then exact landmarks are joined. May
-/// add vertices to the meshes of the pair.
+/// Computes the start for the options, in steps. Without landmarks on held boundaries, a free
+/// embedding defines their correspondence. Closed surfaces go onto a pillow; if that fails, onto
+/// one with other cones. May add vertices to the meshes of the pair.
 class Embedder {
  public:
   /// `landmarks`: their places on the surfaces of the given pair. `guides`: more pairs, which are
