@@ -6903,7 +6903,8 @@ class FlatNewton {
     expand_direction(problem_.followers, d);
     const double slope = dot(gradient, d);
     if (!(slope < 0 && std::isfinite(slope))) return false;
-    double s = first_step(d);
+    // 1, or a shorter step before the first triangle degenerates
+    double s = (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(gaps_, d)});
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
       Points2 y = moved(m_, problem_.followers, x_, d, s);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
@@ -6911,11 +6912,6 @@ class FlatNewton {
       if (collided && !keeps_gaps_) return false;
     }
     return false;
-  }
-
-  /// Returns a step of 1, or a shorter one before the first triangle degenerates.
-  double first_step(const Array<Vec2>& d) const {
-    return (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(gaps_, d)});
   }
 
   bool is_accepted(const Points2& y, double promised) {
