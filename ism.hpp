@@ -7570,17 +7570,6 @@ class Hierarchy {
     return sum;
   }
 
-  double ring_value(int u) const {
-    double sum = 0;
-    for (int f : mesh_.faces_of[u]) {
-      const Opposite edge = opposite(f, u);
-      const Mat2 R = rest(u, edge.p, edge.q);
-      const Mat2 J = jacobian(row2(x_, u), edge.at_p, edge.at_q, inverse(R));
-      sum += triangle_energy(local_metric_ * J, 0.5 * determinant(R));
-    }
-    return sum;
-  }
-
   /// A few Newton steps of u alone.
   void relax(int u) {
     constexpr int kSteps = 6, kMostTrials = 12;
@@ -7594,10 +7583,12 @@ class Hierarchy {
       double s = 1;
       for (int k = 0; k < kMostTrials && !gained; ++k, s *= 0.5) {
         put(u, from + s * d);
-        gained = fits(u) && ring_value(u) < energy.value;
+        if (!fits(u)) continue;
+        const RingEnergy there = ring_energy(u);
+        gained = there.value < energy.value;
+        if (gained) energy = there;
       }
       if (!gained) return set_row(x_, u, from);
-      energy = ring_energy(u);
     }
   }
 
