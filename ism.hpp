@@ -7321,7 +7321,6 @@ class Hierarchy {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
     if (!is_outline_known_) build_outline();
-    local_metric_ = local_metric(c.changed.empty() ? mesh_.faces_of[c.v] : c.changed);
     mesh_.undo(c);
     place_corners(c);
     const bool has_room = place(c);
@@ -7429,24 +7428,6 @@ class Hierarchy {
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
-  /// Returns S^(-1/2) for the mean S of J Jᵀ over some faces: in this metric their images look
-  /// nearly isometric, so a vertex that returns between them fits in, also under strain.
-  Mat2 local_metric(const Array<int>& faces) const {
-    Mat2 S;
-    double total = 0;
-    for (int f : faces) {
-      const std::array<int, 3>& t = mesh_.face[f];
-      const Mat2 R = rest(t[0], t[1], t[2]);
-      const Opposite edge = opposite(f, t[0]);
-      const Mat2 J = jacobian(row2(x_, t[0]), edge.at_p, edge.at_q, inverse(R));
-      const double area = 0.5 * determinant(R);
-      S += area * (J * transposed(J));
-      total += area;
-    }
-    const Mat2 metric = inverse(square_root(1 / total * S));
-    return is_finite(metric) ? metric : diagonal(1);
-  }
-
   /// Puts u where the map of its triangles takes it, else into the kernel of its ring. The
   /// neighbour v it was merged with sees the whole ring, so points between v and the centre of the
   /// kernel are in the kernel, too. If other parts of the boundary are in the way of a boundary
@@ -7547,7 +7528,7 @@ class Hierarchy {
     return edge_fits(mesh_.boundary_prev[u], u) && edge_fits(u, mesh_.boundary_next[u]);
   }
 
-  /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
+  /// The symmetric Dirichlet energy of the triangles of u.
   struct RingEnergy {
     double value = 0;
     Vec2 gradient;
@@ -7559,13 +7540,13 @@ class Hierarchy {
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
       const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
-      const Mat2 J = local_metric_ * jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
+      const Mat2 J = jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
       const TriangleDensity<double> w = triangle_density(J.entry);
       const CornerWeights<double> B(R_inverse.entry);
       const double area = 0.5 * determinant(R);
       sum.value += area * w.value;
-      sum.gradient += area * (local_metric_ * point_gradient(w, B, 0));
-      sum.hessian += area * (local_metric_ * point_hessian(w, B, 0, 0) * local_metric_);
+      sum.gradient += area * point_gradient(w, B, 0);
+      sum.hessian += area * point_hessian(w, B, 0, 0);
     }
     return sum;
   }
@@ -7605,7 +7586,6 @@ class Hierarchy {
   Pillow pillow_;  // dead faces have places, too
   int goal_ = 0, active_at_set_ = 0;
   bool is_stuck_ = false;
-  Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
 // ---- both boundaries on one square ----
