@@ -5816,18 +5816,6 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
 // Invariants: after every vertex that returns and every step the embedding is injective, exactly.
 // Fails:      if rounding leaves no room for a vertex; the status names it.
 
-inline Mat2 point_hessian(const TriangleDensity<double>& w, const CornerWeights<double>& B, int i,
-                          int j) {
-  Mat2 H;
-  for (int r = 0; r < 2; ++r)
-    for (int q = 0; q < 2; ++q)
-      for (int k = r; k < 4; k += 2)
-        for (int l = q; l < 4; l += 2)
-          H(r, q) += B.weight[i][k / 2] * B.weight[j][l / 2] *
-                     (k >= l ? w.hessian[k][l] : w.hessian[l][k]);
-  return H;
-}
-
 // ---- helpers ----
 
 /// Returns x^t, t in [0, 1]: the product of the roots x^(1/2), x^(1/4), ... at binary digits of t.
@@ -7539,14 +7527,15 @@ class Hierarchy {
     RingEnergy sum;
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
+      const Vec2 p = row2(x_, u), q = edge.at_p, r = edge.at_q;
       const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
-      const Mat2 J = jacobian(row2(x_, u), edge.at_p, edge.at_q, R_inverse);
-      const TriangleDensity<double> w = triangle_density(J.entry);
-      const CornerWeights<double> B(R_inverse.entry);
-      const double area = 0.5 * determinant(R);
-      sum.value += area * w.value;
-      sum.gradient += area * point_gradient(w, B, 0);
-      sum.hessian += area * point_hessian(w, B, 0, 0);
+      TriangleElement<double> t = {
+          {p.x, p.y, q.x, q.y, r.x, r.y}, {}, 0.5 * determinant(R), {}, {}};
+      std::copy(R_inverse.entry, R_inverse.entry + 4, t.rest_inverse);
+      differentiate(t);
+      sum.value += triangle_energy(jacobian(p, q, r, R_inverse), t.area);
+      sum.gradient += Vec2{t.gradient[0], t.gradient[1]};
+      sum.hessian += Mat2{{t.hessian(0, 0), t.hessian(1, 0), t.hessian(1, 0), t.hessian(1, 1)}};
     }
     return sum;
   }

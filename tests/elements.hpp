@@ -117,15 +117,17 @@ inline std::vector<PolygonDerivatives> area_derivatives(
 inline TriangleDerivatives triangle_derivatives(const ism::detail::Mat2& J,
                                                 const ism::detail::Mat2& rest_inverse,
                                                 double area) {
-  const auto w = ism::detail::triangle_density(J.entry);
-  const ism::detail::CornerWeights<double> B(rest_inverse.entry);
+  ism::detail::TriangleElement<double> t = {};
+  const ism::detail::Mat2 sides = J * ism::detail::inverse(rest_inverse);
+  std::copy(sides.entry, sides.entry + 4, t.x + 2);
+  std::copy(rest_inverse.entry, rest_inverse.entry + 4, t.rest_inverse);
+  t.area = area;
+  ism::detail::differentiate(t);
   TriangleDerivatives d;
-  d.value = area * w.value;
-  for (int i = 0; i < 3; ++i) {
-    d.gradient.segment<2>(2 * i) = shapes::eigen(area * ism::detail::point_gradient(w, B, i));
-    for (int j = 0; j < 3; ++j)
-      d.hessian.block<2, 2>(2 * i, 2 * j) =
-          shapes::eigen(area * ism::detail::point_hessian(w, B, i, j));
+  d.value = ism::detail::triangle_energy(J, area);
+  for (int i = 0; i < 6; ++i) {
+    d.gradient[i] = t.gradient[i];
+    for (int j = 0; j < 6; ++j) d.hessian(i, j) = t.hessian.symmetric(i, j);
   }
   return d;
 }
