@@ -2148,9 +2148,8 @@ struct Overlay {
   Array<TrianglePair> again;  // and in what other places
   Array<TrianglePair> seeds;  // known to overlap
   Array<char> is_crossed;     // per boundary loop: it crosses a loop of the other mesh
-  /// Uncrossed loops: the loop, its first half-edge, the triangle that contains its start, or -1.
-  Array<std::array<int, 3>> uncrossed;
-  BoxTree boundary_a, boundary_b, starts;  // of edges, and of the starts of `uncrossed`
+  Array<int> start_in;        // per uncrossed loop: the triangle that contains its start, or -1
+  BoxTree boundary_a, boundary_b;
 };
 
 class OverlayBuilder {
@@ -2163,7 +2162,6 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
-    overlay_.uncrossed.clear();
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     overlay_.marked.resize(m_.pillow.is_empty() ? 0 : m_.n_faces);
@@ -2287,50 +2285,33 @@ class OverlayBuilder {
   /// Seeds the other components. Whole loops bound them, each inside or outside the other
   /// embedding; one pass over all triangles locates the start of each loop.
   void seed_other_loops() {
-    for (int i = 0; i < m_.loops(); ++i)
-      if (!overlay_.is_crossed[i]) overlay_.uncrossed.push_back({i, m_.boundary[m_.loop[i]], -1});
-    if (overlay_.uncrossed.empty()) return;
-    build_tree_of_starts();
+    const Array<char>& is_crossed = overlay_.is_crossed;
+    if (std::find(is_crossed.begin(), is_crossed.end(), 0) == is_crossed.end()) return;
+    overlay_.start_in.assign(m_.loops(), -1);
     for (int t = 0; t < m_.n_faces; ++t) locate_starts(t);
-    std::sort(overlay_.uncrossed.begin(), overlay_.uncrossed.end());
-    for (const auto& [loop, h, t] : overlay_.uncrossed) {
+    for (int i = 0; i < m_.loops(); ++i) {
+      const int t = overlay_.start_in[i], f = m_.boundary[m_.loop[i]] / 3;
       if (t < 0) continue;
-      overlay_.seeds.push_back(t < s_.faces_a ? TrianglePair{t, h / 3} : TrianglePair{h / 3, t});
+      overlay_.seeds.push_back(t < s_.faces_a ? TrianglePair{t, f} : TrianglePair{f, t});
       flood_seeds();
     }
   }
 
-  /// Finds the loops that start in triangle t of the other mesh.
+  /// Finds the uncrossed loops of the other mesh that start in triangle t.
   void locate_starts(int t) {
     const LabelledTriangle f = labelled(m_, x_, t);
     const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
     const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
     const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
-    overlay_.starts.find(meets, [&](int i) {
-      const int h = overlay_.uncrossed[i][1];
-      const LabelledPoint p = label(m_.tail[h]);
-      if ((h / 3 < s_.faces_a) != (t < s_.faces_a) && overlay_.uncrossed[i][2] < 0 &&
-          oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
-        overlay_.uncrossed[i][2] = t;
+    const int first = t < s_.faces_a ? s_.boundary_a : 0;
+    (t < s_.faces_a ? overlay_.boundary_b : overlay_.boundary_a).find(meets, [&](int i) {
+      const int loop = loop_at(first + i);
+      const LabelledPoint p = label(m_.tail[m_.boundary[first + i]]);
+      if (first + i == m_.loop[loop] && !overlay_.is_crossed[loop] && oriented(f[0], f[1], p) &&
+          oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+        overlay_.start_in[loop] = t;
       return false;
     });
-  }
-
-  /// Builds the tree of starts, sorted in strips by x and by y within them: its runs are compact.
-  void build_tree_of_starts() {
-    const int n = overlay_.uncrossed.size(), width = static_cast<int>(std::sqrt(n)) + 1;
-    std::array<int, 3>* const loop = overlay_.uncrossed.data();
-    const auto start = [&](const std::array<int, 3>& l) { return row2(x_, m_.tail[l[1]]); };
-    std::sort(loop, loop + n, [&](const auto& l, const auto& r) {
-      return start(l).x != start(r).x ? start(l).x < start(r).x : l < r;
-    });
-    for (int i = 0; i < n; i += width)
-      std::sort(loop + i, loop + (std::min)(n, i + width), [&](const auto& l, const auto& r) {
-        return start(l).y != start(r).y ? start(l).y < start(r).y : l < r;
-      });
-    overlay_.starts.reset(n);
-    for (int i = 0; i < n; ++i) overlay_.starts.set(i, start(loop[i]), start(loop[i]));
-    overlay_.starts.join();
   }
 
   LabelledPoint label(int v) const { return {row2(x_, v), v}; }
