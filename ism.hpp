@@ -3356,7 +3356,7 @@ inline Array<Vec2> negated(const Array<Vec2>& a) {
 
 struct LdltData;
 
-/// A factor L D Lᵀ; the next factorisation reuses its memory.
+/// A factor L D Lᵀ.
 struct LdltFactor {
   bool ok = false;   // no zero or non-finite pivot
   int negative = 0;  // number of negative pivots; without any, the matrix is positive definite
@@ -5054,7 +5054,6 @@ struct Front {
   int begin = 0, end = 0;  // own vertices
   Array<int> rows;         // later vertices, ascending
   Array<int> parent_row;   // per row: its place in the parent's front, own vertices first
-  std::int64_t panel = 0;  // offset of its panel in LdltData::panels
   int depth = 0;
   Array<int> children;
   struct OwnBlock {
@@ -5072,7 +5071,6 @@ struct LdltSymbolic {
   Array<int> order;     // order[i] is the i-th vertex eliminated
   Array<int> place;     // its inverse
   Array<Front> fronts;  // children before parents
-  std::int64_t panels_size = 0;
   /// Per stage, groups of fronts that can be eliminated in parallel: first whole subtrees below a
   /// fixed depth, children before parents, then the fronts above it, level by level.
   Array<Array<Array<int>>> stages;
@@ -5189,7 +5187,6 @@ class NestedDissection {
     schedule();
     for (const Array<Array<int>>& stage : result_.stages)
       executor_.run(stage.size(), [&](int group) { fill_fronts(stage[group]); });
-    place_panels();
     return std::move(result_);
   }
 
@@ -5494,13 +5491,6 @@ class NestedDissection {
     }
   }
 
-  void place_panels() {
-    for (Front& front : result_.fronts) {
-      front.panel = result_.panels_size;
-      result_.panels_size += 4 * std::int64_t{front.size()} * front.own();
-    }
-  }
-
   const BlockMatrix& pattern_;
   const Points2& positions_;
   const Executor& executor_;
@@ -5525,6 +5515,8 @@ struct DenseBlock {
     return {data + j * stride + i, n, m, stride};
   }
 };
+
+inline DenseBlock all_of(Eigen::MatrixXd& A) { return {A.data(), A.rows(), A.cols(), A.rows()}; }
 
 /// Computes y -= a x.
 inline void subtract_scaled(double a, const double* x, double* y, Eigen::Index n) {
@@ -5639,25 +5631,13 @@ inline bool factor_panel(const DenseBlock& A, int& negative) {
 
 // ---- factorisation ----
 
-/// The data of a factor. The panel of a front holds L, with D on the diagonal of its top block.
+/// The data of a factor, per front.
 struct LdltData {
   LdltSymbolic symbolic;
-  Eigen::VectorXd panels;         // concatenated
-  Array<Eigen::VectorXd> update;  // per front: its update matrix, until its parent adds it
-  Array<int> negative_pivots;     // per front: their number; -1 after a zero or non-finite pivot
+  Array<Eigen::MatrixXd> panel;   // 2 size × 2 own: L, with D on the diagonal of its top block
+  Array<Eigen::MatrixXd> update;  // 2 rows × 2 rows, lower triangle; until its parent adds it
+  Array<int> negative_pivots;     // their number; -1 after a zero or non-finite pivot
 };
-
-/// Returns the panel of a front, 2 size × 2 own.
-inline DenseBlock panel_of(const Front& front, const LdltData& factor) {
-  const Eigen::Index rows = 2 * Eigen::Index{front.size()};
-  return {const_cast<double*>(factor.panels.data()) + front.panel, rows, 2 * front.own(), rows};
-}
-
-/// Returns the update matrix of a front, 2 rows × 2 rows; only its lower triangle is used.
-inline DenseBlock update_of(const Front& front, Eigen::VectorXd& memory) {
-  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  return {memory.data(), n, n, n};
-}
 
 /// Adds a child's update matrix to the parent's panel (own columns) and update matrix (others).
 inline void extend_add(const Front& child, const DenseBlock& from, int own, const DenseBlock& panel,
@@ -5683,23 +5663,21 @@ inline void extend_add(const Front& child, const DenseBlock& from, int own, cons
 /// Assembles and eliminates a front whose children are done.
 inline void eliminate_front(int id, const ShiftedMatrix& matrix, LdltData& factor) {
   const Front& front = factor.symbolic.fronts[id];
-  const DenseBlock panel = panel_of(front, factor);
-  std::fill(panel.data, panel.data + panel.rows * panel.cols, 0.0);
+  factor.panel[id].setZero(2 * front.size(), 2 * front.own());
+  factor.update[id].setZero(2 * front.rows.size(), 2 * front.rows.size());
+  const DenseBlock panel = all_of(factor.panel[id]), update = all_of(factor.update[id]);
   for (const Front::OwnBlock& e : front.blocks) {
     const Mat2 block = e.transposed ? transposed(matrix.block(e.block)) : matrix.block(e.block);
     for (int c = 0; c < 2; ++c)
       for (int r = 0; r < 2; ++r) panel(2 * e.row + r, 2 * e.column + c) += block(r, c);
   }
-  const Eigen::Index n = 2 * Eigen::Index{front.rows.size()};
-  factor.update[id].setZero(n * n);
-  const DenseBlock update = update_of(front, factor.update[id]);
   for (int child : front.children) {
     const Front& c = factor.symbolic.fronts[child];
-    extend_add(c, update_of(c, factor.update[child]), front.own(), panel, update);
-    factor.update[child].resize(0);
+    extend_add(c, all_of(factor.update[child]), front.own(), panel, update);
+    factor.update[child].resize(0, 0);
   }
   if (!factor_panel(panel, factor.negative_pivots[id])) factor.negative_pivots[id] = -1;
-  subtract_product(panel.block(panel.cols, 0, n, panel.cols), panel, update);
+  subtract_product(panel.block(panel.cols, 0, update.rows, panel.cols), panel, update);
 }
 
 /// Factorises a matrix of the analysed pattern.
@@ -5708,12 +5686,8 @@ inline void ldlt_refactorize(const ShiftedMatrix& matrix, const Executor& execut
   LdltData& data = *factor.data;
   const LdltSymbolic& symbolic = data.symbolic;
   const int n = symbolic.fronts.size();
-  if (data.panels.size() < symbolic.panels_size) {
-    data.panels.resize(0);  // Eigen frees twice if a resize throws: empty it first
-    data.panels.resize(symbolic.panels_size);
-  }
-  data.update.clear();
-  data.update.resize(n);
+  data.panel.assign(n, {});
+  data.update.assign(n, {});
   data.negative_pivots.assign(n, 0);
   for (const Array<Array<int>>& stage : symbolic.stages)
     executor.run(stage.size(), [&](int group) {
@@ -5747,25 +5721,25 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
   for (int id = 0; id < n_fronts; ++id) {
     const Front& front = symbolic.fronts[id];
     if (front.own() == 0) continue;
-    const DenseBlock P = panel_of(front, data);
+    const Eigen::MatrixXd& P = data.panel[id];
     local.assign(front.size(), {});
     std::copy(y.data() + front.begin, y.data() + front.end, local.data());
     double* z = &local.data()->x;
-    for (Eigen::Index j = 0; j < P.cols; ++j)
-      subtract_scaled(z[j], P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    for (Eigen::Index j = 0; j < P.cols(); ++j)
+      subtract_scaled(z[j], &P(j, j) + 1, z + j + 1, P.rows() - j - 1);
     std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
     for (int r = 0; r < front.rows.size(); ++r) y[front.rows[r]] += local[front.own() + r];
   }
   for (int id = n_fronts - 1; id >= 0; --id) {
     const Front& front = symbolic.fronts[id];
     if (front.own() == 0) continue;
-    const DenseBlock P = panel_of(front, data);
+    const Eigen::MatrixXd& P = data.panel[id];
     local.resize(front.size());
     std::copy(y.data() + front.begin, y.data() + front.end, local.data());
     for (int r = 0; r < front.rows.size(); ++r) local[front.own() + r] = y[front.rows[r]];
     double* z = &local.data()->x;
-    for (Eigen::Index j = P.cols - 1; j >= 0; --j)
-      z[j] = z[j] / P(j, j) - inner_product(P.col(j) + j + 1, z + j + 1, P.rows - j - 1);
+    for (Eigen::Index j = P.cols() - 1; j >= 0; --j)
+      z[j] = z[j] / P(j, j) - inner_product(&P(j, j) + 1, z + j + 1, P.rows() - j - 1);
     std::copy(local.data(), local.data() + front.own(), y.data() + front.begin);
   }
   for (int i = 0; i < n; ++i) x[symbolic.order[i]] = y[i];
