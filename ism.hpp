@@ -1588,9 +1588,9 @@ inline void find_outgoing(HalfEdgeMesh& m) {
     if (m.out[m.tail[h]] < 0 || m.twin[h] < 0) m.out[m.tail[h]] = h;
 }
 
-inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
-                                     const Array<EdgeUse>& uses) {
+inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
   HalfEdgeMesh m;
+  const Array<EdgeUse> uses = sorted_edges(F);
   m.n_vertices = n_vertices;
   m.n_faces = static_cast<int>(F.rows());
   m.tail.resize(3 * m.n_faces);
@@ -1604,10 +1604,6 @@ inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F,
   find_outgoing(m);
   trace_boundary(m);
   return m;
-}
-
-inline HalfEdgeMesh build_half_edges(int n_vertices, const Triangles& F) {
-  return build_half_edges(n_vertices, F, sorted_edges(F));
 }
 
 /// Returns how many edges each vertex is away from the nearest one in `queue`; -1: unreachable.
@@ -1800,8 +1796,8 @@ inline JointSurface join(const SurfacePair& pair) {
 //             crossings) log(a b)) for boundaries of a and b edges, unless boxes of many disjoint
 //             edges meet; O(#F log a b) where loops are left without polygons.
 
-/// The limit of an overlay. Meshes of five million triangles reach it; small ones can, too: two
-/// vertices of m and n edges that lie over each other have m n / 4 polygons around them.
+/// The limit of an overlay. Meshes of five million triangles reach it, and hubs over each other:
+/// around vertices of m and n edges lie m n / 4 polygons.
 inline constexpr int kMostPolygons = 1 << 24;
 
 /// A triangle of A and a triangle of B.
@@ -2796,12 +2792,6 @@ inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes
         }
 }
 
-/// Adds scale · ∇² det to the four entries from `first` on.
-inline void add_det_hessian(const Lanes& scale, int first, LaneMatrix<8>& H) {
-  H(first + 3, first) += scale;
-  H(first + 2, first + 1) -= scale;
-}
-
 /// The density w minus coverage at J = f11 f21 f12 f22 g11 g21 g12 g22, and its derivatives' parts.
 struct DensityParts {
   Lanes X[2][2];
@@ -2844,8 +2834,8 @@ inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>
       H(i, j) = on_dK * p.dK[j] + (j < 4 ? on_det_f : on_det_g) * p.ddet[j];
   }
   add_norm_hessian(J, p.X, w.K, H);
-  add_det_hessian(w.F, 0, H);
-  add_det_hessian(w.G, 4, H);
+  H(3, 0) += w.F, H(2, 1) -= w.F;  // ∇² det F
+  H(7, 4) += w.G, H(6, 5) -= w.G;  // ∇² det G
 }
 
 /// A polygon: the input of differentiate(), then its output.
@@ -3477,7 +3467,7 @@ struct Term {
 };
 
 /// Returns Σ weight · matrix, on the union of the patterns.
-inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& executor) {
+inline BlockMatrix weighted_sum(const std::vector<Term>& terms, const Executor& executor) {
   return build_rows(terms[0].matrix->rows(), executor, [&](int r, RowWriter& row) {
     for (const Term& term : terms) {
       const BlockMatrix& A = *term.matrix;
@@ -3485,14 +3475,6 @@ inline BlockMatrix weighted_sum(const Array<Term>& terms, const Executor& execut
         row.add(A.column[b], term.weight * A.value[b]);
     }
   });
-}
-
-/// Returns A + weight B.
-inline BlockMatrix sum(const BlockMatrix& A, const BlockMatrix& B, const Executor& executor,
-                       double weight = 1) {
-  Array<Term> terms(1, Term{&A, 1});
-  terms.push_back({&B, weight});
-  return weighted_sum(terms, executor);
 }
 
 // ---- gradient and projected Hessian ----
@@ -3627,21 +3609,16 @@ class ModelBuilder {
     }
   }
 
-  /// Loads polygons from number `begin` of the order by face; the last one fills spare lanes.
-  void load_polygons(const Iterate& x, int begin, int end, PolygonBatch& batch) const {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const OverlayPolygon& p =
-          x.overlay.polygons[by_face_.item[(std::min)(begin + lane, end - 1)]];
-      load(p, six_points(s_.mesh, x.x, p), s_.rest_inverse[p.ta], s_.rest_inverse[p.tb], lane,
-           batch);
-    }
-  }
-
-  /// Differentiates polygons begin to end - 1 of the order by face.
+  /// Differentiates polygons begin to end - 1 of the order by face; the last one fills spare lanes.
   void differentiate_polygons(const Iterate& x, int begin, int end) {
     const auto batch = std::make_unique<PolygonBatch>();
     for (; begin < end; begin += kLanes) {
-      load_polygons(x, begin, end, *batch);
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const int id = by_face_.item[(std::min)(begin + lane, end - 1)];
+        const OverlayPolygon& p = x.overlay.polygons[id];
+        load(p, six_points(s_.mesh, x.x, p), s_.rest_inverse[p.ta], s_.rest_inverse[p.tb], lane,
+             *batch);
+      }
       if (with_hessians_) {
         differentiate(*weights_.measure, weights_.kappa, *batch);
         project_spd<6>(batch->hessian, weights_.epsilon);
@@ -3821,7 +3798,8 @@ inline LinearSystem blend(const Array<QuadraticModel>& history, double decay,
   if (!others.start.empty()) terms.push_back({&others, 1});
   if (!laplacian.start.empty()) terms.push_back({&laplacian, 0});
   system.H = weighted_sum(terms, executor);
-  if (!laplacian.start.empty()) system.Q = sum(laplacian, system.H, executor, 0);
+  if (!laplacian.start.empty())
+    system.Q = weighted_sum({{&laplacian, 1}, {&system.H, 0}}, executor);
   return system;
 }
 
@@ -3965,7 +3943,8 @@ inline BlockMatrix reduced(const Array<Follower>& followers, const FixedCoordina
   };
   if (!followers.empty()) {
     A.for_each_block(move);
-    A = sum(A, sum_of_blocks(A.rows(), moved, executor), executor);
+    const BlockMatrix added = sum_of_blocks(A.rows(), moved, executor);
+    A = weighted_sum({{&A, 1}, {&added, 1}}, executor);
   }
   A.for_each_block(fix);
   return A;
@@ -4527,7 +4506,10 @@ class Optimizer {
     }
     if (executor_.is_stopped()) return false;
     if (found) accept(result);  // lines 24 and 25
-    result.status = found ? status_after_step(result) : status_without_step(result);
+    if (!found)
+      result.status = status_without_step(result);
+    else if (has_settled(result, window(result)))
+      result.status = Status::kConverged;
     return result.status == Status::kUnfinished;
   }
 
@@ -4706,11 +4688,9 @@ class Optimizer {
     d.max_step = (std::min)(max_step(s_.mesh, x_.x, d.d), max_step(gaps_, d.d));
     d.first_step = (std::min)(0.99 * d.max_step,
                               options_.tuning.max_displacement * radius_ / longest_move(d.d));
-    if (!tries_all_steps() && last_step_ < 0.5 && omega_ <= kHardlyActs)
+    if (!options_.as_published && last_step_ < 0.5 && omega_ <= kHardlyActs)
       d.first_step = (std::min)(d.first_step, 1 / kShrink);
   }
-
-  bool tries_all_steps() const { return options_.tuning.search_stride == 1; }
 
   void search(const Array<Direction>& directions) {
     Timer timer;
@@ -4745,21 +4725,17 @@ class Optimizer {
     return true;
   }
 
-  /// Returns true if a decrease of E is at most a fraction of its parts.
-  bool is_little(double fall, double fraction) const {
-    return fall <= fraction * (x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b));
-  }
-
   /// Returns true if ω_L shortens steps and can still decrease.
   bool holds_back() const {
     return omega_ > (std::max)(double{kHardlyActs}, options_.tuning.omega_least);
   }
 
-  /// Returns true if no direction promises a decrease beyond rounding.
+  /// Returns true if no direction promises a decrease beyond the rounding of E's parts.
   bool promise_nothing(const Array<Direction>& directions) const {
     constexpr double kRounding = 1e-14;
+    const double little = kRounding * (x_.map_energy + weights_.kappa * (x_.area_a + x_.area_b));
     for (const Direction& d : directions)
-      if (!is_little(-d.slope, kRounding)) return false;
+      if (!(-d.slope <= little)) return false;
     return !directions.empty();
   }
 
@@ -4938,10 +4914,6 @@ class Optimizer {
     const double omega = result.final_state().omega;
     if (omega < entry_before(result, last.entries).omega && omega > kHardlyActs) return false;
     return fall_over(result, last) < window(result) * options_.tolerance;
-  }
-
-  Status status_after_step(const Result& result) const {
-    return has_settled(result, window(result)) ? Status::kConverged : Status::kUnfinished;
   }
 
   /// Returns true if both surfaces are covered without distortion: no map is better, for measures
@@ -5276,18 +5248,14 @@ class NestedDissection {
     return neighbours_.item[neighbours_.start[v] + skipped].vertex;
   }
 
-  bool is_coupled_to(int v, Part part) const {
-    bool is_coupled = false;
-    for_each_neighbour(v, [&](int u) { is_coupled = is_coupled || part_[u] == part; });
-    return is_coupled;
-  }
-
   /// Chooses as separator the vertices of one side that are coupled to the other one.
   void separate(const Set& set) {
     Array<int> rim[2];
     for (int i = set.begin; i < set.end; ++i) {
       const Part own = part_[vertex(i)];
-      if (is_coupled_to(vertex(i), other_side(own))) rim[own].push_back(vertex(i));
+      bool is_coupled = false;
+      for_each_neighbour(vertex(i), [&](int u) { is_coupled |= part_[u] == other_side(own); });
+      if (is_coupled) rim[own].push_back(vertex(i));
     }
     for (int v : rim[0].size() <= rim[1].size() ? rim[0] : rim[1]) part_[v] = kSeparator;
   }
@@ -6817,9 +6785,9 @@ class FlatNewton {
     Array<Block> blocks;
     add_springs(problem_.springs, blocks);
     add_gaps(gaps_, blocks);
-    if (!blocks.empty())
-      model.H = sum(model.H, sum_of_blocks(m_.n_vertices, blocks, executor_), executor_);
-    return {std::move(model.H), {}, std::move(model.gradient)};
+    if (blocks.empty()) return {std::move(model.H), {}, std::move(model.gradient)};
+    const BlockMatrix others = sum_of_blocks(m_.n_vertices, blocks, executor_);
+    return {weighted_sum({{&model.H, 1}, {&others, 1}}, executor_), {}, std::move(model.gradient)};
   }
 
   const FlatProblem problem_;
@@ -9993,9 +9961,8 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   check_numbers(mesh, list);
   if (!list.problems.empty()) return list.problems;  // the next checks read the vertices
   check_triangles(mesh, list);
-  const Array<EdgeUse> uses = sorted_edges(mesh.triangles);
-  check_edges(mesh, uses, list);
-  m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles, uses);
+  check_edges(mesh, sorted_edges(mesh.triangles), list);
+  m = build_half_edges(static_cast<int>(mesh.vertices.rows()), mesh.triangles);
   check_fans(m, list);
   if (!list.problems.empty()) return list.problems;  // the next check walks the mesh
   check_topology(m, list);
