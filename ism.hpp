@@ -501,8 +501,7 @@ struct Options {
 
   /// ≥ 0: Algorithm 1 first runs on decimated surfaces, from about this many vertices per surface
   /// up; each level has about a quarter of the vertices of the next one. 0 is the paper's method.
-  /// Exact landmarks, held boundaries, given positions and change() skip these levels, but not the
-  /// trial of candidates.
+  /// Exact landmarks, held boundaries, given positions and change() skip them, not the candidates.
   int coarsest = 400;
   /// > 0: refines a surface if half of it lies in triangles with edges longer than this many edges
   /// of the finer surface. Halves such edges, the longest first, at triangles larger than the mean
@@ -519,8 +518,7 @@ struct Options {
   /// true: maps surfaces of at most `coarsest` vertices (0: 400) from several starts: the landmarks
   /// alone, with alignments in space, and with ends of limbs brought together. Continues from the
   /// map of least distortion for its coverage, see Result::candidates. Costs a few seconds. false:
-  /// the landmarks alone, e.g. for many landmarks and different poses; also for as_published and
-  /// given positions.
+  /// the landmarks alone, e.g. if there are many; also for as_published and given positions.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
@@ -534,8 +532,7 @@ struct Options {
 };
 
 /// A vertex added to a mesh: on an edge (the third corner is -1) or in a triangle, as the mean of
-/// its corners with positive weights that sum to 1. A copy of a vertex, across a cut of a closed
-/// surface, has that one corner.
+/// its corners with positive weights of sum 1. A copy across a cut has one corner, its original.
 struct AddedVertex {
   Eigen::Vector3i corners = {-1, -1, -1};
   Eigen::Vector3d weights = {0, 0, 0};
@@ -783,8 +780,7 @@ struct Transfer {
   int rows() const { return static_cast<int>(offsets.size()) - 1; }
   bool covers(int i) const { return offsets.data()[i] < offsets.data()[i + 1]; }
 
-  /// Maps a row per source to a row per element, zeros if uncovered. Returns no rows if `values`
-  /// has not n_sources rows.
+  /// Maps rows of sources to rows of elements, zeros if uncovered; to none if their number differs.
   Values apply(const Values& values) const;
 
   /// Does the same for arrays: the `columns` numbers of an element are contiguous, the next element
@@ -1149,8 +1145,7 @@ class Timer {
   Clock::time_point start_ = Clock::now();
 };
 
-/// A lock for a few instructions without allocations. Not std::mutex: a job system may have threads
-/// where <mutex> is missing.
+/// A lock for a few instructions without allocations. Job systems may lack what std::mutex needs.
 class SpinLock {
  public:
   explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
@@ -1474,9 +1469,8 @@ inline Motion motion_across(const HalfEdgeMesh& m, int h) {
                                      : place[h] * inverse(place[next(t)]);
 }
 
-/// Returns a position as the predicates require it: tiny coordinates are set to zero. On a pillow,
-/// positions are rounded to multiples of 2^-50 sides, like the shifts of motions, so motions are
-/// exact.
+/// Returns a position as the predicates require it: tiny coordinates become zero; on a pillow, all
+/// become multiples of 2^-50 sides, like the shifts of motions, so motions are exact.
 inline Vec2 on_grid(Vec2 p, double side) {
   const double shift = 6 * (side / kPillowSide);  // half an ulp of [4, 8) is 2^-51
   return {(p.x + shift) - shift, (p.y + shift) - shift};
@@ -2009,8 +2003,7 @@ inline bool coordinates_are_usable(const Points2& x) {
 ///
 /// On a pillow, positive triangles are enough. The angles around a vertex sum to a multiple of 2π,
 /// at a cone to one of π; with V vertices, the angles of all 2 V - 4 triangles sum to (2 V - 4) π,
-/// the least that such sums can be. So each is 2π or π, and the surface covers the pillow as often
-/// as it did at the start: once.
+/// the least such sum. So each is 2π or π, and the pillow is covered once, as at the start.
 inline bool is_injective(const HalfEdgeMesh& m, const Points2& x) {
   return coordinates_are_usable(x) && all_triangles_positive(m, x) && angle_sums_are_full(m, x) &&
          boundaries_are_simple(m, x);
@@ -2085,9 +2078,8 @@ inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
   return piece;
 }
 
-/// Decides for corners i of a and j of b that lie on one cone: there the sectors of both triangles
-/// are cut: each ray on the border of their common part starts inside the other triangle. False if
-/// they have no common part.
+/// Decides for corners i of a and j of b on one cone by their sectors: each ray on the border of
+/// the common part starts inside the other triangle. False if there is no common part.
 inline bool meet_at_cone(int i, int j, Sides& a_side, Sides& b_side) {
   const int i_next = (i + 1) % 3, i_prev = (i + 2) % 3, j_next = (j + 1) % 3, j_prev = (j + 2) % 3;
   // Rays of a: edge i to i_next on the right, edge i_prev to it on the left; the same for b.
@@ -2854,9 +2846,8 @@ struct PolygonBatch {
   LaneMatrix<12> hessian;  // not set by differentiate_once()
 };
 
-/// Computes ∂a/∂u = Σ α perp(d) and ∂a/∂v = Σ β perp(d) over the pieces of edges d = v - u, where β
-/// = (t² - s²)/2 and α = (t - s) - β: pieces move with their edges, and their ends along the
-/// boundary.
+/// Computes ∂a/∂u = Σ α perp(d) and ∂a/∂v = Σ β perp(d) over pieces of edges d = v - u; β = (t² -
+/// s²)/2, α = (t - s) - β. Pieces move with their edges, their ends only along the boundary.
 inline void area_gradient(const PolygonBatch& element, Lanes* gradient) {
   for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
   for (int e = 0; e < 6; ++e) {
@@ -3207,13 +3198,9 @@ struct Tuning {
   double barrier_weight = 3e-4;
   double spd_epsilon = 1e-3;   // ε of §5.1, the least eigenvalue of a polygon's Hessian
   double history_decay = 0.8;  // of §5.3: weight of a Hessian relative to the next newer one
-  /// The most quasi-Newton steps per iteration, once ω_L is small and as long as they pay. The
-  /// memory keeps their gradients.
-  int quasi_newton_steps = 6;
-  /// α of §5.4, by which an iteration may change ω_L, and the value below which ω_L hardly acts and
-  /// is not lowered further.
-  double omega_factor = 3;
-  double omega_least = 1e-4;
+  int quasi_newton_steps = 6;  // the most per iteration, once ω_L is small, as long as they pay
+  double omega_factor = 3;     // α of §5.4, by which an iteration may change ω_L
+  double omega_least = 1e-4;   // the least ω_L that an iteration chooses
   /// The longest displacement of a vertex per step, in radii of the domain, and the largest loss of
   /// covered area per step, as a fraction of the area of either mesh.
   double max_displacement = 0.2;
@@ -3822,8 +3809,7 @@ inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
           accurate_area(a, b, p) / area};
 }
 
-/// A vertex held on the other surface: x_row = Σ_k weight_k motion_k x_master_k. No master is a
-/// follower.
+/// A vertex held on the other surface: x_row = Σ_k weight_k motion_k x_master_k. No chains.
 struct Follower {
   int row;
   int master[3];
@@ -3839,8 +3825,7 @@ struct Follower {
   Vec2 master_place(const Points2& x, int k) const { return motion.data()[k] * row2(x, master[k]); }
 };
 
-/// Returns a follower held at barycentric coordinates in a triangle, whose plane `motion` takes to
-/// that of the row.
+/// Returns a follower at a point of a triangle, whose plane `motion` takes to that of the row.
 inline Follower follower_in(const HalfEdgeMesh& m, int row, int face, const Vec3& weight,
                             const Motion& motion = {}) {
   Follower follower = {row, {m.corner(face, 0), m.corner(face, 1), m.corner(face, 2)}, weight, {}};
@@ -4916,8 +4901,7 @@ class Optimizer {
     return fall_over(result, last) < window(result) * options_.tolerance;
   }
 
-  /// Returns true if both surfaces are covered without distortion: no map is better, for measures
-  /// that are least at isometries.
+  /// Returns true if both surfaces are covered without distortion: the best map of most measures.
   bool is_isometry() const {
     const double area = x_.area_a + x_.area_b, tolerance = options_.tolerance;
     return x_.map_energy <= (options_.measure.isometry() + tolerance) * area &&
