@@ -8806,9 +8806,7 @@ class Embedder {
 //             of A with an edge of B; this key identifies it, never coordinates.
 // Fails:      points outside the overlap have no image.
 
-inline Vec3 weights_of(const SurfacePoint& s) {
-  return {s.barycentric[0], s.barycentric[1], s.barycentric[2]};
-}
+inline Vec3 vec3(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 inline SurfacePoint surface_point(int face, const Vec3& weights) {
   return {face, Eigen::Vector3d(weights.x, weights.y, weights.z)};
 }
@@ -9017,7 +9015,7 @@ struct Pieces {
   SurfacePoint from_mesh(const SurfacePoint& p) const {
     constexpr double kRounding = 1e-12, kBeside = 1e-6;
     if (p.face < 0 || p.face + 1 >= by_triangle.start.size()) return {};
-    const Vec3 at = weights_of(p);
+    const Vec3 at = vec3(p.barycentric);
     const auto planar = [](const Vec3& weights) { return Vec2{weights.y, weights.z}; };
     const auto is_unit = [](const Vec3& w) { return (std::max)({w.x, w.y, w.z}) == 1; };
     SurfacePoint best;
@@ -9233,7 +9231,7 @@ inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& add
     return false;
   for (int h = 0; h < pieces.corner_weights.size(); ++h) {
     Vec3& weights = pieces.corner_weights[h];
-    weights = weights_of(o.to_mesh(surface_point(pieces.face[h / 3], weights)));
+    weights = vec3(o.to_mesh(surface_point(pieces.face[h / 3], weights)).barycentric);
   }
   for (int& f : pieces.face) f = o.face[f];
   static_cast<Pieces&>(o) = std::move(pieces);
@@ -9461,8 +9459,8 @@ class MetaMeshBuilder {
     const Origin &a = data_.origin_a, &b = data_.origin_b;
     for (int i = 0; i < corners_.size(); ++i) {
       const Corner& c = corners_[i];
-      set_row(mesh.corner_a, i, weights_of(are_given ? a.to_mesh(c.on_a) : c.on_a));
-      set_row(mesh.corner_b, i, weights_of(are_given ? b.to_mesh(c.on_b) : c.on_b));
+      mesh.corner_a.row(i) = (are_given ? a.to_mesh(c.on_a) : c.on_a).barycentric;
+      mesh.corner_b.row(i) = (are_given ? b.to_mesh(c.on_b) : c.on_b).barycentric;
     }
     if (!are_given) return mesh;
     mesh.a = a.given, mesh.b = b.given;
@@ -9590,8 +9588,9 @@ inline double largest_stretch(const Mat2& J) {
 /// positive even for slivers, where those of rounded Jacobians may have any sign. They give σ_min:
 /// the difference of two nearly equal numbers would not have a correct digit.
 inline PolygonDistortion polygon_distortion(const EmbeddedPair& pair, const OverlayPolygon& p,
-                                            double scale_a, double scale_b) {
+                                            bool keep_scale) {
   const JointSurface& s = pair.s;
+  const double scale_a = keep_scale ? s.scale_a : 1, scale_b = keep_scale ? s.scale_b : 1;
   const SixPoints x = six_points(s.mesh, pair.x, p);
   const auto determinant = [&](int f, double scale) {
     const double twice_area =
@@ -9653,12 +9652,10 @@ MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
   return detail::MetaMeshBuilder(*data_).build(ids, data_->pair.n_given);
 }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
-  const detail::JointSurface& s = data_->pair.s;
+  const detail::EmbeddedPair& pair = data_->pair;
   std::vector<PolygonDistortion> result;
-  for (int i = 0; i < data_->pair.n_given; ++i)
-    result.push_back(detail::polygon_distortion(data_->pair, data_->pair.overlay.polygons[i],
-                                                keep_scale ? s.scale_a : 1,
-                                                keep_scale ? s.scale_b : 1));
+  for (int i = 0; i < pair.n_given; ++i)
+    result.push_back(detail::polygon_distortion(pair, pair.overlay.polygons[i], keep_scale));
   return result;
 }
 
@@ -9676,18 +9673,13 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
     area[meta.face_a.data()[p]] += d.area_a + d.area_b;
   }
   const auto is_bad = [&](int f) { return energy[f] - 2 * area[f] > 2 * (all.mean - 2) * area[f]; };
-  Array<int> part = detail::numbers_below(n_vertices);  // bad triangles that share vertices
-  const auto part_of = [&](int v) {                     // the vertex that stands for it
-    while (part[v] != v) v = part[v] = part[part[v]];
-    return v;
-  };
+  detail::DisjointSets parts(n_vertices);  // bad triangles that share vertices
   for (int f = 0; f < area.size(); ++f)
-    for (int k = 1; k < 3 && is_bad(f); ++k)
-      part[part_of(triangles(f, k))] = part_of(triangles(f, 0));
+    for (int k = 1; k < 3 && is_bad(f); ++k) parts.unite(triangles(f, 0), triangles(f, k));
   Array<double> gain(n_vertices, 0), at_vertex = gain, energy_of = gain, area_of = gain;
   for (int f = 0; f < area.size(); ++f) {
     if (!is_bad(f)) continue;
-    const int of = part_of(triangles(f, 0));
+    const int of = parts.find(triangles(f, 0));
     const double excess = energy[f] - all.mean * area[f];
     gain[of] -= excess, energy_of[of] += energy[f], area_of[of] += area[f];
     for (int k = 0; k < 3; ++k) at_vertex[triangles(f, k)] += excess;
@@ -9697,7 +9689,7 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most) {
     if (static_cast<int>(worst.size()) >= most || !(gain[of] < 0)) break;
     int v = of;
     for (int w = 0; w < n_vertices; ++w)
-      if (part_of(w) == of && at_vertex[w] > at_vertex[v]) v = w;
+      if (parts.find(w) == of && at_vertex[w] > at_vertex[v]) v = w;
     worst.push_back({v, map.forward_vertex(v), area_of[of] / (all.area_a + all.area_b),
                      energy_of[of] / area_of[of]});
   }
@@ -9767,6 +9759,8 @@ inline bool check_arithmetic(Outcome& outcome) {
 
 // ---- validation ----
 
+using Kind = Problem::Kind;
+
 /// Collects at most kMostOfAKind problems of each kind, in given ids of `prepared`, if not null.
 class ProblemList {
  public:
@@ -9774,16 +9768,16 @@ class ProblemList {
   explicit ProblemList(const Prepared* prepared = nullptr) : prepared_(prepared) {}
   int vertex(int v) const { return prepared_ ? prepared_->given_vertex.data()[v] : v; }
   int triangle(int f) const { return prepared_ ? prepared_->given_triangle.data()[f] : f; }
-  void add(Problem::Kind kind, Words message, Element element = Element::kVertex,
+  void add(Kind kind, Words message, Element element = Element::kVertex,
            const std::vector<int>& ids = {}) {
     if (++count_[static_cast<int>(kind)] <= kMostOfAKind)
       problems.push_back({kind, sentence(message), element, ids});
   }
   /// Adds "vertex 3 is ...", "triangle 5 has ..."
-  void add_vertex(Problem::Kind kind, int v, Words what) {
+  void add_vertex(Kind kind, int v, Words what) {
     add(kind, {"vertex ", vertex(v), sentence(what)}, Element::kVertex, {vertex(v)});
   }
-  void add_triangle(Problem::Kind kind, int f, Words what) {
+  void add_triangle(Kind kind, int f, Words what) {
     add(kind, {"triangle ", triangle(f), sentence(what)}, Element::kFace, {triangle(f)});
   }
   std::vector<Problem> problems;
@@ -9797,11 +9791,10 @@ inline void check_numbers(const TriangleMesh& mesh, ProblemList& list) {
   const int n = static_cast<int>(mesh.vertices.rows());
   for (int v = 0; v < n; ++v)
     if (!is_finite(row3(mesh.vertices, v)))
-      list.add_vertex(Problem::Kind::kNonFiniteCoordinate, v,
-                      {" has a coordinate that is not finite"});
+      list.add_vertex(Kind::kNonFiniteCoordinate, v, {" has a coordinate that is not finite"});
   for (int h = 0; h < mesh.triangles.size(); ++h)
     if (const int v = mesh.triangles.data()[h]; v < 0 || v >= n)
-      list.add_triangle(Problem::Kind::kIndexOutOfRange, h / 3,
+      list.add_triangle(Kind::kIndexOutOfRange, h / 3,
                         {" refers to vertex ", v, ", but there are ", n, " vertices"});
 }
 
@@ -9848,16 +9841,15 @@ inline void check_triangles(const TriangleMesh& mesh, ProblemList& list) {
   const Array<const char*> defects = triangle_defects(mesh.vertices, F);
   Array<std::pair<Three, int>> corners;
   for (int f = 0; f < F.rows(); ++f) {
-    if (defects[f] != nullptr)
-      list.add_triangle(Problem::Kind::kDegenerateTriangle, f, {defects[f]});
+    if (defects[f] != nullptr) list.add_triangle(Kind::kDegenerateTriangle, f, {defects[f]});
     corners.push_back({ascending(F(f, 0), F(f, 1), F(f, 2)), f});
   }
   std::sort(corners.begin(), corners.end());
   for (int i = 1; i < corners.size(); ++i) {
     if (corners[i].first != corners[i - 1].first) continue;
     const int f = list.triangle(corners[i - 1].second), g = list.triangle(corners[i].second);
-    list.add(Problem::Kind::kRepeatedTriangle,
-             {"triangles ", f, " and ", g, " have the same vertices"}, Element::kFace, {f, g});
+    list.add(Kind::kRepeatedTriangle, {"triangles ", f, " and ", g, " have the same vertices"},
+             Element::kFace, {f, g});
   }
 }
 
@@ -9872,10 +9864,10 @@ inline void check_edges(const TriangleMesh& mesh, const Array<EdgeUse>& uses, Pr
     for (int i = begin; i < end; ++i) faces.push_back(list.triangle(uses[i].half_edge / 3));
     const std::string edge = sentence({"edge ", list.vertex(first.lo), "-", list.vertex(first.hi)});
     if (n > 2)
-      list.add(Problem::Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
+      list.add(Kind::kNonManifoldEdge, {edge, " has ", n, " triangles: ", join(faces)},
                Element::kFace, faces);
     else
-      list.add(Problem::Kind::kInconsistentOrientation,
+      list.add(Kind::kInconsistentOrientation,
                {"triangles ", join(faces), " run through ", edge, " in the same direction"},
                Element::kFace, faces);
   });
@@ -9889,11 +9881,11 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
   for (int v = 0; v < m.n_vertices; ++v) {
     int fan = 0;
     if (incident[v] == 0)
-      list.add_vertex(Problem::Kind::kUnreferencedVertex, v, {" is used by no triangle"});
+      list.add_vertex(Kind::kUnreferencedVertex, v, {" is used by no triangle"});
     else if (edges_are_sound)
       m.for_each_outgoing(v, [&](int) { ++fan; });
     if (edges_are_sound && fan != incident[v])
-      list.add_vertex(Problem::Kind::kNonManifoldVertex, v,
+      list.add_vertex(Kind::kNonManifoldVertex, v,
                       {" joins ", incident[v], " triangles that form more than one fan"});
   }
 }
@@ -9901,13 +9893,12 @@ inline void check_fans(const HalfEdgeMesh& m, ProblemList& list) {
 inline void check_topology(const HalfEdgeMesh& m, ProblemList& list) {
   const int components = count_components(m);
   if (components > 1)
-    list.add(Problem::Kind::kSeveralComponents,
-             {"the mesh has ", components, " components, 1 is needed"});
+    list.add(Kind::kSeveralComponents, {"the mesh has ", components, " components, 1 is needed"});
   const int n_edges = (m.tail.size() + m.boundary.size()) / 2;
   const int chi = m.n_vertices - n_edges + m.n_faces;
   const int genus = (2 - m.loops() - chi) / 2;
   if (components != 1 || genus == 0) return;
-  list.add(Problem::Kind::kHandles,
+  list.add(Kind::kHandles,
            {"the mesh has genus ", genus, ", and surfaces with handles cannot be mapped; cut it"});
 }
 
@@ -9937,9 +9928,8 @@ inline std::vector<Problem> find_problems(const TriangleMesh& mesh, HalfEdgeMesh
   const NoTraps no_traps;
   ProblemList list(prepared);
   if (mesh.vertices.rows() == 0 || mesh.triangles.rows() == 0) {
-    list.add(Problem::Kind::kEmpty,
-             {"the mesh has no vertices or no triangles, or more than 2^24 of "
-              "them, or not three numbers for each"});
+    list.add(Kind::kEmpty, {"the mesh has no vertices or no triangles, or more than 2^24 of "
+                            "them, or not three numbers for each"});
     return list.problems;
   }
   check_numbers(mesh, list);
@@ -9986,8 +9976,6 @@ inline bool is_inside_out(const TriangleMesh& mesh, const HalfEdgeMesh& m) {
 }
 
 class Preparer {
-  using Kind = Problem::Kind;
-
  public:
   /// `welds`: vertices with equal coordinates may become one.
   Preparer(const TriangleMesh& given, const std::vector<LandmarkPoint>& landmarks, bool welds,
@@ -10524,7 +10512,7 @@ inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
 /// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
-    if (p.kind <= Problem::Kind::kIndexOutOfRange) return false;
+    if (p.kind <= Kind::kIndexOutOfRange) return false;
   for (int i = 0; i < mesh.triangles.size(); ++i)
     if (!is_finite(row3(mesh.vertices, mesh.triangles.data()[i]))) return false;
   return true;
@@ -10538,7 +10526,7 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   const Prepared before = as_given(given, m);
   const std::vector<Problem>& problems = before.problems;
   const bool is_clean =
-      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Problem::Kind::kHandles;
+      problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
   Prepared welded = before;
   if (welds) Preparer(*given, landmarks, true, welded).run();
@@ -10680,16 +10668,14 @@ inline Array<AffineMap> icosahedral_rotations() {
   const AffineMap cycle = {{unit3(1), unit3(2), unit3(0)}, {}};
   const AffineMap fifth = {
       {{kHalf, kLong, kShort}, {-kLong, kShort, kHalf}, {kShort, -kHalf, kLong}}, {}};
-  const auto are_same = [](const AffineMap& p, const AffineMap& q) {
-    return norm(p.column[0] - q.column[0]) + norm(p.column[1] - q.column[1]) < kHalf;
-  };
   Array<AffineMap> rotations(1, AffineMap());
   for (int i = 0; i < rotations.size(); ++i)
     for (const AffineMap& generator : {cycle, fifth}) {
       const AffineMap next = product(generator, rotations[i]);
-      bool is_new = true;
-      for (const AffineMap& other : rotations) is_new = is_new && !are_same(next, other);
-      if (is_new) rotations.push_back(next);
+      const auto is_next = [&](const AffineMap& m) {
+        return norm(m.column[0] - next.column[0]) + norm(m.column[1] - next.column[1]) < kHalf;
+      };
+      if (std::none_of(rotations.begin(), rotations.end(), is_next)) rotations.push_back(next);
     }
   return rotations;
 }
@@ -12434,7 +12420,8 @@ inline bool add_pins(const EmbeddedPair& pair, const std::vector<int>& pins, int
                   {"pin: vertex ", name_of(pair.s, row), " is not mapped to ",
                    letter(other(side_of(pair.s, row))), " by the start"},
                   {element_id(pair.s, row)});
-    followers.push_back(follower_in(pair.s.mesh, row, image.face, weights_of(image), face.motion));
+    followers.push_back(
+        follower_in(pair.s.mesh, row, image.face, vec3(image.barycentric), face.motion));
   }
   return true;
 }
@@ -12483,6 +12470,11 @@ class Run {
   static constexpr double kMostRise = 1.5;      // relative to the start
 
  public:
+  Run(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
+      const Options& options, Goal goal)
+      : Run(input_of(a, Side::kA, landmarks, options), input_of(b, Side::kB, landmarks, options),
+            landmarks, options, goal) {}
+
   /// `sized`: surfaces that give the scales; null: landmarks may determine them.
   Run(SharedPrepared a, SharedPrepared b, const std::vector<Landmark>& landmarks,
       const Options& options, Goal goal, const SurfacePair* sized = nullptr)
@@ -12755,8 +12747,8 @@ class Run {
     Embedding& start = result_.start;
     if (executor_.is_stopped() && embedder_->result().status == Status::kDone) return;
     result_.coarse = embedder_->levels();
+    embedder_->result().seconds += start.seconds;  // of the candidates
     start = std::move(embedder_->result());
-    start.seconds += finder_seconds_;
     embedder_.reset();
     result_.warnings.insert(result_.warnings.end(), start.warnings.begin(), start.warnings.end());
     start.warnings = result_.warnings;
@@ -13055,7 +13047,6 @@ class Run {
   bool has_start_ = false;        // the finder has ended
   Array<PlacedLandmark> guides_;  // found on whole_
   std::unique_ptr<MappedLevel> mapped_;
-  double finder_seconds_ = 0;
   OpeningPair opening_;  // of pair_
   Result result_;
   std::unique_ptr<Embedder> embedder_;
@@ -13184,6 +13175,7 @@ class StartFinder {
     std::string name;
     int alignment = -1;  // -1: the landmarks alone
     std::unique_ptr<Run> run;
+    SurfaceMap map;
     double value = kInfinity;
     bool has_more = true;
     bool has_tried_tips = false;
@@ -13291,6 +13283,7 @@ class StartFinder {
     const int done = static_cast<int>(result.log.size());
     candidate.has_more = done < most && candidate.run->step();
     if (candidate.has_more || !is_usable(result.status)) return;
+    candidate.map = SurfaceMap(result);
     constexpr double kMissed = 1;  // how much all landmarks weigh
     const IterationLog& last = result.final_state();
     const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
@@ -13303,18 +13296,16 @@ class StartFinder {
   double missed_landmarks(const Candidate& candidate) const {
     constexpr double kFar = 0.5;  // in roots of the area
     if (leading_.empty()) return 0;
-    const SurfaceMap map(candidate.run->result());
-    if (map.status() != Status::kDone) return 1;
+    if (candidate.map.status() != Status::kDone) return 1;
     double sum = 0;
     for (const VertexPair& l : leading_) {
-      const SurfacePoint image = map.forward_vertex(l.a);
+      const SurfacePoint image = candidate.map.forward_vertex(l.a);
       if (!image.exists()) {
         sum += 0.5;
         continue;
       }
-      const Eigen::Vector3d at = map.position_on_b(image);
-      const double distance =
-          norm(Vec3{at.x(), at.y(), at.z()} - row3(b_->surface.vertices, l.b)) / kFar;
+      const Vec3 at = vec3(candidate.map.position_on_b(image));
+      const double distance = norm(at - row3(b_->surface.vertices, l.b)) / kFar;
       sum += (std::min)(1.0, distance * distance / b_->surface.total_area);
     }
     return sum / leading_.size();
@@ -13348,13 +13339,12 @@ class StartFinder {
   /// cover, in roots of the area; infinite if there are none.
   double difference(const Candidate& one, const Candidate& other) const {
     if (!(one.value < kInfinity && other.value < kInfinity)) return kInfinity;
-    const SurfaceMap f(one.run->result()), g(other.run->result());
     double sum = 0;
     int both = 0;
     for (int v = 0; v < a_->vertex.size(); ++v) {
-      const SurfacePoint p = f.forward_vertex(v), q = g.forward_vertex(v);
+      const SurfacePoint p = one.map.forward_vertex(v), q = other.map.forward_vertex(v);
       if (!p.exists() || !q.exists()) continue;
-      sum += (f.position_on_b(p) - g.position_on_b(q)).squaredNorm();
+      sum += (one.map.position_on_b(p) - other.map.position_on_b(q)).squaredNorm();
       ++both;
     }
     return both > 0 ? std::sqrt(sum / both / b_->surface.total_area) : kInfinity;
@@ -13365,17 +13355,16 @@ class StartFinder {
   bool add_tips() {
     Array<Candidate> next;
     for (int i = 0; i < running_; ++i) {
-      if (candidates_[i].has_tried_tips || !(candidates_[i].value < kInfinity)) continue;
-      candidates_[i].has_tried_tips = true;
-      const SurfaceMap map(candidates_[i].run->result());
-      if (map.status() != Status::kDone) continue;
-      const Array<TipPair> tips = match_tips(map);
+      Candidate& candidate = candidates_[i];
+      if (candidate.has_tried_tips || !(candidate.value < kInfinity)) continue;
+      candidate.has_tried_tips = true;
+      const Array<TipPair> tips = match_tips(candidate.map);
       if (tips.empty()) continue;
       Array<Landmark> guides;
       for (const TipPair& tip : tips) guides.push_back({tip.a, tip.b, 0});
-      for (const Landmark& l : spread_over(candidates_[i], map, tips)) guides.push_back(l);
-      const std::string name = sentence({candidates_[i].name, ", ", tips.size(), " tips"});
-      next.push_back(begun(name, candidates_[i].alignment, guides));
+      for (const Landmark& l : spread_over(candidate, tips)) guides.push_back(l);
+      const std::string name = sentence({candidate.name, ", ", tips.size(), " tips"});
+      next.push_back(begun(name, candidate.alignment, guides));
     }
     const bool has_more = !next.empty();
     next.push_back(std::move(candidates_[0]));
@@ -13417,10 +13406,9 @@ class StartFinder {
   }
 
   /// Returns pairs of a map spread over A, except around tips that it misses.
-  Array<Landmark> spread_over(const Candidate& candidate, const SurfaceMap& map,
-                              const Array<TipPair>& tips) const {
+  Array<Landmark> spread_over(const Candidate& candidate, const Array<TipPair>& tips) const {
     constexpr double kClear = 0.15;  // of an opening
-    const std::vector<SurfacePoint> images = map.forward_vertices();
+    const Array<SurfacePoint> images = candidate.map.forward_vertices();
     const Surface& a = a_->surface;
     const auto distance = [&](int v, int w) {
       return norm(row3(a.vertices, w) - row3(a.vertices, v));
@@ -13431,22 +13419,19 @@ class StartFinder {
         nearest[v] = (std::min)(nearest[v], distance(from, v) - offset);
     };
     for (int v = 0; v < a.mesh.n_vertices; ++v)
-      if (!images.data()[v].exists()) nearest[v] = -kInfinity;
+      if (!images[v].exists()) nearest[v] = -kInfinity;
     const int opening = candidate.run->result().start.opening_a;
     if (opening >= 0) spread(opening, kClear);
     for (const TipPair& tip : tips) {
       spread(tip.a, tip.miss);
       const Vec3 end = row3(b_->surface.vertices, tip.b);
-      for (int v = 0; v < a.mesh.n_vertices; ++v) {
-        if (!images.data()[v].exists()) continue;
-        const Eigen::Vector3d at = map.position_on_b(images.data()[v]);
-        if (norm(Vec3{at.x(), at.y(), at.z()} - end) < tip.miss) nearest[v] = -kInfinity;
-      }
+      for (int v = 0; v < a.mesh.n_vertices; ++v)
+        if (norm(vec3(candidate.map.position_on_b(images[v])) - end) < tip.miss)
+          nearest[v] = -kInfinity;  // uncovered ones are nowhere
     }
     for (const VertexPair& l : leading_) spread(l.a, 0);
     Array<Landmark> pairs;
-    for (int v : farthest_items(kGuides, nearest, distance))
-      pairs.push_back({v, images.data()[v], 0});
+    for (int v : farthest_items(kGuides, nearest, distance)) pairs.push_back({v, images[v], 0});
     return pairs;
   }
 
@@ -13472,15 +13457,10 @@ class StartFinder {
     }
     if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
     if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
-    const SurfaceMap map(best);
-    if (map.status() != Status::kDone) return;
-    for (const Landmark& l : spread_over(candidates_[0], map, {})) {
-      PlacedLandmark guide;
-      guide.weight = kWeight;
-      guide.a = copy_of(a_->vertex[l.a.vertex]);
-      const Eigen::Vector3d at = map.position_on_b(l.b.point);
-      guide.b = nearest_place(whole_.b, {at.x(), at.y(), at.z()});
-      guides_.push_back(guide);
+    for (const Landmark& l : spread_over(candidates_[0], {})) {
+      const Vec3 on_b = vec3(candidates_[0].map.position_on_b(l.b.point));
+      guides_.push_back(
+          {copy_of(a_->vertex[l.a.vertex]), nearest_place(whole_.b, on_b), {}, kWeight});
     }
   }
 
@@ -13511,7 +13491,7 @@ inline void Run::find_start() {
   if (!finder_) finder_ = std::make_shared<StartFinder>(whole_, placed_, given_options_, executor_);
   Timer timer;
   const bool has_more = finder_->step();
-  finder_seconds_ += timer.lap();
+  result_.start.seconds += timer.lap();
   if (has_more) return;
   has_start_ = true;
   guides_ = finder_->guides();
@@ -13593,9 +13573,7 @@ Options Options::paper() {
 
 Embedding initial_embedding(const MeshView& a, const MeshView& b,
                             const std::vector<Landmark>& landmarks, const Options& options) {
-  detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
-                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options,
-                  detail::Goal::kStart);
+  detail::Run run(a, b, landmarks, options, detail::Goal::kStart);
   while (run.step()) {
   }
   return std::move(run.result().start);
@@ -13603,9 +13581,7 @@ Embedding initial_embedding(const MeshView& a, const MeshView& b,
 
 Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                    const Options& options) {
-  detail::Run run(detail::input_of(a, Side::kA, landmarks, options),
-                  detail::input_of(b, Side::kB, landmarks, options), landmarks, options,
-                  detail::Goal::kMap);
+  detail::Run run(a, b, landmarks, options, detail::Goal::kMap);
   while (run.step()) {
   }
   return std::move(run.result());
@@ -13614,9 +13590,7 @@ Result compute_map(const MeshView& a, const MeshView& b, const std::vector<Landm
 Solver::Solver() : Solver(MeshView(), MeshView()) {}
 Solver::Solver(const MeshView& a, const MeshView& b, const std::vector<Landmark>& landmarks,
                const Options& options)
-    : run_(std::make_unique<detail::Run>(detail::input_of(a, Side::kA, landmarks, options),
-                                         detail::input_of(b, Side::kB, landmarks, options),
-                                         landmarks, options, detail::Goal::kMap)) {}
+    : run_(std::make_unique<detail::Run>(a, b, landmarks, options, detail::Goal::kMap)) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&& other) noexcept = default;
 Solver& Solver::operator=(Solver&& other) noexcept = default;
