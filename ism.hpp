@@ -11898,24 +11898,40 @@ inline bool check_problems(const std::vector<Problem>& problems, Side side, Outc
 /// Places the ends of landmarks on one mesh, in order; no two exact ones may share a place.
 class LandmarkPlacer {
  public:
-  LandmarkPlacer(const Prepared& prepared, Side side) : prepared_(prepared), side_(side) {}
+  LandmarkPlacer(const Prepared& prepared, Side side, bool are_exact)
+      : prepared_(prepared), side_(side), are_exact_(are_exact) {}
 
-  /// Returns the error in the id or the barycentric coordinates, or nothing.
-  std::string fault(const LandmarkPoint& p) const {
+  /// Places the end of a landmark; guiding ones whose end was dropped get no place and a warning.
+  bool locate(const Landmark& l, Place& place, Outcome& outcome) {
     constexpr double kRounding = 1e-6;
-    const std::vector<int>& ids = is_point(p) ? prepared_.new_triangle : prepared_.new_vertex;
-    const int id = id_of(p), n = static_cast<int>(ids.size());
-    const Eigen::Vector3d& weights = p.point.barycentric;
+    const LandmarkPoint& p = side_ == Side::kA ? l.a : l.b;
+    const bool is_vertex = !is_point(p);
+    const int id = id_of(p), n = static_cast<int>(is_vertex ? prepared_.new_vertex.size()
+                                                            : prepared_.new_triangle.size());
+    const auto refuse = [&](Words why) {
+      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), sentence(why)},
+                  {element_id(side_, p)});
+    };
     if (id < 0 || id >= n)
-      return sentence({"mesh ", letter(side_), " has no ", is_point(p) ? "triangle " : "vertex ",
-                       id, ", it has ", n, is_point(p) ? " triangles" : " vertices",
-                       ", counted from 0"});
+      return refuse({"mesh ", letter(side_), " has no ", is_vertex ? "vertex " : "triangle ", id,
+                     ", it has ", n, is_vertex ? " vertices" : " triangles", ", counted from 0"});
+    const Eigen::Vector3d& weights = p.point.barycentric;
     const bool have_sum = std::abs(weights[0] + weights[1] + weights[2] - 1) <= kRounding;
-    if (!is_point(p) || (have_sum && !(weights.minCoeff() < -kRounding))) return {};
-    return sentence(
-        {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
+    if (!is_vertex && (!have_sum || weights.minCoeff() < -kRounding))
+      return refuse(
+          {"barycentric coordinates on ", letter(side_), " must be at least 0 with sum 1"});
+    const std::string end =
+        sentence({is_vertex ? "vertex " : "the point in triangle ", id, " of ", letter(side_)});
+    const std::string lost = end + " was dropped when the mesh was prepared";
+    const bool is_found = find(p, place);
+    if (are_exact_ && !is_found) return refuse({lost});
+    if (are_exact_ && !claim(place)) return refuse({end, " is in another landmark"});
+    if (!is_found)
+      outcome.warnings.push_back({name_of(l) + lost + ": it is left out", {element_id(side_, p)}});
+    return true;
   }
 
+ private:
   /// Locates an end, on a dropped element at the nearest point of the surface; false if too far.
   bool find(const LandmarkPoint& p, Place& place) {
     SurfacePoint point;
@@ -11939,7 +11955,6 @@ class LandmarkPlacer {
     return !used_[v]++;
   }
 
- private:
   bool find_nearest(const LandmarkPoint& p, SurfacePoint& nearest) const {
     constexpr double kNear = 0.01;  // of the diagonal of the box around the mesh
     const TriangleMesh &given = *prepared_.given, &mesh = *prepared_.mesh;
@@ -11962,6 +11977,7 @@ class LandmarkPlacer {
 
   const Prepared& prepared_;
   const Side side_;
+  const bool are_exact_;
   Origin origin_;                   // set for the first point in a triangle
   std::vector<AddedVertex> added_;  // as if all landmarks became vertices
   Array<char> used_;
@@ -11993,43 +12009,20 @@ inline Place nearest_place(const Surface& s, const Vec3& p) {
   return best;
 }
 
-/// Returns "vertex 5 of A" or "the point in triangle 7 of B".
-inline std::string end_of(const Landmark& l, bool of_a) {
-  const LandmarkPoint& p = of_a ? l.a : l.b;
-  return sentence({is_point(p) ? "the point in triangle " : "vertex ", id_of(p), " of ",
-                   letter(of_a ? Side::kA : Side::kB)});
-}
-
 inline bool is_at_least_0(double x) { return x >= 0 && std::isfinite(x); }
 
 /// Places landmarks; skips guiding ones with a warning if an end was dropped with part of its mesh.
 inline bool place_landmarks(const Prepared& a, const Prepared& b,
                             const std::vector<Landmark>& landmarks, bool are_exact,
                             Array<PlacedLandmark>& placed, Outcome& outcome) {
-  LandmarkPlacer on_a(a, Side::kA), on_b(b, Side::kB);
+  LandmarkPlacer on_a(a, Side::kA, are_exact), on_b(b, Side::kB, are_exact);
   for (const Landmark& l : landmarks) {
     PlacedLandmark here = {{}, {}, l, 1};
-    const auto refuse = [&](const std::string& why, bool of_a) {
-      const ElementId id = of_a ? element_id(Side::kA, l.a) : element_id(Side::kB, l.b);
-      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), why}, {id});
-    };
-    if (const std::string why = on_a.fault(l.a); !why.empty()) return refuse(why, true);
-    if (const std::string why = on_b.fault(l.b); !why.empty()) return refuse(why, false);
-    if (!is_at_least_0(l.weight)) return refuse("its weight must be at least 0", true);
-    const bool is_on_a = on_a.find(l.a, here.a), is_on_b = on_b.find(l.b, here.b);
-    if (!is_on_a || !is_on_b) {
-      const std::string lost = end_of(l, !is_on_a) + " was dropped when the mesh was prepared";
-      if (are_exact) return refuse(lost, !is_on_a);
-      outcome.warnings.push_back(
-          {name_of(l) + lost + ": it is left out",
-           {is_on_a ? element_id(Side::kB, l.b) : element_id(Side::kA, l.a)}});
-      continue;
-    }
-    const bool is_free_on_a = !are_exact || on_a.claim(here.a);
-    const bool is_free_on_b = !are_exact || on_b.claim(here.b);
-    if (!is_free_on_a || !is_free_on_b)
-      return refuse(end_of(l, !is_free_on_a) + " is in another landmark", !is_free_on_a);
-    placed.push_back(here);
+    if (!on_a.locate(l, here.a, outcome) || !on_b.locate(l, here.b, outcome)) return false;
+    if (!is_at_least_0(l.weight))
+      return fail(outcome, Status::kInvalidLandmarks, {name_of(l), "its weight must be at least 0"},
+                  {element_id(Side::kA, l.a)});
+    if (here.a.corners[0] >= 0 && here.b.corners[0] >= 0) placed.push_back(here);
   }
   return true;
 }
@@ -12167,13 +12160,9 @@ inline bool check_loops(const HalfEdgeMesh& m, const Prepared& prepared, Side si
                  " is on no boundary of ", letter(side)},
                 {vertex_id(side, given)});
   if (options.boundary == Boundary::kFree || m.loops() == 1) return true;
-  if (m.loops() == 0)
-    return fail(
-        outcome, Status::kInvalidOptions,
-        {"boundaries cannot be held where there is none, and ", letter(side), " is closed"});
   return fail(outcome, Status::kInvalidOptions,
-              {"boundaries cannot be held where a surface has openings, and ", letter(side),
-               " has ", m.loops() - 1});
+              {"boundaries cannot be held on closed surfaces or those with openings, and ",
+               letter(side), m.loops() == 0 ? " is closed" : " has openings"});
 }
 
 inline bool check_options(const Options& o, Outcome& outcome) {
@@ -13175,7 +13164,7 @@ class StartFinder {
     std::string name;
     int alignment = -1;  // -1: the landmarks alone
     std::unique_ptr<Run> run;
-    SurfaceMap map;
+    SurfaceMap map = {};
     double value = kInfinity;
     bool has_more = true;
     bool has_tried_tips = false;
@@ -13216,7 +13205,8 @@ class StartFinder {
     const Array<Alignment> alignments =
         find_alignments(sampled(pair, leading_, kFew), samples_, kAlignments, executor_);
     if (executor_.is_stopped()) return;
-    if (leading_.size() > 1 || alignments.empty()) add_candidate(alignments, -1, 0);
+    if (leading_.size() > 1 || alignments.empty())
+      candidates_.push_back(begun("landmarks", -1, {}));
     for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
     int cones = 2;  // other ones, too
     for (int n : {12, 16, 32, 48})
@@ -13246,9 +13236,8 @@ class StartFinder {
     leading_ = are_many ? consistent(pair, found, kMostLeading) : found;
   }
 
-  /// `which`: the alignment that gives at most `most` pairs; -1: none.
+  /// `which`: the alignment that gives at most `most` pairs.
   void add_candidate(const Array<Alignment>& alignments, int which, int most) {
-    if (which < 0) return candidates_.push_back(begun("landmarks", which, {}));
     const Array<std::array<int, 2>> pairs = alignments[which].mutual_pairs();
     const auto point = [&](int i) { return samples_.a[pairs[i][0]].point; };
     const auto distance = [&](int i, int j) { return norm(point(j) - point(i)); };
@@ -13267,11 +13256,8 @@ class StartFinder {
     std::vector<Landmark> all;
     for (const VertexPair& l : leading_) all.push_back({l.a, l.b, landmark_weight_});
     all.insert(all.end(), guides.begin(), guides.end());
-    Candidate candidate;
-    candidate.name = name;
-    candidate.alignment = alignment;
-    candidate.run = std::make_unique<Run>(coarse_a_, coarse_b_, all, options_, Goal::kCandidate);
-    return candidate;
+    return {name, alignment,
+            std::make_unique<Run>(coarse_a_, coarse_b_, all, options_, Goal::kCandidate)};
   }
 
   /// Takes a step, up to a number of iterations.
