@@ -9073,6 +9073,15 @@ inline Array<AddedVertex> means_of_vertices(int n, const std::vector<AddedVertex
   return means;
 }
 
+/// Returns the barycentric coordinates of a place in a triangle.
+inline Vec3 weights_in(const HalfEdgeMesh& m, int f, const Place& p) {
+  Vec3 weights;
+  for (int k = 0; k < 3; ++k)
+    for (int i = 0; i < 3; ++i)
+      if (m.corner(f, k) == p.corners[i]) weights[k] = p.weights[i];
+  return weights;
+}
+
 /// Returns the triangle that contains a piece, or -1, and the piece's corners in its coordinates.
 inline int find_piece(const HalfEdgeMesh& m, const std::array<AddedVertex, 3>& corner,
                       std::array<Vec3, 3>& weights) {
@@ -9082,12 +9091,7 @@ inline int find_piece(const HalfEdgeMesh& m, const std::array<AddedVertex, 3>& c
       if (!add_weight(p.corners[k], 0, all)) return -1;
   all.weights.setConstant(1.0 / 3);
   const int h = all.corners[2] < 0 ? -1 : find_place(m, all);
-  for (std::size_t i = 0; i < 3 && h >= 0; ++i) {
-    weights[i] = {};
-    for (int k = 0; k < 3; ++k)
-      for (int j = 0; j < 3; ++j)
-        if (m.corner(h / 3, j) == corner[i].corners[k]) weights[i][j] += corner[i].weights[k];
-  }
+  for (std::size_t i = 0; i < 3 && h >= 0; ++i) weights[i] = weights_in(m, h / 3, corner[i]);
   return h < 0 || !(dot(weights[0], cross(weights[1], weights[2])) > 0) ? -1 : h / 3;
 }
 
@@ -10541,9 +10545,14 @@ using SharedPrepared = std::shared_ptr<const Prepared>;
 
 // ---- small openings ----
 
-/// Closes the openings of a surface, each by a fan around a vertex that comes after all others. If
-/// a fan would not be a surface, returns the given one.
-inline SharedPrepared with_openings_closed(const SharedPrepared& open, const HalfEdgeMesh& m) {
+/// Closes the openings of a surface, each by a fan around a vertex that comes after all others.
+/// Returns null if one is longer than the end of a tube of ten diameters (laid out flat, rings
+/// around it shrink as exp(-length / radius)), or if a fan would not be a surface.
+inline SharedPrepared with_openings_closed(const SharedPrepared& open) {
+  const Surface s = build_surface(*open->mesh, false);
+  const HalfEdgeMesh& m = s.mesh;
+  if (is_closed(s)) return open;
+  if (!(kLongTube * loop_length(s, outer_loop(s, -1)) < std::sqrt(s.total_area))) return nullptr;
   Prepared p = *open;
   TriangleMesh mesh = *p.mesh;
   mesh.vertices.conservativeResize(m.n_vertices + m.loops(), 3);
@@ -10563,14 +10572,7 @@ inline SharedPrepared with_openings_closed(const SharedPrepared& open, const Hal
   p.given_triangle.resize(static_cast<std::size_t>(p.mesh->triangles.rows()), -1);
   HalfEdgeMesh closed;
   const bool is_surface = find_problems(*p.mesh, closed).empty();
-  return is_surface ? std::make_shared<const Prepared>(std::move(p)) : open;
-}
-
-/// Returns true if all openings of a surface are shorter than the end of a tube of ten diameters.
-/// Laid out flat, rings around one shrink as exp(-length / radius).
-inline bool is_nearly_closed(const Surface& s) {
-  if (s.mesh.loops() == 0) return false;
-  return kLongTube * loop_length(s, outer_loop(s, -1)) < std::sqrt(s.total_area);
+  return is_surface ? std::make_shared<const Prepared>(std::move(p)) : nullptr;
 }
 
 // ==== [17] ALIGNMENTS IN SPACE ===================================================================
@@ -10612,7 +10614,7 @@ inline Array<SurfaceSample> sampled(const Surface& s, int n) {
 /// p → L p + shift, L by columns.
 struct AffineMap {
   Vec3 column[3] = {unit3(0), unit3(1), unit3(2)};
-  Vec3 shift;
+  Vec3 shift = {};
 
   Vec3 linear(const Vec3& p) const { return p.x * column[0] + p.y * column[1] + p.z * column[2]; }
   SurfaceSample operator()(SurfaceSample s) const {
@@ -10622,8 +10624,8 @@ struct AffineMap {
   }
   /// det(L) L⁻ᵀ, which maps normals.
   AffineMap cofactors() const {
-    return {{cross(column[1], column[2]), cross(column[2], column[0]), cross(column[0], column[1])},
-            {}};
+    return {
+        {cross(column[1], column[2]), cross(column[2], column[0]), cross(column[0], column[1])}};
   }
   double determinant() const { return dot(column[0], cross(column[1], column[2])); }
 };
@@ -10665,9 +10667,9 @@ inline bool nearest_rotation(AffineMap& m) {
 /// exchange of axes and a fifth of a turn.
 inline Array<AffineMap> icosahedral_rotations() {
   constexpr double kHalf = 0.5, kLong = 0.80901699437494742, kShort = kLong - kHalf;  // φ/2, 1/(2φ)
-  const AffineMap cycle = {{unit3(1), unit3(2), unit3(0)}, {}};
+  const AffineMap cycle = {{unit3(1), unit3(2), unit3(0)}};
   const AffineMap fifth = {
-      {{kHalf, kLong, kShort}, {-kLong, kShort, kHalf}, {kShort, -kHalf, kLong}}, {}};
+      {{kHalf, kLong, kShort}, {-kLong, kShort, kHalf}, {kShort, -kHalf, kLong}}};
   Array<AffineMap> rotations(1, AffineMap());
   for (int i = 0; i < rotations.size(); ++i)
     for (const AffineMap& generator : {cycle, fifth}) {
@@ -12108,11 +12110,7 @@ inline void refine(double longest, double largest, int most, Side side, SurfaceP
     Place& p = side == Side::kA ? l.a : l.b;
     if (vertex_at(p) >= 0) continue;
     const int f = find_place(before, p) / 3;
-    Vec3 weights;
-    for (int k = 0; k < 3; ++k)
-      for (int i = 0; i < 3; ++i)
-        if (before.corner(f, k) == p.corners[i]) weights[k] = p.weights[i];
-    const SurfacePoint at = pieces.from_mesh(surface_point(f, weights));
+    const SurfacePoint at = pieces.from_mesh(surface_point(f, weights_in(before, f, p)));
     for (int k = 0; k < 3; ++k) p.corners[k] = s.mesh.corner(at.face, k);
     p.weights = at.barycentric;
     tidy(p);
@@ -12133,9 +12131,8 @@ inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLan
   constexpr int kLeast = 64;  // vertices of closed surfaces: paths pass between four cones
   constexpr int kMost = 2;    // times as many triangles as the finer surface has
   const int finest = (std::max)(pair.a.mesh.n_faces, pair.b.mesh.n_faces);
-  double mean = kInfinity;  // area of a triangle of the finer surface
-  for (const Surface* s : {&pair.a, &pair.b})
-    mean = (std::min)(mean, s->total_area / s->mesh.n_faces);
+  const auto mean_area = [](const Surface& s) { return s.total_area / s.mesh.n_faces; };
+  const double mean = (std::min)(mean_area(pair.a), mean_area(pair.b));  // of the finer surface
   const double edge = std::sqrt(4 / std::sqrt(3.0) * mean);
   const bool is_off = options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
                       options.initial_g.size() > 0;
@@ -12258,11 +12255,8 @@ inline void close_openings(const Options& o, SharedPrepared& a, SharedPrepared& 
                         !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
                         o.initial_g.size() > 0 || o.as_published;
   if (has_wish || !a->problems.empty() || !b->problems.empty()) return;
-  const Surface s = surface_of(*a, false), t = surface_of(*b, false);
-  const SharedPrepared p = is_nearly_closed(s) ? with_openings_closed(a, s.mesh) : a;
-  const SharedPrepared q = is_nearly_closed(t) ? with_openings_closed(b, t.mesh) : b;
-  if ((p == a && !is_closed(s)) || (q == b && !is_closed(t))) return;
-  a = p, b = q;
+  const SharedPrepared p = with_openings_closed(a), q = with_openings_closed(b);
+  if (p && q) a = p, b = q;
 }
 
 /// Converts positions of the given vertices, if any, to those of the prepared mesh.
@@ -12317,14 +12311,10 @@ inline bool build_pair(const Prepared& a, const Prepared& b, const std::vector<L
          check_constraints(m, a, n, b, placed, options, outcome);
 }
 
-inline double largest_landmark_distance(const JointSurface& s, const Points2& x,
-                                        const Array<PlacedLandmark>& landmarks) {
-  double largest = 0;
-  for (const PlacedLandmark& l : landmarks) {
-    const Vec2 p = spot_of(s.mesh, x, l.a).at, q = spot_of(s.mesh, x, in_joint(s, l.b)).at;
-    largest = (std::max)(largest, norm(p - nearest_motion(s.mesh, p, q) * q));
-  }
-  return largest / domain_radius(x);
+/// Returns the way between the two images of a landmark in the plane.
+inline Vec2 gap_at(const JointSurface& s, const Points2& x, const PlacedLandmark& l) {
+  const Vec2 p = spot_of(s.mesh, x, l.a).at, q = spot_of(s.mesh, x, in_joint(s, l.b)).at;
+  return p - nearest_motion(s.mesh, p, q) * q;
 }
 
 inline SharedMesh with_added_vertices(const SharedMesh& given, const Surface& s) {
@@ -12476,8 +12466,7 @@ class Run {
     const NoTraps no_traps;
     if (goal == Goal::kStart) {
       executor_.set_embedding_share(1);
-      options_.initial_f.resize(0, 2);
-      options_.initial_g.resize(0, 2);
+      options_.initial_f = options_.initial_g = Points2();
     }
     if (goal != Goal::kCandidate && sized == nullptr) close_openings(options_, a_, b_);
     return_input();
@@ -12828,12 +12817,14 @@ class Run {
     is_embedding_ = false;
     return_input();
     return_start();
-    result_.f.resize(0, 2);
-    result_.g.resize(0, 2);
+    result_.f = result_.g = Points2();
     if (start.status != Status::kDone)
       return void(fail(result_, start.status, {start.message}, start.ids));
     s_ = join(pair_);
-    start.landmark_distance = largest_landmark_distance(s_, start_, located(opened_, pair_));
+    double largest = 0;
+    for (const PlacedLandmark& l : located(opened_, pair_))
+      largest = (std::max)(largest, norm(gap_at(s_, start_, l)));
+    start.landmark_distance = largest / domain_radius(start_);
     result_.status = Status::kDone;
     if (goal_ != Goal::kStart) begin_loop();
   }
@@ -12855,11 +12846,8 @@ class Run {
     Array<PlacedLandmark> apart, together;
     const Array<PlacedLandmark> landmarks = located(opened_, pair_);
     for (int i = 0; i < landmarks.size(); ++i) {
-      const int u = vertex_at(landmarks[i].a), v = vertex_at(landmarks[i].b);
-      const int n_a = pair_.a.mesh.n_vertices;
-      const Vec2 p = row2(start_, (std::max)(u, 0)), q = row2(start_, n_a + (std::max)(v, 0));
-      const bool is_one = u >= 0 && v >= 0 && p == nearest_motion(pair_.a.mesh, p, q) * q;
-      (is_pulled(i) && !is_one ? apart : together).push_back(landmarks[i]);
+      const bool is_apart = is_pulled(i) && gap_at(s_, start_, landmarks[i]) != Vec2();
+      (is_apart ? apart : together).push_back(landmarks[i]);
     }
     begin(together);
     if (!apart.empty() && optimizer_ && result_.status == Status::kUnfinished)
@@ -12933,8 +12921,7 @@ class Run {
     if (result_.status == Status::kUnfinished) result_.status = executor_.stop_status();
     if (!has_reason_) result_.message = words_of(result_.status).sentence;
     if (is_usable(result_.status)) return return_positions(own_positions(), result_.f, result_.g);
-    result_.f.resize(0, 2);
-    result_.g.resize(0, 2);
+    result_.f = result_.g = Points2();
   }
 
   bool is_on_pillow() const { return !pair_.a.mesh.pillow.is_empty(); }
