@@ -10190,8 +10190,7 @@ class Preparer {
     for (int round = 0; round < kRounds; ++round) {
       const Array<int> flat = flat_triangles();
       bool has_changed = false;
-      for (int f : flat)
-        if (unite_short_edge(f)) has_changed = true;
+      for (int f : flat) has_changed |= unite_short_edge(f);
       if (has_changed) {
         update_places();
         drop_collapsed();
@@ -10199,8 +10198,7 @@ class Preparer {
       }
       if (flat.empty()) return;
       const Array<EdgeUse> uses = edge_uses();
-      for (int f : flat)
-        if (give_to_neighbour(f, uses)) has_changed = true;
+      for (int f : flat) has_changed |= give_to_neighbour(f, uses);
       if (!has_changed) break;
     }
     const Array<int> flat = flat_triangles();
@@ -12080,20 +12078,20 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   const double size = relative_size(pair, landmarks);
   const double areas = pair.a.total_area / pair.b.total_area;
   const std::string units = units_sentence(pair.a.scale / pair.b.scale / size);
+  std::string warning;
   if (!options.keep_scale && size != 1 && !are_closed(pair) &&
       options.boundary == Boundary::kFree) {
     rescale((std::max)(1.0, 1 / size), pair.a);  // the smaller one keeps area 1
     rescale((std::max)(1.0, size), pair.b);
-    outcome.warnings.push_back(
-        {"the meshes were not scaled to one area but by their landmarks: " + units, {}});
+    warning = "the meshes were not scaled to one area but by their landmarks: " + units;
   } else if (options.keep_scale && size != 1) {
-    outcome.warnings.push_back({"keep_scale is set, but the landmarks say that " + units, {}});
+    warning = "keep_scale is set, but the landmarks say that " + units;
   } else if (options.keep_scale && (areas > kFar || areas < 1 / kFar)) {
-    outcome.warnings.push_back(
-        {sentence({"the meshes were not scaled, and the area of ", areas > 1 ? "A" : "B", " is ",
-                   decimal((std::max)(areas, 1 / areas)), " times that of the other one"}),
-         {}});
+    warning =
+        sentence({"the meshes were not scaled, and the area of ", areas > 1 ? "A" : "B", " is ",
+                  decimal((std::max)(areas, 1 / areas)), " times that of the other one"});
   }
+  if (!warning.empty()) outcome.warnings.push_back({warning, {}});
 }
 
 /// Halves edges of one surface, see EdgeHalver. Landmarks stay where they are.
@@ -13087,8 +13085,8 @@ class StartFinder {
     options_.keep_scale = true;
     options_.progress = nullptr;
     options_.stop = nullptr;
-    options_.parallel_for = [&executor](int n, const std::function<void(int)>& task) {
-      executor.run(n, [&](int i) { task(i); });  // on one thread where candidates run side by side
+    options_.parallel_for = [&executor](int n, const Executor::Task& task) {
+      executor.run(n, task);  // on one thread where candidates run side by side
     };
     options_.max_iterations = 200;
     options_.tolerance = 1e-3;
