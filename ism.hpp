@@ -12498,9 +12498,8 @@ class Run {
   /// Bringing a coarse map to the given meshes costs about as much as some iterations, so this
   /// happens once per level, and when the caller has stopped.
   Result& result() {
-    const PairEmbedder* const levels =
-        is_embedding_ && embedder_ ? embedder_->levels_now() : nullptr;
-    if (levels != nullptr) show_coarse_map(*levels);
+    if (const PairEmbedder* const levels = embedder_ ? embedder_->levels_now() : nullptr)
+      show_coarse_map(*levels);
     return result_;
   }
   bool is_embedding() const { return is_embedding_; }
@@ -12574,12 +12573,11 @@ class Run {
     open();
     pair_ = before.joiner_ ? before.pair_before_ : before.pair_;
     Embedding& start = result_.start;
-    Points2 x = before.start_;  // of coarse levels
+    const Points2 x = before.positions();
     omega_before_ = kNextOmega;
     if (before.optimizer_) {
       scale_ = before.scale_;
       omega_before_ = before.optimizer_->omega();
-      x = before.own_positions();
     }
     start.f = rows_between(x, 0, pair_.a.mesh.n_vertices);
     start.g = rows_between(x, pair_.a.mesh.n_vertices, rows_of(x));
@@ -12717,8 +12715,7 @@ class Run {
 
   void embed() {
     if (has_positions()) return take_positions();
-    if (!embedder_ && finds_start() && !has_start_) return find_start();
-    if (!embedder_) return begin_embedding();
+    if (!embedder_) return finds_start() ? find_start() : begin_embedding({}, nullptr);
     if (embedder_->step()) return;
     Embedding& start = result_.start;
     if (executor_.is_stopped() && embedder_->result().status == Status::kDone) return;
@@ -12751,14 +12748,15 @@ class Run {
 
   void find_start();
 
-  void begin_embedding() {
+  /// `guides`: pairs found on whole_. `mapped`: a coarse map, or null.
+  void begin_embedding(const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped) {
     constexpr int kFewest = 300;
     if (!find_opening()) return;
     open();
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     // Small surfaces have one coarse level, too.
     options_.coarsest = (std::min)(options_.coarsest, (std::max)(int{kFewest}, most / 2));
-    embedder_ = std::make_unique<Embedder>(pair_, opened_, opened(guides_), std::move(mapped_),
+    embedder_ = std::make_unique<Embedder>(pair_, opened_, opened(guides), std::move(mapped),
                                            options_, executor_);
   }
 
@@ -13018,9 +13016,6 @@ class Run {
   Array<PlacedLandmark> placed_;  // the landmarks on whole_,
   Array<PlacedLandmark> opened_;  // and after opening
   std::shared_ptr<StartFinder> finder_;
-  bool has_start_ = false;        // the finder has ended
-  Array<PlacedLandmark> guides_;  // found on whole_
-  std::unique_ptr<MappedLevel> mapped_;
   OpeningPair opening_;  // of pair_
   Result result_;
   std::unique_ptr<Embedder> embedder_;
@@ -13092,7 +13087,7 @@ class StartFinder {
     options_.tolerance = 1e-3;
     options_.max_seconds = kInfinity;
     options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
-    options_.exact_landmarks = options_.candidates = false;
+    options_.exact_landmarks = options_.candidates = options_.weld = false;
     options_.curves.clear();
     options_.boundary = Boundary::kFree;
     options_.outer_a = options_.outer_b = -1;
@@ -13174,13 +13169,8 @@ class StartFinder {
 
   void find_candidates() {
     constexpr int kAlignments = 3, kPairs = 24;
-    const auto prepared_from = [](const Surface& s) {
-      const TriangleMesh mesh = {s.vertices, triangles_from(s.mesh.tail)};
-      return std::make_shared<const Prepared>(
-          prepared(std::make_shared<const TriangleMesh>(mesh), {}, false));
-    };
-    coarse_a_ = prepared_from(a_->surface);
-    coarse_b_ = prepared_from(b_->surface);
+    coarse_a_ = {a_->surface.vertices, triangles_from(a_->surface.mesh.tail)};
+    coarse_b_ = {b_->surface.vertices, triangles_from(b_->surface.mesh.tail)};
     tips_a_ = find_tips(a_->surface);
     tips_b_ = find_tips(b_->surface);
     constexpr int kFew = 120, kMany = 480;
@@ -13443,7 +13433,7 @@ class StartFinder {
   const Executor& executor_;
   std::unique_ptr<MappedLevel> level_ = std::make_unique<MappedLevel>();
   std::unique_ptr<Level> a_, b_;
-  SharedPrepared coarse_a_, coarse_b_;
+  TriangleMesh coarse_a_, coarse_b_;
   Array<VertexPair> leading_;  // landmarks
   Tips tips_a_, tips_b_;
   SamplePair samples_;
@@ -13464,13 +13454,11 @@ inline void Run::find_start() {
   const bool has_more = finder_->step();
   result_.start.seconds += timer.lap();
   if (has_more) return;
-  has_start_ = true;
-  guides_ = finder_->guides();
-  mapped_ = finder_->take_level();
   result_.candidates = finder_->candidates();
   const OpeningPair found = finder_->opening();
   if (!contains(bound_vertices(Side::kA), found.a) && !contains(bound_vertices(Side::kB), found.b))
     opening_ = found;
+  begin_embedding(finder_->guides(), finder_->take_level());
   finder_.reset();
 }
 
