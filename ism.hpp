@@ -10641,24 +10641,30 @@ inline AffineMap product(const AffineMap& a, const AffineMap& b) {
   return c;
 }
 
-/// Finds the rotation nearest to L by Newton steps [Higham 1986]; false if L mirrors or is
-/// singular.
-inline bool nearest_rotation(AffineMap& m) {
-  constexpr int kSteps = 30;
-  for (int i = 0; i < kSteps; ++i) {
-    const double det = m.determinant();
-    if (!(det > 0)) return false;
-    const AffineMap cofactors = m.cofactors();
-    double size = 0, size_inverse = 0;
-    for (int c = 0; c < 3; ++c) {
-      size += squared_norm(m.column[c]);
-      size_inverse += squared_norm(cofactors.column[c]) / (det * det);
-    }
-    const double g = std::sqrt(std::sqrt(size_inverse / size));  // Higham's scaling
-    for (int c = 0; c < 3; ++c)
-      m.column[c] = 0.5 * (g * m.column[c] + 1 / (g * det) * cofactors.column[c]);
-  }
-  return true;
+/// Returns unit eigenvectors of a symmetric matrix, a rotation, by descending eigenvalues.
+inline AffineMap eigenvectors(const AffineMap& m) {
+  LaneMatrix<3> a;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c <= r; ++c) a(r, c) = m.column[c][r];
+  LaneEigen<3> eigen;
+  eigen.decompose(a);
+  Array<double> value;
+  for (const Lanes& lanes : eigen.value) value.push_back(-lanes[0]);
+  const Array<int> order = sorted_by(value);
+  AffineMap axes;
+  for (int i = 0; i < 2; ++i)
+    for (int k = 0; k < 3; ++k) axes.column[i][k] = eigen.vector[order[i]][k][0];
+  axes.column[2] = cross(axes.column[0], axes.column[1]);
+  return axes;
+}
+
+/// Returns the rotation R with the largest trace of Rᵀ m [Kabsch 1976]: it takes the eigenvectors
+/// of mᵀ m to their images by m, made unit vectors, the last one by orientation.
+inline AffineMap nearest_rotation(const AffineMap& m) {
+  const AffineMap from = eigenvectors(product(transposed(m), m));
+  const Vec3 u = normalized(m.linear(from.column[0]));
+  const Vec3 w = normalized(cross(u, m.linear(from.column[1])));
+  return product({{u, cross(w, u), w}, {}}, transposed(from));
 }
 
 /// Returns the 60 rotations of the icosahedron, the identity first: all products of the cyclic
@@ -10686,36 +10692,14 @@ inline Vec3 mean(const Array<SurfaceSample>& samples) {
   return sum;
 }
 
-/// Returns the axes of the second moments of samples, the longest first, as columns of a rotation,
-/// by Jacobi's method. Along the first two, third moments are positive.
+/// Returns the axes of the second moments of samples, the longest first, as columns of a rotation.
+/// Along the first two, third moments are positive.
 inline AffineMap principal_axes(const Array<SurfaceSample>& samples) {
-  constexpr int kSweeps = 12;
   const Vec3 center = mean(samples);
-  AffineMap C = {{{}, {}, {}}, {}}, axes;
+  AffineMap moments = {{{}, {}, {}}, {}};
   for (const SurfaceSample& s : samples)
-    for (int c = 0; c < 3; ++c) C.column[c] += (s.point - center)[c] * (s.point - center);
-  for (int i = 0; i < 3 * kSweeps; ++i) {
-    const int p = i % 3, q = (p + 1) % 3;
-    const double off = C.column[q][p], slope = C.column[q][q] - C.column[p][p];
-    if (off == 0) continue;
-    const double t =
-        2 * off / ((slope < 0 ? -1 : 1) * std::sqrt(slope * slope + 4 * off * off) + slope);
-    const double c = 1 / std::sqrt(1 + t * t), s = t * c;
-    const auto turn = [&](AffineMap& m) {
-      const Vec3 u = m.column[p], v = m.column[q];
-      m.column[p] = c * u - s * v;
-      m.column[q] = s * u + c * v;
-    };
-    turn(axes);
-    turn(C);
-    C = transposed(C);
-    turn(C);
-  }
-  for (int i : {0, 1, 0})
-    if (C.column[i][i] < C.column[i + 1][i + 1]) {
-      std::swap(C.column[i][i], C.column[i + 1][i + 1]);
-      std::swap(axes.column[i], axes.column[i + 1]);
-    }
+    for (int c = 0; c < 3; ++c) moments.column[c] += (s.point - center)[c] * (s.point - center);
+  AffineMap axes = eigenvectors(moments);
   for (int i = 0; i < 2; ++i) {
     double third = 0;
     for (const SurfaceSample& s : samples) third += power(dot(s.point - center, axes.column[i]), 3);
@@ -10837,16 +10821,12 @@ class Alignment {
         P.column[c] += p[c] * (pair_->a[i].point - p0);
       }
     });
-    AffineMap L = M;
-    const AffineMap across = M.cofactors();  // makes det > 0 where all points are in a plane
-    const double size = std::sqrt(squared_norm(M.column[0]) + squared_norm(M.column[1]) +
-                                  squared_norm(M.column[2]));
-    for (int c = 0; c < 3; ++c) L.column[c] += 1e-6 / size * across.column[c];
-    if (!nearest_rotation(L)) return;
+    AffineMap L = nearest_rotation(M);
     const double spread = P.column[0].x + P.column[1].y + P.column[2].z;
     double scale = 0;
     for (int c = 0; c < 3; ++c) scale += dot(L.column[c], M.column[c]) / spread;
     if (!(scale > 0.2 && scale < 5)) return;
+    if (!(M.determinant() > -1e-6 * power(spread, 3))) return;  // a mirror image
     for (Vec3& column : L.column) column = scale * column;
     if (is_affine) {
       for (int c = 0; c < 3; ++c) {
