@@ -2323,7 +2323,8 @@ inline Groups<int> group_polygons(const Array<OverlayPolygon>& polygons, int n_f
 //             parametrised triangle in closed form, and projects Hessians to s.p.d. ones.
 // Method:     E_ρ = a w(F, G), where w depends on K, det F and det G only. So three numbers carry
 //             all differences between measures; the chain rule leads from them to the entries of F
-//             and G and on to the six points, for as many polygons at once as there are lanes.
+//             and G and on to the six points. With Real = double the formulas differentiate one
+//             polygon, with Real = Lanes several at once.
 // Invariants: the input is six planar points, two rest frames and a corner code. Values are finite
 //             if both triangles are positive, also for polygons without area.
 // Fails:      never; triangles that are not positive, or too thin for a positive rounded
@@ -2421,95 +2422,32 @@ inline Mat2 jacobian(Vec2 p0, Vec2 p1, Vec2 p2, const Mat2& rest_inverse) {
   return columns(p1 - p0, p2 - p0) * rest_inverse;
 }
 
-// ---- lanes: many polygons side by side ----
-
-using Eigen::internal::pabs, Eigen::internal::padd, Eigen::internal::pdiv, Eigen::internal::ploadu,
-    Eigen::internal::pmadd, Eigen::internal::pmax, Eigen::internal::pmin, Eigen::internal::pmul,
-    Eigen::internal::pnegate, Eigen::internal::pset1, Eigen::internal::psqrt,
-    Eigen::internal::pstoreu, Eigen::internal::psub;
-
-/// Numbers of different polygons, processed at once by the widest vectors that the compiler may
-/// use. Lanes do not mix, so results depend neither on their number nor on the content of other
-/// lanes. The second of two vectors hides the latency of the first; more do not fit the registers.
-struct Lanes {
-  using Vector = Eigen::internal::packet_traits<double>::type;  // double without SIMD
-  static constexpr int kHalf = Eigen::internal::packet_traits<double>::size, kSize = 2 * kHalf;
-
-  Vector a, b;
-  Lanes() = default;
-  Lanes(const Vector& first, const Vector& second) : a(first), b(second) {}
-  Lanes(double x) : a(pset1<Vector>(x)), b(a) {}
-  static Lanes load(const double* from) {
-    return {ploadu<Vector>(from), ploadu<Vector>(from + kHalf)};
-  }
-  void store(double* to) const {
-    pstoreu(to, a);
-    pstoreu(to + kHalf, b);
-  }
-
-  struct Lane {  // a number within a vector, accessed by memcpy (aliasing)
-    void* at;
-    operator double() const { return number_at<double>(at); }
-    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
-  };
-  Lane operator[](int lane) {
-    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
-  }
-  double operator[](int lane) const { return const_cast<Lanes&>(*this)[lane]; }
-};
-inline constexpr int kLanes = Lanes::kSize;
-
-inline Lanes operator+(const Lanes& x, const Lanes& y) { return {padd(x.a, y.a), padd(x.b, y.b)}; }
-inline Lanes operator-(const Lanes& x, const Lanes& y) { return {psub(x.a, y.a), psub(x.b, y.b)}; }
-inline Lanes operator*(const Lanes& x, const Lanes& y) { return {pmul(x.a, y.a), pmul(x.b, y.b)}; }
-inline Lanes operator/(const Lanes& x, const Lanes& y) { return {pdiv(x.a, y.a), pdiv(x.b, y.b)}; }
-inline Lanes operator-(const Lanes& x) { return {pnegate(x.a), pnegate(x.b)}; }
-
-/// Returns x + y z; fused in builds with FMA enabled.
-inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
-#ifdef __FMA__
-  return {pmadd(y.a, z.a, x.a), pmadd(y.b, z.b, x.b)};
-#else
-  return x + y * z;
-#endif
-}
-inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
-inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
-inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
-inline Lanes sqrt(const Lanes& x) { return {psqrt(x.a), psqrt(x.b)}; }
-inline Lanes abs(const Lanes& x) { return {pabs(x.a), pabs(x.b)}; }
-inline Lanes larger(const Lanes& x, const Lanes& y) { return {pmax(x.a, y.a), pmax(x.b, y.b)}; }
-inline Lanes smaller(const Lanes& x, const Lanes& y) { return {pmin(x.a, y.a), pmin(x.b, y.b)}; }
-inline Lanes square(const Lanes& x) { return x * x; }
-inline Lanes cross(const Lanes& ax, const Lanes& ay, const Lanes& bx, const Lanes& by) {
-  return ax * by - ay * bx;
-}
-inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
-
-/// Returns 1 where x > 0, else 0, without branches; the factors raise positive doubles above 1.
-inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
-inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
-  return which * one + (1 - which) * zero;
-}
-inline bool any_positive(const Lanes& x) {
-  bool any = false;
-  for (int lane = 0; lane < kLanes; ++lane) any |= x[lane] > 0;
-  return any;
-}
-
 // ---- the density w of a measure ----
 
+template <class Real>
+Real square(const Real& x) {
+  return x * x;
+}
+template <class Real>
+Real cross(const Real& ax, const Real& ay, const Real& bx, const Real& by) {
+  return ax * by - ay * bx;
+}
+inline double larger(double x, double y) { return (std::max)(x, y); }
+inline double is_positive(double x) { return x > 0 ? 1 : 0; }
+
 /// The density w and its derivatives in K, det F and det G.
+template <class Real>
 struct InvariantDensity {
-  Lanes value, K, F, G;
-  Lanes KK, KF, FF, KG, FG, GG;
+  Real value, K, F, G;
+  Real KK, KF, FF, KG, FG, GG;
 };
 
 /// Returns w = K (1 / det³ F + 1 / det³ G), the density of the symmetric Dirichlet energy (Eq. 4).
-inline InvariantDensity dirichlet_density(const Lanes& K, const Lanes& det_f, const Lanes& det_g) {
-  const Lanes i = 1 / det_f, j = 1 / det_g, i3 = i * i * i, j3 = j * j * j;
-  const Lanes i4 = -3 * i3 * i, j4 = -3 * j3 * j;
-  InvariantDensity w;
+template <class Real>
+InvariantDensity<Real> dirichlet_density(const Real& K, const Real& det_f, const Real& det_g) {
+  const Real i = 1 / det_f, j = 1 / det_g, i3 = i * i * i, j3 = j * j * j;
+  const Real i4 = -3 * i3 * i, j4 = -3 * j3 * j;
+  InvariantDensity<Real> w;
   w.value = K * (i3 + j3);
   w.K = i3 + j3, w.F = K * i4, w.G = K * j4;
   w.KK = w.FG = 0.0;
@@ -2519,37 +2457,24 @@ inline InvariantDensity dirichlet_density(const Lanes& K, const Lanes& det_f, co
 }
 
 /// D(S, d) and its derivatives.
+template <class Real>
 struct Stretch {
-  Lanes value, S, d, SS, Sd, dd;
+  Real value, S, d, SS, Sd, dd;
 };
 
-/// Evaluates a user-defined measure lane by lane.
-inline Stretch stretch(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
-  Stretch D;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const StretchDensity one = measure.density(S[lane], d[lane]);
-    D.value[lane] = one.value;
-    D.S[lane] = one.S, D.d[lane] = one.d;
-    D.SS[lane] = one.SS, D.Sd[lane] = one.Sd, D.dd[lane] = one.dd;
-  }
-  return D;
-}
-
 /// Returns w = D(S, d) (on_a / det F + on_b / det G), with S = K / det² G and d = det F / det G.
-inline InvariantDensity stretch_density(const DistortionMeasure& measure, const Lanes& K,
-                                        const Lanes& det_f, const Lanes& det_g) {
-  const Lanes d = det_f / det_g, S = larger(K / (det_g * det_g), 2 * d);
-  const Stretch D = stretch(measure, S, d);
-  const Lanes i = 1 / det_f, j = 1 / det_g, j2 = j * j;
-  const Lanes S_K = j2, S_G = -2 * K * j * j2, d_F = j, d_G = -det_f * j2;
-  const Lanes D_K = D.S * S_K, D_F = D.d * d_F, D_G = D.S * S_G + D.d * d_G;
-  const Lanes D_KG = (D.SS * S_G + D.Sd * d_G) * S_K - 2 * D.S * j * j2;
-  const Lanes D_FG = (D.Sd * S_G + D.dd * d_G) * d_F - D.d * j2;
-  const Lanes D_GG = D.SS * S_G * S_G + 2 * D.Sd * S_G * d_G + D.dd * d_G * d_G +
-                     6 * D.S * K * j2 * j2 + 2 * D.d * det_f * j * j2;
-  const double on_a = measure.on_a(), on_b = measure.on_b();
-  const Lanes areas = on_a * i + on_b * j, areas_F = -on_a * i * i, areas_G = -on_b * j2;
-  InvariantDensity w;
+template <class Real>
+InvariantDensity<Real> stretch_density(const Stretch<Real>& D, double on_a, double on_b,
+                                       const Real& K, const Real& det_f, const Real& det_g) {
+  const Real i = 1 / det_f, j = 1 / det_g, j2 = j * j;
+  const Real S_K = j2, S_G = -2 * K * j * j2, d_F = j, d_G = -det_f * j2;
+  const Real D_K = D.S * S_K, D_F = D.d * d_F, D_G = D.S * S_G + D.d * d_G;
+  const Real D_KG = (D.SS * S_G + D.Sd * d_G) * S_K - 2 * D.S * j * j2;
+  const Real D_FG = (D.Sd * S_G + D.dd * d_G) * d_F - D.d * j2;
+  const Real D_GG = D.SS * S_G * S_G + 2 * D.Sd * S_G * d_G + D.dd * d_G * d_G +
+                    6 * D.S * K * j2 * j2 + 2 * D.d * det_f * j * j2;
+  const Real areas = on_a * i + on_b * j, areas_F = -on_a * i * i, areas_G = -on_b * j2;
+  InvariantDensity<Real> w;
   w.value = D.value * areas;
   w.K = D_K * areas;
   w.F = D_F * areas + D.value * areas_F;
@@ -2564,9 +2489,9 @@ inline InvariantDensity stretch_density(const DistortionMeasure& measure, const 
 }
 
 /// Subtracts κ (1 / det F + 1 / det G), the density of the covered areas, from w.
-inline void add_coverage(double kappa, const Lanes& det_f, const Lanes& det_g,
-                         InvariantDensity& w) {
-  const Lanes i = 1 / det_f, j = 1 / det_g, i2 = kappa * i * i, j2 = kappa * j * j;
+template <class Real>
+void add_coverage(double kappa, const Real& det_f, const Real& det_g, InvariantDensity<Real>& w) {
+  const Real i = 1 / det_f, j = 1 / det_g, i2 = kappa * i * i, j2 = kappa * j * j;
   w.value = w.value - kappa * (i + j);
   w.F = w.F + i2;
   w.G = w.G + j2;
@@ -2697,14 +2622,13 @@ inline Vec2 point_gradient(const TriangleDensity<double>& w, const CornerWeights
   return {B.weight[i][0] * w.gradient[0] + B.weight[i][1] * w.gradient[2],
           B.weight[i][0] * w.gradient[1] + B.weight[i][1] * w.gradient[3]};
 }
-
 /// A symmetric matrix; only its lower triangle is used.
-template <int N>
-struct LaneMatrix {
-  Lanes entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
-  Lanes& operator()(int i, int j) { return entry[i][j]; }
-  const Lanes& operator()(int i, int j) const { return entry[i][j]; }
-  const Lanes& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
+template <int N, class Real>
+struct Symmetric {
+  Real entry[static_cast<std::size_t>(N)][static_cast<std::size_t>(N)];
+  Real& operator()(int i, int j) { return entry[i][j]; }
+  const Real& operator()(int i, int j) const { return entry[i][j]; }
+  const Real& symmetric(int i, int j) const { return i >= j ? entry[i][j] : entry[j][i]; }
   /// Returns the 2×2 block (i, j) of one lane.
   Mat2 block(int i, int j, int lane) const {
     return {{symmetric(2 * i, 2 * j)[lane], symmetric(2 * i + 1, 2 * j)[lane],
@@ -2713,31 +2637,34 @@ struct LaneMatrix {
 };
 
 /// A triangle: coordinates of its points, R⁻¹ and area; differentiate() sets the rest.
-struct TriangleBatch {
-  Lanes x[6], rest_inverse[4], area;
-  Lanes gradient[6];
-  LaneMatrix<6> hessian;
+template <class Real>
+struct TriangleElement {
+  Real x[6], rest_inverse[4], area;
+  Real gradient[6];
+  Symmetric<6, Real> hessian;
 };
 
 /// Computes the Jacobian of the triangle whose coordinates start at x.
-inline void jacobian(const CornerWeights<Lanes>& B, const Lanes* x, Lanes* J) {
+template <class Real>
+void jacobian(const CornerWeights<Real>& B, const Real* x, Real* J) {
   for (int k = 0; k < 4; ++k) {
     const int c = k / 2, r = k % 2;
     J[k] = B.weight[1][c] * (x[r + 2] - x[r]) + B.weight[2][c] * (x[r + 4] - x[r]);
   }
 }
 
-inline void differentiate(TriangleBatch& element) {
-  const CornerWeights<Lanes> B(element.rest_inverse);
-  Lanes J[4];
+template <class Real>
+void differentiate(TriangleElement<Real>& element) {
+  const CornerWeights<Real> B(element.rest_inverse);
+  Real J[4];
   jacobian(B, element.x, J);
-  const TriangleDensity<Lanes> w = triangle_density(J);
+  const TriangleDensity<Real> w = triangle_density(J);
   const auto second = [&](int k, int l) { return k >= l ? w.hessian[k][l] : w.hessian[l][k]; };
   for (int i = 0; i < 6; ++i) {
     const int r = i % 2;
-    const Lanes b0 = element.area * B.weight[i / 2][0], b1 = element.area * B.weight[i / 2][1];
+    const Real b0 = element.area * B.weight[i / 2][0], b1 = element.area * B.weight[i / 2][1];
     element.gradient[i] = b0 * w.gradient[r] + b1 * w.gradient[2 + r];
-    Lanes half[4];  // row i of the Hessian, columns in J
+    Real half[4];  // row i of the Hessian, columns in J
     for (int k = 0; k < 4; ++k) half[k] = b0 * second(r, k) + b1 * second(2 + r, k);
     for (int j = 0; j <= i; ++j)
       element.hessian(i, j) =
@@ -2747,29 +2674,40 @@ inline void differentiate(TriangleBatch& element) {
 
 // ---- derivatives of E_ρ ----
 
-inline InvariantDensity invariant_density(const DistortionMeasure& measure, double kappa,
-                                          const Lanes& K, const Lanes& det_f, const Lanes& det_g) {
-  InvariantDensity w = measure.is_symmetric_dirichlet() ? dirichlet_density(K, det_f, det_g)
-                                                        : stretch_density(measure, K, det_f, det_g);
+inline Stretch<double> stretches(const DistortionMeasure& measure, double S, double d) {
+  const StretchDensity D = measure.density(S, d);
+  return {D.value, D.S, D.d, D.SS, D.Sd, D.dd};
+}
+
+template <class Real>
+InvariantDensity<Real> invariant_density(const DistortionMeasure& measure, double kappa,
+                                         const Real& K, const Real& det_f, const Real& det_g) {
+  const Real d = det_f / det_g, S = larger(K / (det_g * det_g), 2 * d);
+  InvariantDensity<Real> w = measure.is_symmetric_dirichlet()
+                                 ? dirichlet_density(K, det_f, det_g)
+                                 : stretch_density(stretches(measure, S, d), measure.on_a(),
+                                                   measure.on_b(), K, det_f, det_g);
   add_coverage(kappa, det_f, det_g, w);
   return w;
 }
 
 /// Returns entry r of perp(v), v one of the columns F_1, F_2, G_1, G_2.
-inline Lanes perp_of(const Lanes* J, int column, int r) {
+template <class Real>
+Real perp_of(const Real* J, int column, int r) {
   return r == 0 ? J[2 * column + 1] : -J[2 * column];
 }
 
 /// Adds scale · ∇²K. K = Σ X_cd² with X_cd = cross(F_c, G_d) for the columns of F and G; ∂X_cd/∂F_c
 /// = perp(G_d), ∂X_cd/∂G_d = -perp(F_c).
-inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes& scale,
-                             LaneMatrix<8>& H) {
+template <class Real>
+void add_norm_hessian(const Real* J, const Real (&X)[2][2], const Real& scale,
+                      Symmetric<8, Real>& H) {
   const auto perp = [&](int column, int r) { return perp_of(J, column, r); };
   for (int r = 0; r < 2; ++r)  // between F and F, G and G
     for (int q = 0; q <= r; ++q)
       for (int m = 0; m < 2; ++m) {
         const int other = 2 - 2 * m;
-        const Lanes P =
+        const Real P =
             2 * scale * (perp(other, r) * perp(other, q) + perp(other + 1, r) * perp(other + 1, q));
         H(4 * m + r, 4 * m + q) += P;
         H(4 * m + 2 + r, 4 * m + 2 + q) += P;
@@ -2778,24 +2716,26 @@ inline void add_norm_hessian(const Lanes* J, const Lanes (&X)[2][2], const Lanes
     for (int d = 0; d < 2; ++d)
       for (int r = 0; r < 2; ++r)
         for (int q = 0; q < 2; ++q) {
-          Lanes sum = -perp(c, r) * perp(2 + d, q);
+          Real sum = -perp(c, r) * perp(2 + d, q);
           if (r != q) sum += r == 0 ? -X[c][d] : X[c][d];
           H(4 + 2 * d + r, 2 * c + q) += 2 * scale * sum;
         }
 }
 
 /// The density w minus coverage at J = f11 f21 f12 f22 g11 g21 g12 g22, and its derivatives' parts.
+template <class Real>
 struct DensityParts {
-  Lanes X[2][2];
-  InvariantDensity w;
-  Lanes dK[8], ddet[8];  // ∇K; ∇ det F (entries 0 to 3) and ∇ det G (4 to 7)
+  Real X[2][2];
+  InvariantDensity<Real> w;
+  Real dK[8], ddet[8];  // ∇K; ∇ det F (entries 0 to 3) and ∇ det G (4 to 7)
   /// Returns entry i of Σ w_m ∇m over m = K, det F, det G.
-  Lanes gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
+  Real gradient(int i) const { return w.K * dK[i] + (i < 4 ? w.F : w.G) * ddet[i]; }
 };
 
-inline DensityParts density_parts(const DistortionMeasure& measure, double kappa, const Lanes* J) {
-  DensityParts p;
-  Lanes K = 0.0;
+template <class Real>
+DensityParts<Real> density_parts(const DistortionMeasure& measure, double kappa, const Real* J) {
+  DensityParts<Real> p;
+  Real K = 0.0;
   for (int c = 0; c < 2; ++c)
     for (int d = 0; d < 2; ++d) {
       p.X[c][d] = cross(J[2 * c], J[2 * c + 1], J[4 + 2 * d], J[5 + 2 * d]);
@@ -2816,12 +2756,13 @@ inline DensityParts density_parts(const DistortionMeasure& measure, double kappa
 }
 
 /// Computes Σ w_m ∇²m + Σ w_mn ∇m ∇nᵀ over m, n = K, det F, det G.
-inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>& H) {
-  const InvariantDensity& w = p.w;
+template <class Real>
+void density_hessian(const Real* J, const DensityParts<Real>& p, Symmetric<8, Real>& H) {
+  const InvariantDensity<Real>& w = p.w;
   for (int i = 0; i < 8; ++i) {
-    const Lanes on_dK = w.KK * p.dK[i] + (i < 4 ? w.KF : w.KG) * p.ddet[i];
-    const Lanes on_det_f = w.KF * p.dK[i] + (i < 4 ? w.FF : w.FG) * p.ddet[i];
-    const Lanes on_det_g = w.KG * p.dK[i] + w.GG * p.ddet[i];
+    const Real on_dK = w.KK * p.dK[i] + (i < 4 ? w.KF : w.KG) * p.ddet[i];
+    const Real on_det_f = w.KF * p.dK[i] + (i < 4 ? w.FF : w.FG) * p.ddet[i];
+    const Real on_det_g = w.KG * p.dK[i] + w.GG * p.ddet[i];
     for (int j = 0; j <= i; ++j)
       H(i, j) = on_dK * p.dK[j] + (j < 4 ? on_det_f : on_det_g) * p.ddet[j];
   }
@@ -2831,40 +2772,43 @@ inline void density_hessian(const Lanes* J, const DensityParts& p, LaneMatrix<8>
 }
 
 /// A polygon: the input of differentiate(), then its output.
-struct PolygonBatch {
-  Lanes x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
-  Lanes rest_inverse[8];
-  Lanes s[6], t[6];  // of the pieces; both 0 on edges without a piece
+template <class Real>
+struct PolygonElement {
+  Real x[12];  // a0 a1 a2 b0 b1 b2, two coordinates each
+  Real rest_inverse[8];
+  Real s[6], t[6];  // of the pieces; both 0 on edges without a piece
   struct Corner {
-    Lanes is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
+    Real is_there, on_a, on_b;  // 1 or 0; the parameters on both edges
   };
   Corner corner[3][3];  // where an edge of t_A meets one of t_B
-  Lanes area;
-  Lanes is_negligible;  // 1 or 0; if 1, the derivatives are meaningless
+  Real area;
+  Real is_negligible;  // 1 or 0; if 1, the derivatives are meaningless
 
-  Lanes value, gradient[12];
-  LaneMatrix<12> hessian;  // not set by differentiate_once()
+  Real value, gradient[12];
+  Symmetric<12, Real> hessian;  // not set by differentiate_once()
 };
 
 /// Computes ∂a/∂u = Σ α perp(d) and ∂a/∂v = Σ β perp(d) over pieces of edges d = v - u; β = (t² -
 /// s²)/2, α = (t - s) - β. Pieces move with their edges, their ends only along the boundary.
-inline void area_gradient(const PolygonBatch& element, Lanes* gradient) {
+template <class Real>
+void area_gradient(const PolygonElement<Real>& element, Real* gradient) {
   for (int i = 0; i < 12; ++i) gradient[i] = 0.0;
   for (int e = 0; e < 6; ++e) {
     const int u = 2 * edge_start(e), v = 2 * edge_end(e);
-    const Lanes beta = 0.5 * (square(element.t[e]) - square(element.s[e]));
-    const Lanes alpha = (element.t[e] - element.s[e]) - beta;
-    const Lanes nx = element.x[v + 1] - element.x[u + 1], ny = element.x[u] - element.x[v];
+    const Real beta = 0.5 * (square(element.t[e]) - square(element.s[e]));
+    const Real alpha = (element.t[e] - element.s[e]) - beta;
+    const Real nx = element.x[v + 1] - element.x[u + 1], ny = element.x[u] - element.x[v];
     gradient[u] += alpha * nx, gradient[u + 1] += alpha * ny;
     gradient[v] += beta * nx, gradient[v + 1] += beta * ny;
   }
 }
 
 /// An edge of a triangle: the offsets of its end points in the coordinates, and its normal.
+template <class Real>
 struct EdgeOfElement {
   int end[2];
-  Lanes normal[2];  // perp of its direction
-  EdgeOfElement(const Lanes* x, int e) : end{2 * edge_start(e), 2 * edge_end(e)} {
+  Real normal[2];  // perp of its direction
+  EdgeOfElement(const Real* x, int e) : end{2 * edge_start(e), 2 * edge_end(e)} {
     normal[0] = x[end[1] + 1] - x[end[0] + 1];
     normal[1] = x[end[0]] - x[end[1]];
   }
@@ -2875,25 +2819,25 @@ struct EdgeOfElement {
 /// edge, it is
 ///   -(1 / |d × w|) [(m_d·Z_d)(m_w·Z_d) - 2 (m_d·Z_d)(m_w·Z_w) + (m_w·Z_w)(m_d·Z_w)].
 /// A lower bound on |d × w| relative to the edges keeps near-parallel edges finite.
-inline void add_corner_hessian(const PolygonBatch& element, int i, int j, const Lanes& weight,
-                               LaneMatrix<12>& H) {
+template <class Real>
+void add_corner_hessian(const PolygonElement<Real>& element, int i, int j, const Real& weight,
+                        Symmetric<12, Real>& H) {
+  using std::abs, std::sqrt;
   constexpr double kMostParallel = 1e-8;
-  const PolygonBatch::Corner& corner = element.corner[i][j];
-  const EdgeOfElement a(element.x, i), b(element.x, 3 + j);
-  const Lanes *m_d = a.normal, *m_w = b.normal;
-  const Lanes D = abs(cross(m_d[0], m_d[1], m_w[0], m_w[1]));
-  const Lanes least =
+  const typename PolygonElement<Real>::Corner& corner = element.corner[i][j];
+  const EdgeOfElement<Real> a(element.x, i), b(element.x, 3 + j);
+  const Real *m_d = a.normal, *m_w = b.normal;
+  const Real D = abs(cross(m_d[0], m_d[1], m_w[0], m_w[1]));
+  const Real least =
       kMostParallel * sqrt((square(m_d[0]) + square(m_d[1])) * (square(m_w[0]) + square(m_w[1])));
-  const Lanes scale = weight * corner.is_there * is_positive(D) / larger(D, least);
-  const Lanes part_a[2] = {1 - corner.on_a, corner.on_a},
-              part_b[2] = {1 - corner.on_b, corner.on_b};
-  const Lanes own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]),
-                        m_d[1] * m_w[1]};
-  const auto add_own = [&](const int(&end)[2], const Lanes(&part)[2]) {
+  const Real scale = weight * corner.is_there * is_positive(D) / larger(D, least);
+  const Real part_a[2] = {1 - corner.on_a, corner.on_a}, part_b[2] = {1 - corner.on_b, corner.on_b};
+  const Real own[3] = {m_d[0] * m_w[0], 0.5 * (m_d[0] * m_w[1] + m_d[1] * m_w[0]), m_d[1] * m_w[1]};
+  const auto add_own = [&](const int(&end)[2], const Real(&part)[2]) {
     for (int k = 0; k < 2; ++k)
       for (int l = 0; l < 2; ++l) {
         if (end[l] > end[k]) continue;
-        const Lanes factor = scale * part[k] * part[l];
+        const Real factor = scale * part[k] * part[l];
         for (int r = 0; r < 2; ++r)
           for (int q = 0; q < (k == l ? r + 1 : 2); ++q)
             H(end[k] + r, end[l] + q) -= factor * own[r + q];
@@ -2903,22 +2847,24 @@ inline void add_corner_hessian(const PolygonBatch& element, int i, int j, const 
   add_own(b.end, part_b);
   for (int k = 0; k < 2; ++k)
     for (int l = 0; l < 2; ++l) {
-      const Lanes factor = scale * part_b[k] * part_a[l];
+      const Real factor = scale * part_b[k] * part_a[l];
       for (int r = 0; r < 2; ++r) {
-        const Lanes row = factor * m_w[r];
+        const Real row = factor * m_w[r];
         for (int q = 0; q < 2; ++q) H(b.end[k] + r, a.end[l] + q) += row * m_d[q];
       }
     }
 }
 
 /// Sets H = weight · ∇²a, from δ²a = Σ (t - s)(δu × δv) over the pieces plus the corners.
-inline void set_area_hessian(const PolygonBatch& element, const Lanes& weight, LaneMatrix<12>& H) {
+template <class Real>
+void set_area_hessian(const PolygonElement<Real>& element, const Real& weight,
+                      Symmetric<12, Real>& H) {
   for (int i = 0; i < 12; ++i)
     for (int j = 0; j <= i; ++j) H(i, j) = 0.0;
   for (int e = 0; e < 6; ++e) {
     const int u = 2 * edge_start(e), v = 2 * edge_end(e), lo = (std::min)(u, v);
-    const Lanes half = 0.5 * weight * (element.t[e] - element.s[e]);
-    const Lanes signed_half = u < v ? half : -half;
+    const Real half = 0.5 * weight * (element.t[e] - element.s[e]);
+    const Real signed_half = u < v ? half : -half;
     H((std::max)(u, v) + 1, lo) += signed_half;
     H((std::max)(u, v), lo + 1) -= signed_half;
   }
@@ -2927,27 +2873,29 @@ inline void set_area_hessian(const PolygonBatch& element, const Lanes& weight, L
 }
 
 /// Intermediate results of the first derivatives of E_ρ that the second ones reuse.
+template <class Real>
 struct PolygonParts {
-  CornerWeights<Lanes> B[2];
-  Lanes J[8], da[12], dw[12];
-  DensityParts density;
+  CornerWeights<Real> B[2];
+  Real J[8], da[12], dw[12];
+  DensityParts<Real> density;
 };
 
 /// Computes E_ρ = a w(F, G) and its gradient a ∇w + w ∇a.
-inline PolygonParts differentiate_once(const DistortionMeasure& measure, double kappa,
-                                       PolygonBatch& element) {
-  PolygonParts p;
+template <class Real>
+PolygonParts<Real> differentiate_once(const DistortionMeasure& measure, double kappa,
+                                      PolygonElement<Real>& element) {
+  PolygonParts<Real> p;
   for (int m = 0; m < 2; ++m) {
-    p.B[m] = CornerWeights<Lanes>(element.rest_inverse + 4 * m);
+    p.B[m] = CornerWeights<Real>(element.rest_inverse + 4 * m);
     jacobian(p.B[m], element.x + 6 * m, p.J + 4 * m);
   }
   p.density = density_parts(measure, kappa, p.J);
-  const Lanes& w = p.density.w.value;
+  const Real& w = p.density.w.value;
   area_gradient(element, p.da);
   element.value = element.area * w;
   for (int i = 0; i < 12; ++i) {
     const int first = 4 * (i / 6) + i % 2;
-    const Lanes(&b)[2] = p.B[i / 6].weight[i % 6 / 2];
+    const Real(&b)[2] = p.B[i / 6].weight[i % 6 / 2];
     p.dw[i] = b[0] * p.density.gradient(first) + b[1] * p.density.gradient(first + 2);
     element.gradient[i] = element.area * p.dw[i] + w * p.da[i];
   }
@@ -2955,15 +2903,16 @@ inline PolygonParts differentiate_once(const DistortionMeasure& measure, double 
 }
 
 /// Computes E_ρ, its gradient, and its Hessian a ∇²w + ∇w ∇aᵀ + ∇a ∇wᵀ + w ∇²a.
-inline void differentiate(const DistortionMeasure& measure, double kappa, PolygonBatch& element) {
-  const PolygonParts p = differentiate_once(measure, kappa, element);
-  LaneMatrix<8> second;
+template <class Real>
+void differentiate(const DistortionMeasure& measure, double kappa, PolygonElement<Real>& element) {
+  const PolygonParts<Real> p = differentiate_once(measure, kappa, element);
+  Symmetric<8, Real> second;
   density_hessian(p.J, p.density, second);
-  Lanes half[12][8];  // a ∇²w with rows in x, columns in J
+  Real half[12][8];  // a ∇²w with rows in x, columns in J
   for (int i = 0; i < 12; ++i) {
     const int m = i / 6, first = 4 * m + i % 2;
-    const Lanes(&b)[2] = p.B[m].weight[i % 6 / 2];
-    const Lanes b0 = element.area * b[0], b1 = element.area * b[1];
+    const Real(&b)[2] = p.B[m].weight[i % 6 / 2];
+    const Real b0 = element.area * b[0], b1 = element.area * b[1];
     for (int k = 0; k < 4 + 4 * m; ++k)
       half[i][k] = b0 * second.symmetric(first, k) + b1 * second.symmetric(first + 2, k);
   }
@@ -2971,10 +2920,99 @@ inline void differentiate(const DistortionMeasure& measure, double kappa, Polygo
   for (int i = 0; i < 12; ++i)
     for (int j = 0; j <= i; ++j) {
       const int n = j / 6, first = 4 * n + j % 2;
-      const Lanes(&b)[2] = p.B[n].weight[j % 6 / 2];
+      const Real(&b)[2] = p.B[n].weight[j % 6 / 2];
       element.hessian(i, j) +=
           b[0] * half[i][first] + b[1] * half[i][first + 2] + p.dw[i] * p.da[j] + p.da[i] * p.dw[j];
     }
+}
+
+// ---- lanes: many polygons side by side ----
+
+using Eigen::internal::pabs, Eigen::internal::padd, Eigen::internal::pdiv, Eigen::internal::ploadu,
+    Eigen::internal::pmadd, Eigen::internal::pmax, Eigen::internal::pmin, Eigen::internal::pmul,
+    Eigen::internal::pnegate, Eigen::internal::pset1, Eigen::internal::psqrt,
+    Eigen::internal::pstoreu, Eigen::internal::psub;
+
+/// Numbers of different polygons, processed at once by the widest vectors that the compiler may
+/// use. Lanes do not mix, so results depend neither on their number nor on the content of other
+/// lanes. The second of two vectors hides the latency of the first; more do not fit the registers.
+struct Lanes {
+  using Vector = Eigen::internal::packet_traits<double>::type;  // double without SIMD
+  static constexpr int kHalf = Eigen::internal::packet_traits<double>::size, kSize = 2 * kHalf;
+
+  Vector a, b;
+  Lanes() = default;
+  Lanes(const Vector& first, const Vector& second) : a(first), b(second) {}
+  Lanes(double x) : a(pset1<Vector>(x)), b(a) {}
+  static Lanes load(const double* from) {
+    return {ploadu<Vector>(from), ploadu<Vector>(from + kHalf)};
+  }
+  void store(double* to) const {
+    pstoreu(to, a);
+    pstoreu(to + kHalf, b);
+  }
+
+  struct Lane {  // a number within a vector, accessed by memcpy (aliasing)
+    void* at;
+    operator double() const { return number_at<double>(at); }
+    double operator=(double x) const { return std::memcpy(at, &x, sizeof x), x; }
+  };
+  Lane operator[](int lane) {
+    return {reinterpret_cast<char*>(this) + lane * std::ptrdiff_t{sizeof(double)}};
+  }
+  double operator[](int lane) const { return const_cast<Lanes&>(*this)[lane]; }
+};
+inline constexpr int kLanes = Lanes::kSize;
+
+inline Lanes operator+(const Lanes& x, const Lanes& y) { return {padd(x.a, y.a), padd(x.b, y.b)}; }
+inline Lanes operator-(const Lanes& x, const Lanes& y) { return {psub(x.a, y.a), psub(x.b, y.b)}; }
+inline Lanes operator*(const Lanes& x, const Lanes& y) { return {pmul(x.a, y.a), pmul(x.b, y.b)}; }
+inline Lanes operator/(const Lanes& x, const Lanes& y) { return {pdiv(x.a, y.a), pdiv(x.b, y.b)}; }
+inline Lanes operator-(const Lanes& x) { return {pnegate(x.a), pnegate(x.b)}; }
+
+/// Returns x + y z; fused in builds with FMA enabled.
+inline Lanes sum_with_product(const Lanes& x, const Lanes& y, const Lanes& z) {
+#ifdef __FMA__
+  return {pmadd(y.a, z.a, x.a), pmadd(y.b, z.b, x.b)};
+#else
+  return x + y * z;
+#endif
+}
+inline Lanes& operator+=(Lanes& x, const Lanes& y) { return x = x + y; }
+inline Lanes& operator-=(Lanes& x, const Lanes& y) { return x = x - y; }
+inline Lanes& operator*=(Lanes& x, const Lanes& y) { return x = x * y; }
+inline Lanes sqrt(const Lanes& x) { return {psqrt(x.a), psqrt(x.b)}; }
+inline Lanes abs(const Lanes& x) { return {pabs(x.a), pabs(x.b)}; }
+inline Lanes larger(const Lanes& x, const Lanes& y) { return {pmax(x.a, y.a), pmax(x.b, y.b)}; }
+inline Lanes smaller(const Lanes& x, const Lanes& y) { return {pmin(x.a, y.a), pmin(x.b, y.b)}; }
+inline Lanes clamp01(const Lanes& x) { return smaller(larger(x, 0.0), 1.0); }
+
+/// Returns 1 where x > 0, else 0, without branches; the factors raise positive doubles above 1.
+inline Lanes is_positive(const Lanes& x) { return clamp01(x * 1e300 * 1e300); }
+inline Lanes select(const Lanes& which, const Lanes& one, const Lanes& zero) {
+  return which * one + (1 - which) * zero;
+}
+inline bool any_positive(const Lanes& x) {
+  bool any = false;
+  for (int lane = 0; lane < kLanes; ++lane) any |= x[lane] > 0;
+  return any;
+}
+
+template <int N>
+using LaneMatrix = Symmetric<N, Lanes>;
+using TriangleBatch = TriangleElement<Lanes>;
+using PolygonBatch = PolygonElement<Lanes>;
+
+/// Evaluates a user-defined measure lane by lane.
+inline Stretch<Lanes> stretches(const DistortionMeasure& measure, const Lanes& S, const Lanes& d) {
+  Stretch<Lanes> D;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const StretchDensity one = measure.density(S[lane], d[lane]);
+    D.value[lane] = one.value;
+    D.S[lane] = one.S, D.d[lane] = one.d;
+    D.SS[lane] = one.SS, D.Sd[lane] = one.Sd, D.dd[lane] = one.dd;
+  }
+  return D;
 }
 
 inline void load(const OverlayPolygon& p, const SixPoints& x, const Mat2& rest_inverse_a,
