@@ -3738,29 +3738,18 @@ inline Array<double> vertex_areas(const Surface& s) {
   return mass;
 }
 
-struct RowEntry {
-  int column;
-  double value;
-};
-
-/// Computes row u of the cotangent Laplacian C, not divided by areas; its sum is zero.
-inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
-  row.clear();
-  row.push_back({u, 0});
-  const auto add = [&](int v, double weight, double sign) {
-    row[0].value += weight;
-    weight *= sign;
-    // Each neighbour occurs twice in succession, except the first one, which also occurs last.
-    if (row.back().column == v) return void(row.back().value -= weight);
-    if (row.size() > 1 && row[1].column == v) return void(row[1].value -= weight);
-    row.push_back({v, -weight});
-  };
-  s.mesh.for_each_outgoing(u, [&](int h) {
-    const int v = s.mesh.tip(h), w = s.mesh.tail[prev(h)];
-    const Vec3 p = row3(s.vertices, u), q = row3(s.vertices, v), r = row3(s.vertices, w);
-    const double sign = sign_of(s.mesh, h);
-    add(v, 0.5 * cotangent(r, p, q), sign * sign_of(s.mesh, next(h)));
-    add(w, 0.5 * cotangent(q, r, p), sign * sign_of(s.mesh, prev(h)));
+/// Returns all rows of the cotangent Laplacian C, not divided by areas; their sums are zero.
+inline BlockMatrix cotangent_laplacian(const Surface& s, const Executor& executor) {
+  return build_rows(s.mesh.n_vertices, executor, [&](int u, RowWriter& row) {
+    s.mesh.for_each_outgoing(u, [&](int h) {
+      for (int e : {next(h), prev(h)}) {
+        const int opposite = e == next(h) ? prev(h) : next(h), v = s.mesh.tail[e];
+        const double weight = 0.5 * cotangent(row3(s.vertices, s.mesh.tail[opposite]),
+                                              row3(s.vertices, u), row3(s.vertices, v));
+        row.add(u, diagonal(weight));
+        row.add(v, diagonal(-weight * sign_of(s.mesh, h) * sign_of(s.mesh, e)));
+      }
+    });
   });
 }
 
@@ -3769,15 +3758,15 @@ inline void cotangent_row(const Surface& s, int u, Array<RowEntry>& row) {
 /// neighbours smooth a hub, like a boundary vertex.
 inline BlockMatrix squared_laplacian(const JointSurface& s, const Executor& executor) {
   const Array<double> mass = vertex_areas(s);
-  const Array<RowEntry> none;
-  Array<Array<RowEntry>> C(s.mesh.n_vertices);
-  for (int u = 0; u < C.size(); ++u) cotangent_row(s, u, C[u]);
-  return build_rows(C.size(), executor, [&](int u, RowWriter& row) {
+  const BlockMatrix C = cotangent_laplacian(s, executor);
+  return build_rows(C.rows(), executor, [&](int u, RowWriter& row) {
     row.add(u, {});
-    for (const RowEntry& k : C[u])
-      for (const RowEntry& v : C[k.column].size() <= kHub + 1 ? C[k.column] : none)
-        if (u <= v.column)
-          row.add(v.column, diagonal(0.5 * s.total_area * k.value * v.value / mass[k.column]));
+    for (int k = C.start[u]; k < C.start[u + 1]; ++k) {
+      const int w = C.column[k], begin = C.start[w], end = C.start[w + 1];
+      const Mat2 scaled = 0.5 * s.total_area / mass[w] * C.value[k];
+      for (int b = begin; b < end && end - begin <= kHub + 1; ++b)
+        if (u <= C.column[b]) row.add(C.column[b], scaled * C.value[b]);
+    }
   });
 }
 
