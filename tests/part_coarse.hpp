@@ -338,12 +338,6 @@ TEST_CASE("landmarks in triangles stay where they are when edges are halved") {
     l.b = l.a;
     landmarks.push_back(l);
   }
-  const auto position = [](const Surface& s, const Place& p) {
-    Vec3 at;
-    for (int k = 0; k < 3 && p.corners[k] >= 0; ++k)
-      at += p.weights[k] * row3(s.vertices, p.corners[k]);
-    return at;
-  };
   const Array<PlacedLandmark> given = landmarks;
   refine(0.25, 0, 100000, Side::kA, pair, landmarks);
   for (int i = 0; i < landmarks.size(); ++i) {
