@@ -443,14 +443,14 @@ class BadInput(Case):
         source, target = make("Source", v, f), make("Target", v, f, TURNED)
         settings = self.choose(source, target)
         bpy.context.view_layer.update()
-        self.landmark(source, 3, target, 3)
+        self.landmark(source, 24, target, 24)
         for w in source.data.vertices:
             w.select = w.index < 2
         self.refuses("one click after another", OPS.landmark_add)
         for w in source.data.vertices:
             w.select = False
         self.refuses("as many vertices of Source .0. as of Target", OPS.landmark_add)
-        self.landmark(source, 3, target, 9)
+        self.landmark(source, 24, target, 40)
         mapped = self.map(source, target)  # one vertex, two images
         self.assertIn("may be wrong", " ".join(mapped.map.warnings))
         bpy.data.objects.remove(settings.landmarks[1].source)
