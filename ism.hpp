@@ -2125,19 +2125,15 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 
 // ---- the overlay of two embeddings ----
 
-/// A pair that was tested, and the test before of the same triangle of B, in another place.
-struct OverlayTest : TrianglePair {
-  int before = -1;
-};
-
 /// The polygons of an overlay, and memory that the next overlay reuses.
 struct Overlay {
   Array<OverlayPolygon> polygons;
   bool is_too_large = false;  // some polygons are missing
   Array<int> newest;          // per triangle of A: its last polygon, or -1
   Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
-  Array<OverlayTest> tests;   // against the current triangle of A
-  Array<int> last_test;       // per triangle of B: its last one, if that is in `tests`
+  Array<int> mark;       // per triangle of B: the last triangle of A that it was tested against,
+  Array<Motion> marked;  // and where, on a pillow
+  Array<TrianglePair> again;  // and in what other places
   Array<TrianglePair> seeds;  // known to overlap
   Array<char> is_crossed;     // per boundary loop: it crosses a loop of the other mesh
   Array<int> start_in;        // per uncrossed loop: the triangle that contains its start, or -1
@@ -2155,7 +2151,8 @@ class OverlayBuilder {
     overlay_.older.clear();
     overlay_.seeds.clear();
     overlay_.newest.assign(s_.faces_a, -1);
-    overlay_.last_test.assign(m_.n_faces, 0);
+    overlay_.mark.assign(m_.n_faces, -1);
+    overlay_.marked.resize(m_.pillow.is_empty() ? 0 : m_.n_faces);
     if (!m_.pillow.is_empty()) {
       seed_cone();
       return flood_seeds();
@@ -2180,11 +2177,8 @@ class OverlayBuilder {
   /// across the edges of ta become seeds, edge by edge, so that they are taken together.
   void flood(const TrianglePair& seed) {
     const int ta = seed.ta, begin = overlay_.polygons.size();
-    if (ta != tested_) {
-      tested_ = ta;
-      overlay_.tests.clear();
-      for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i]) note(overlay_.polygons[i]);
-    }
+    if (ta != marked_) mark_known(ta);
+    if (is_marked(seed)) return;
     const LabelledTriangle a = labelled(m_, x_, ta);
     add(seed, a);
     for (int i = begin; i < overlay_.polygons.size(); ++i) {
@@ -2205,16 +2199,28 @@ class OverlayBuilder {
     }
   }
 
-  /// Notes a pair as tested; returns false if it was before.
-  bool note(const TrianglePair& p) {
-    Array<OverlayTest>& tests = overlay_.tests;
-    int& last = overlay_.last_test[p.tb];
-    if (last >= tests.size() || tests[last].tb != p.tb) last = -1;
-    for (int i = last; i >= 0; i = tests[i].before)
-      if (tests[i].motion == p.motion) return false;
-    tests.push_back({p, last});
-    last = tests.size() - 1;
-    return true;
+  void mark_known(int ta) {
+    marked_ = ta;
+    overlay_.again.clear();
+    for (int i = overlay_.newest[ta]; i >= 0; i = overlay_.older[i]) mark(overlay_.polygons[i]);
+  }
+
+  void mark(const TrianglePair& p) {
+    const bool is_first = overlay_.mark[p.tb] != p.ta;
+    overlay_.mark[p.tb] = p.ta;
+    if (m_.pillow.is_empty()) return;
+    if (is_first)
+      overlay_.marked[p.tb] = p.motion;
+    else
+      overlay_.again.push_back(p);
+  }
+
+  bool is_marked(const TrianglePair& p) const {
+    if (overlay_.mark[p.tb] != p.ta) return false;
+    if (m_.pillow.is_empty() || overlay_.marked[p.tb] == p.motion) return true;
+    for (const TrianglePair& other : overlay_.again)
+      if (other.tb == p.tb && other.motion == p.motion) return true;
+    return false;
   }
 
   /// Seeds a pillow where triangles of both surfaces meet at the first cone.
@@ -2232,7 +2238,8 @@ class OverlayBuilder {
   }
 
   void add(const TrianglePair& pair, const LabelledTriangle& a) {
-    if (!note(pair)) return;
+    if (is_marked(pair)) return;
+    mark(pair);
     OverlayPolygon p = intersect(a, labelled(m_, x_, pair.tb, pair.motion));
     if (p.count == 0) return;
     static_cast<TrianglePair&>(p) = pair;
@@ -2301,7 +2308,7 @@ class OverlayBuilder {
   const HalfEdgeMesh& m_;
   const Points2& x_;
   Overlay& overlay_;
-  int tested_ = -1;  // the triangle of A that `tests` are against
+  int marked_ = -1;  // the triangle of A whose polygons are marked
 };
 
 /// Computes the meta mesh polygons of f(A) and g(B), both injective (Algorithm 1, lines 3 and 19).
