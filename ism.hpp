@@ -7313,14 +7313,18 @@ class Hierarchy {
 
   /// Puts u where the map of its triangles takes it, else into the kernel of its ring. The
   /// neighbour v it was merged with sees the whole ring, so points between v and the centre of the
-  /// kernel are in the kernel, too. A vertex with only one triangle goes close to the middle of the
-  /// edge that it splits.
+  /// kernel are in the kernel, too. If other parts of the boundary are in the way of a boundary
+  /// vertex, u goes inside of the edge it splits, or, with only one triangle, close to the middle
+  /// of that edge.
   bool place(const Collapse& c) {
+    const Vec2 corner = row2(x_, c.v);
     if (!c.changed.empty()) {
       put(c.u, place_by_map(c));
       if (fits(c.u)) return relax(c.u), true;
-      return place_on_ray(c.u, row2(x_, c.v), kernel_center(c.u));
     }
+    if (place_on_ray(c.u, corner, kernel_center(c.u))) return true;
+    if (!mesh_.on_boundary(c.u)) return false;
+    if (!c.changed.empty()) return place_on_ray(c.u, corner, fan_center(c));
     const Vec2 p = row2(x_, mesh_.boundary_prev[c.u]), q = row2(x_, mesh_.boundary_next[c.u]);
     const Vec2 middle = 0.5 * (p + q);
     return place_on_ray(c.u, middle, middle + 0.5 * perp(q - p));
@@ -7354,8 +7358,22 @@ class Hierarchy {
     return false;
   }
 
-  /// The centre of the kernel; for a boundary vertex, of its part inside of the edge that it
-  /// splits, where no other part of the boundary is.
+  /// The centre of the largest triangle that v had in the place of u.
+  Vec2 fan_center(const Collapse& c) const {
+    const Vec2 corner = row2(x_, c.v);
+    double largest = -kInfinity;
+    Vec2 center = corner;
+    for (int f : c.changed) {
+      const Opposite edge = opposite(f, c.u);
+      const Vec2 p = edge.at_p, q = edge.at_q;
+      const double area = cross(p - corner, q - corner);
+      if (area <= largest) continue;
+      largest = area;
+      center = 1.0 / 3 * (corner + p + q);
+    }
+    return center;
+  }
+
   Vec2 kernel_center(int u) const {
     Vec2 lo = {kInfinity, kInfinity}, hi = -lo;
     for (int f : mesh_.faces_of[u]) {
@@ -7365,17 +7383,15 @@ class Hierarchy {
         hi = upper(hi, w);
       }
     }
+    const double extent = (std::max)(hi.x - lo.x, hi.y - lo.y);
+    const double margin = mesh_.on_boundary(u) ? 0.5 * extent : 0;
+    lo -= {margin, margin}, hi += {margin, margin};
     Array<Vec2> kernel;
     for (const Vec2 corner : {lo, Vec2{hi.x, lo.y}, hi, Vec2{lo.x, hi.y}}) kernel.push_back(corner);
-    const auto keep_left = [&](Vec2 p, Vec2 q) {
-      const Array<Vec2> rest = clip(kernel, p, q);
-      if (rest.size() >= 3) kernel = rest;  // else rounding: keep the kernel
-    };
-    if (mesh_.on_boundary(u))
-      keep_left(row2(x_, mesh_.boundary_prev[u]), row2(x_, mesh_.boundary_next[u]));
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
-      keep_left(edge.at_p, edge.at_q);
+      const Array<Vec2> rest = clip(kernel, edge.at_p, edge.at_q);
+      if (rest.size() >= 3) kernel = rest;  // else rounding: keep the kernel
     }
     Vec2 center;
     for (Vec2 p : kernel) center += 1.0 / kernel.size() * p;
