@@ -7204,6 +7204,7 @@ class Hierarchy {
     const Collapse c = std::move(collapses_.back());
     collapses_.pop_back();
     if (!is_outline_known_) build_outline();
+    local_metric_ = local_metric(c.changed.empty() ? mesh_.faces_of[c.v] : c.changed);
     mesh_.undo(c);
     place_corners(c);
     const bool has_room = place(c);
@@ -7311,6 +7312,24 @@ class Hierarchy {
     return rest_frame(row3(s_.vertices, a), row3(s_.vertices, b), row3(s_.vertices, c));
   }
 
+  /// Returns S^(-1/2) for the mean S of J Jᵀ over some faces: in this metric their images look
+  /// nearly isometric, so a vertex that returns between them fits in, also under strain.
+  Mat2 local_metric(const Array<int>& faces) const {
+    Mat2 S;
+    double total = 0;
+    for (int f : faces) {
+      const std::array<int, 3>& t = mesh_.face[f];
+      const Mat2 R = rest(t[0], t[1], t[2]);
+      const Opposite edge = opposite(f, t[0]);
+      const Mat2 J = jacobian(row2(x_, t[0]), edge.at_p, edge.at_q, inverse(R));
+      const double area = 0.5 * determinant(R);
+      S += area * (J * transposed(J));
+      total += area;
+    }
+    const Mat2 metric = inverse(square_root(1 / total * S));
+    return is_finite(metric) ? metric : diagonal(1);
+  }
+
   /// Puts u where the map of its triangles takes it, else into the kernel of its ring. The
   /// neighbour v it was merged with sees the whole ring, so points between v and the centre of the
   /// kernel are in the kernel, too. If other parts of the boundary are in the way of a boundary
@@ -7411,7 +7430,7 @@ class Hierarchy {
     return edge_fits(mesh_.boundary_prev[u], u) && edge_fits(u, mesh_.boundary_next[u]);
   }
 
-  /// The symmetric Dirichlet energy of the triangles of u.
+  /// The symmetric Dirichlet energy of the triangles of u, in the metric around it.
   struct RingEnergy {
     double value = 0;
     Vec2 gradient;
@@ -7422,15 +7441,17 @@ class Hierarchy {
     RingEnergy sum;
     for (int f : mesh_.faces_of[u]) {
       const Opposite edge = opposite(f, u);
-      const Vec2 p = row2(x_, u), q = edge.at_p, r = edge.at_q;
+      const Vec2 p = local_metric_ * row2(x_, u);
+      const Vec2 q = local_metric_ * edge.at_p, r = local_metric_ * edge.at_q;
       const Mat2 R = rest(u, edge.p, edge.q), R_inverse = inverse(R);
       TriangleElement<double> t = {
           {p.x, p.y, q.x, q.y, r.x, r.y}, {}, 0.5 * determinant(R), {}, {}};
       std::copy(R_inverse.entry, R_inverse.entry + 4, t.rest_inverse);
       differentiate(t);
+      const Mat2 H = {{t.hessian(0, 0), t.hessian(1, 0), t.hessian(1, 0), t.hessian(1, 1)}};
       sum.value += triangle_energy(jacobian(p, q, r, R_inverse), t.area);
-      sum.gradient += Vec2{t.gradient[0], t.gradient[1]};
-      sum.hessian += Mat2{{t.hessian(0, 0), t.hessian(1, 0), t.hessian(1, 0), t.hessian(1, 1)}};
+      sum.gradient += local_metric_ * Vec2{t.gradient[0], t.gradient[1]};
+      sum.hessian += local_metric_ * H * local_metric_;
     }
     return sum;
   }
@@ -7470,6 +7491,7 @@ class Hierarchy {
   Pillow pillow_;  // dead faces have places, too
   int goal_ = 0, active_at_set_ = 0;
   bool is_stuck_ = false;
+  Mat2 local_metric_ = diagonal(1);  // around the next vertex
 };
 
 // ---- both boundaries on one square ----
