@@ -6761,13 +6761,24 @@ class FlatNewton {
   }
 
  private:
-  /// Takes a projected Newton step with backtracking; false if the energy does not fall.
+  /// Takes a projected Newton step with backtracking; false if the energy does not fall. Once a
+  /// trial makes the boundary intersect itself, its gaps stay open.
   bool step() {
-    constexpr double kGaps = 0.01;  // weight of all gaps, per area of the surface
+    constexpr double kWeight = 0.01;  // of all gaps, per area of the surface
+    const LinearSystem system = assemble();
+    while (true) {
+      bool collided = false;
+      if (keeps_gaps_) gaps_ = find_gaps(m_, x_, kWeight * problem_.surface.total_area);
+      if (descend(system, collided)) return true;
+      if (keeps_gaps_ || !collided || executor_.is_stopped()) return false;
+      keeps_gaps_ = true;
+    }
+  }
+
+  bool descend(LinearSystem system, bool& collided) {
     constexpr int kMostTrials = 30;
-    gaps_ = find_gaps(m_, x_, kGaps * problem_.surface.total_area);
-    LinearSystem system = assemble();
     const Array<Vec2> gradient = system.gradient;
+    add_springs_and_gaps(system);
     reduce(problem_.followers, is_fixed_, executor_, system);
     ldlt_factorize(system.shifted(0), x_, executor_, factor_);
     if (!factor_.ok) return false;
@@ -6775,11 +6786,13 @@ class FlatNewton {
     expand_direction(problem_.followers, d);
     const double slope = dot(gradient, d);
     if (!(slope < 0 && std::isfinite(slope))) return false;
-    // 1, or a shorter step before the first triangle degenerates or gap closes
+    // 1, or a shorter step before the first triangle degenerates
     double s = (std::min)({1.0, 0.9 * max_step(m_, x_, d), 0.9 * max_step(gaps_, d)});
     for (int i = 0; i < kMostTrials && !executor_.is_stopped(); ++i, s *= 0.6) {
       Points2 y = moved(m_, problem_.followers, x_, d, s);
       if (is_accepted(y, s * slope)) return x_.swap(y), true;
+      collided = collided || collides(m_, y);
+      if (collided && !keeps_gaps_) return false;
     }
     return false;
   }
@@ -6792,6 +6805,7 @@ class FlatNewton {
     return true;
   }
 
+  /// Gradient and Hessian, without the Hessians of springs and gaps.
   LinearSystem assemble() {
     constexpr double kEpsilon = 1e-6;  // holds rigid motions, which the energy leaves free
     terms_.resize(m_.n_faces);
@@ -6800,12 +6814,16 @@ class FlatNewton {
     });
     QuadraticModel model = sum_terms(m_, terms_, executor_, [](int, RowWriter&) {});
     add_spring_gradient(problem_.springs, x_, model.gradient);
+    return {std::move(model.H), {}, std::move(model.gradient)};
+  }
+
+  void add_springs_and_gaps(LinearSystem& system) const {
     Array<Block> blocks;
     add_springs(problem_.springs, blocks);
     add_gaps(gaps_, blocks);
-    if (blocks.empty()) return {std::move(model.H), {}, std::move(model.gradient)};
+    if (blocks.empty()) return;
     const BlockMatrix others = sum_of_blocks(m_.n_vertices, blocks, executor_);
-    return {weighted_sum({{&model.H, 1}, {&others, 1}}, executor_), {}, std::move(model.gradient)};
+    system.H = weighted_sum({{&system.H, 1}, {&others, 1}}, executor_);
   }
 
   const FlatProblem problem_;
@@ -6817,6 +6835,7 @@ class FlatNewton {
   int steps_ = 0;
   Array<FaceTerm> terms_;
   LdltFactor factor_;
+  bool keeps_gaps_ = false;
   Array<Gap> gaps_;
 };
 
