@@ -1145,7 +1145,8 @@ class Timer {
   Clock::time_point start_ = Clock::now();
 };
 
-/// A lock for a few instructions without allocations. Job systems may lack what std::mutex needs.
+/// A lock for a few instructions without allocations. Not std::mutex: <mutex> may be missing where
+/// a job system has threads.
 class SpinLock {
  public:
   explicit SpinLock(std::atomic_flag& flag) : flag_(flag) {
@@ -1790,8 +1791,8 @@ inline JointSurface join(const SurfacePair& pair) {
 //             crossings) log(a b)) for boundaries of a and b edges, unless boxes of many disjoint
 //             edges meet; O(#F log a b) where loops are left without polygons.
 
-/// The limit of an overlay. Meshes of five million triangles reach it, and hubs over each other:
-/// around vertices of m and n edges lie m n / 4 polygons.
+/// The limit of an overlay. Meshes of five million triangles reach it. So can small ones: around
+/// two vertices of m and n edges that lie over each other, there are m n / 4 polygons.
 inline constexpr int kMostPolygons = 1 << 24;
 
 /// A triangle of A and a triangle of B.
@@ -3843,7 +3844,8 @@ inline Vec3 barycentric(Vec2 p, Vec2 a, Vec2 b, Vec2 c) {
           accurate_area(a, b, p) / area};
 }
 
-/// A vertex held on the other surface: x_row = Σ_k weight_k motion_k x_master_k. No chains.
+/// A vertex held on the other surface: x_row = Σ_k weight_k motion_k x_master_k. No master is a
+/// follower.
 struct Follower {
   int row;
   int master[3];
@@ -6248,9 +6250,10 @@ inline Place in_joint(const JointSurface& s, Place p) {
 
 /// The energy of landmarks that pull: Σ w S ρ(|r|²/S), where ρ(t) = t / (1 + t/c²) [Geman and
 /// McClure 1985], S is the mean area of the surfaces, and r leads from the image of A's end to B's
-/// end in space, for any planes. A landmark that contradicts the map loses its pull. In its
-/// triangle of B the image is Σ φ_k X_k. It moves by J u if the end of A moves by u relative to the
-/// plane of the triangle: springs w ρ'(t) (uᵀ Jᵀ J u - 2 rᵀ J u) have its gradient.
+/// end in space, for any planes. A landmark that contradicts the map loses its pull; one that is
+/// not covered counts as that. In its triangle of B the image is Σ φ_k X_k. It moves by J u if the
+/// end of A moves by u relative to the plane of the triangle: springs w ρ'(t) (uᵀ Jᵀ J u - 2 rᵀ J
+/// u) have its gradient.
 class LandmarkPull {
  public:
   LandmarkPull(const JointSurface& s, const Array<PlacedLandmark>& landmarks,
@@ -13316,6 +13319,7 @@ class StartFinder {
     candidate.has_more = done < most && candidate.run->step();
     if (candidate.has_more || !is_usable(result.status)) return;
     candidate.map = SurfaceMap(result);
+    if (candidate.map.status() != Status::kDone) return;
     constexpr double kMissed = 1;  // how much all landmarks weigh
     const IterationLog& last = result.final_state();
     const double area_a = a_->surface.total_area, area_b = b_->surface.total_area;
@@ -13328,7 +13332,6 @@ class StartFinder {
   double missed_landmarks(const Candidate& candidate) const {
     constexpr double kFar = 0.5;  // in roots of the area
     if (leading_.empty()) return 0;
-    if (candidate.map.status() != Status::kDone) return 1;
     double sum = 0;
     for (const VertexPair& l : leading_) {
       const SurfacePoint image = candidate.map.forward_vertex(l.a);

@@ -497,7 +497,8 @@ TEST_CASE("a surface that is closed is valid; one side held needs a boundary") {
   options.boundary = ism::Boundary::kSlide;
   const Result r = ism::compute_map(shapes::sphere(1), shapes::sphere(1), {}, options);
   CHECK(r.status == Status::kInvalidOptions);
-  CHECK(r.message == "boundaries cannot be held on closed surfaces or those with openings, and A is closed");
+  CHECK(r.message ==
+        "boundaries cannot be held on closed surfaces or those with openings, and A is closed");
 }
 
 TEST_CASE(

@@ -507,7 +507,7 @@ TEST_CASE("products by tiles are those of Eigen, for any sizes and strides") {
       }
 }
 
-TEST_CASE("memory used again holds nothing of the last factorisation, and no update matrices") {
+TEST_CASE("a factor that is used again holds nothing of the last one, and no update matrices") {
   Rng rng(15);
   const BlockMatrix pattern = pattern_of(225, lattice_edges(15, 1));
   const LdltSymbolic symbolic = dissected(pattern, lattice_points(15));

@@ -186,7 +186,8 @@ TEST_CASE("options that openings leave no room for are refused") {
   options.boundary = ism::Boundary::kSlide;
   Result r = ism::compute_map(b.mesh, a.mesh, {}, options);
   CHECK(r.status == Status::kInvalidOptions);
-  CHECK(r.message == "boundaries cannot be held on closed surfaces or those with openings, and B has openings");
+  CHECK(r.message ==
+        "boundaries cannot be held on closed surfaces or those with openings, and B has openings");
   options = on_one_thread();
   options.outer_a = 1000;
   r = ism::compute_map(a.mesh, b.mesh, {}, options);

@@ -16,6 +16,7 @@ import json
 import math
 import os
 import pathlib
+import random
 import shlex
 import subprocess
 import sys
@@ -39,6 +40,8 @@ def read_arguments():
     parser.add_argument("--no-landmarks", action="store_true")
     parser.add_argument("--farthest", type=int, metavar="K",
                         help="only the K landmarks that lie farthest apart on A (vertex ids, OBJ)")
+    parser.add_argument("--move", type=int, metavar="SEED",
+                        help="move vertices of OBJ files by 1e-9 of their coordinates at random")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time (1: honest seconds)")
     parser.add_argument("--json", type=pathlib.Path, metavar="F", help="write all reports to F")
     parser.add_argument("--out", type=pathlib.Path, help="keep the results in this folder")
@@ -76,6 +79,19 @@ def read_obj(path):
         elif words[:1] == ["f"]:
             faces.append([int(w.split("/")[0]) - 1 for w in words[1:]])
     return vertices, faces
+
+
+def moved(file, seed, to):
+    """Writes an OBJ file with moved vertices, by which runs tell how much chance decides."""
+    rng = random.Random(seed)
+    with open(to, "w") as out:
+        for line in file.read_text().splitlines():
+            words = line.split()
+            if words[:1] == ["v"]:
+                at = [repr(float(w) * (1 + 1e-9 * rng.uniform(-0.5, 0.5))) for w in words[1:4]]
+                line = " ".join(["v"] + at)
+            out.write(line + "\n")
+    return to
 
 
 def area_of(vertices, faces):
@@ -118,9 +134,11 @@ def farthest_landmarks(pair, k, file):
 
 def run(pair, folder, args):
     """The report of one run; {"error": sentence} if there is none."""
-    command = [args.program.resolve(), find_mesh(pair, "A"), find_mesh(pair, "B"), "-o", folder,
-               "--quiet"]
     folder.mkdir(parents=True, exist_ok=True)
+    a, b = find_mesh(pair, "A"), find_mesh(pair, "B")
+    if args.move is not None:
+        a, b = (moved(m, args.move, folder / f"moved_{m.name}") for m in (a, b))
+    command = [args.program.resolve(), a, b, "-o", folder, "--quiet"]
     if (pair / "landmarks.txt").exists() and not args.no_landmarks:
         command += ["--landmarks", pair / "landmarks.txt" if args.farthest is None else
                     farthest_landmarks(pair, args.farthest, folder / "landmarks.txt")]
