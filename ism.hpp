@@ -41,8 +41,8 @@
 //            at every exit and from every coarse level. All triangles of f and g are positive,
 //            angles around interior vertices sum to 2π, boundaries are simple; so f and g are
 //            injective, and Φ is a homeomorphism of the covered parts, and of the whole surfaces if
-//            both are closed. Exact predicates decide this on the returned coordinates; verify()
-//            proves it.
+//            both are closed. Exact predicates decide this on the returned coordinates;
+//            examples/ism_verify.hpp proves it by other code.
 // NO PROMISE of a global minimum: the minimum is a local one; of semantic correspondence: landmarks
 //            pull softly, unless Options::exact_landmarks is set; of full coverage: Φ maps
 //            the parts of A and B that overlap in the plane (IterationLog::coverage_a), unless both
@@ -56,7 +56,7 @@
 //            and the ids of offending elements. Exceptions of allocations and callbacks, in any
 //            thread, reach the caller without leaks; the call then has no result.
 //
-// MACROS     ISM_IMPLEMENTATION   adds the implementation, parts [3] to [22], in one file
+// MACROS     ISM_IMPLEMENTATION   adds the implementation, parts [3] to [21], in one file
 //            ISM_NO_THREADS       builds that file without <thread>
 //            ISM_VERSION_MAJOR, ISM_VERSION_MINOR, ISM_VERSION_PATCH
 //
@@ -71,8 +71,7 @@
 //            II, what surfaces and programs need besides
 //            [16] checked and prepared meshes                  [17] alignments in space
 //            [18] applications               [19] closed surfaces
-//            [20] verification               [21] threads and progress
-//            [22] entry points
+//            [20] threads and progress       [21] entry points
 //
 // HISTORY, LICENSE (MIT)  at the end of the file.
 
@@ -219,8 +218,9 @@ enum class Side { kA, kB };
 /// with seams belong to corners.
 enum class Element { kVertex, kFace, kCorner };
 
-/// The mesh that ids refer to: the caller's, or the embedded one (Embedding::a, Embedding::b).
-enum class Ids { kGiven, kEmbedded };
+/// The mesh that ids refer to: the caller's, or the embedded one (Embedding::a, Embedding::b). With
+/// kWhole, also the embedded one, meta_mesh() includes triangles that close openings.
+enum class Ids { kGiven, kEmbedded, kWhole };
 
 /// A vertex or a triangle of one of the two given meshes.
 struct ElementId {
@@ -745,24 +745,15 @@ class SurfaceMap {
   /// Returns the position in space, in the unit of the mesh; NaN if there is no such face.
   Eigen::Vector3d position_on_a(const SurfacePoint& p) const;
   Eigen::Vector3d position_on_b(const SurfacePoint& p) const;
-  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;  // without triangles that close openings
+  MetaMesh meta_mesh(Ids ids = Ids::kGiven) const;
   /// Returns the distortion of every polygon of meta_mesh(). Surfaces are scaled as by
   /// compute_map(), or to area 1 for maps made otherwise; keep_scale: not scaled.
   std::vector<PolygonDistortion> distortion(bool keep_scale = false) const;
 
  private:
   friend TriangleMesh remesh(const SurfaceMap& map, Side side);
-  friend Outcome verify(const SurfaceMap& map);
   std::shared_ptr<const detail::MapData> data_;
 };
-
-/// Independently verifies the guarantees of compute_map() for a given map, in integer arithmetic: f
-/// and g are injective, so Φ is continuous and injective; polygons of the meta mesh are adjacent
-/// exactly once. Checks to 1e-9 of the size: corners of the meta mesh agree in the planes and on
-/// the surfaces, and a closed map covers both surfaces. Returns kDone; the status of the map, if
-/// different; or kNumericalFailure, a bug of the library, with the offending vertex or triangles.
-/// Cost O(n log n), microseconds per triangle and polygon. Thread-safe.
-Outcome verify(const SurfaceMap& map);
 
 /// Returns the mesh of one side with positions on the other surface. Vertices without an image are
 /// in no triangle and lie on the first image. Linear cost, thread-safe.
@@ -852,7 +843,6 @@ std::vector<WorstPlace> worst_places(const SurfaceMap& map, int most = 5);
 #include <initializer_list>
 #include <iterator>
 #include <queue>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -4185,7 +4175,7 @@ inline void add_gaps(const Array<Gap>& gaps, Array<Block>& blocks) {
   }
 }
 
-// ---- hook: springs between vertices (parts [14] and [22]) ----
+// ---- hook: springs between vertices (parts [14] and [21]) ----
 
 /// A penalty uᵀ K u - 2 forceᵀ u on the vector u = p - motion q between two vertices.
 struct Spring {
@@ -5703,7 +5693,7 @@ inline Array<Vec2> ldlt_solve(const LdltFactor& factor, const Array<Vec2>& b) {
 //             so the mesh is decimated, the coarse mesh is embedded by Tutte's theorem, and its
 //             vertices return in the reverse order, relaxed on the way [Hormann and Greiner 2000;
 //             Tutte 1963]. Both planes meet at some hundred vertices, or come from there with a map
-//             (part [22], candidates), and from there on Algorithm 1 maps every level. Exact
+//             (part [21], candidates), and from there on Algorithm 1 maps every level. Exact
 //             landmarks are joined before it runs. Held boundaries lie along a square from the
 //             start. A free boundary that leaves no room for a vertex, or its surface strained,
 //             goes back to a circle. On both, all triangles are alike at first, which leaves room
@@ -9539,11 +9529,11 @@ class MetaMeshBuilder {
   explicit MetaMeshBuilder(const MapData& data)
       : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
 
-  /// `n_polygons`: the given ones, or all.
-  MetaMesh build(Ids ids, int n_polygons) {
+  MetaMesh build(Ids ids) {
     MetaMesh mesh;
     const bool are_given = ids == Ids::kGiven;
-    for (int i = 0; i < n_polygons; ++i) {
+    const int n = ids == Ids::kWhole ? pair_.overlay.polygons.size() : pair_.n_given;
+    for (int i = 0; i < n; ++i) {
       const OverlayPolygon& p = pair_.overlay.polygons[i];
       add_corners(p);
       mesh.face_a.push_back(p.ta);
@@ -9746,9 +9736,7 @@ Eigen::Vector3d SurfaceMap::position_on_a(const SurfacePoint& p) const {
 Eigen::Vector3d SurfaceMap::position_on_b(const SurfacePoint& p) const {
   return data_->position_of_given(p, Side::kB);
 }
-MetaMesh SurfaceMap::meta_mesh(Ids ids) const {
-  return detail::MetaMeshBuilder(*data_).build(ids, data_->pair.n_given);
-}
+MetaMesh SurfaceMap::meta_mesh(Ids ids) const { return detail::MetaMeshBuilder(*data_).build(ids); }
 std::vector<PolygonDistortion> SurfaceMap::distortion(bool keep_scale) const {
   const detail::EmbeddedPair& pair = data_->pair;
   std::vector<PolygonDistortion> result;
@@ -11337,440 +11325,7 @@ inline Place opened(Place p, const HalfEdgeMesh& whole, const HalfEdgeMesh& open
   return p;
 }
 
-// ==== [20] VERIFICATION ==========================================================================
-//
-// Purpose:    proves the guarantees of the library for a given map independently: it uses nothing
-//             of parts [5] to [19] but the meshes, the planar positions and the meta mesh.
-// Method:     Integer arithmetic, without rounding. An embedding of positive triangles covers a
-//             point as often as its boundary winds around it; a sweep over the boundary [Shamos and
-//             Hoey 1976] shows that it is simple and winds around each point at most once. So f and
-//             g are injective, and Φ = g⁻¹ ∘ f is continuous and injective where both are defined.
-//             Further checks: each polygon of the meta mesh occurs once, none is missing beside
-//             another, and corners agree in the planes and on the surfaces.
-// Fails:      at the first violation.
-
-/// An exact sum of products of finite doubles: integers in base 2^24, least digit first.
-class ExactSum {
- public:
-  void add_product(double a, double b) {
-    const Digits x = digits_of(a), y = digits_of(b);
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 4; ++j) digit_[x.first + y.first + i + j] += x.digit[i] * y.digit[j];
-  }
-
-  int sign() const {
-    std::int64_t carry = 0;
-    bool is_zero = true;
-    for (std::int64_t digit : digit_) {
-      const std::int64_t sum = digit + carry, rest = sum & kMask;
-      carry = (sum - rest) / (kMask + 1);
-      is_zero = is_zero && rest == 0;
-    }
-    return carry != 0 ? (carry > 0 ? 1 : -1) : (is_zero ? 0 : 1);
-  }
-
- private:
-  static constexpr std::int64_t kMask = (1 << 24) - 1;
-  static constexpr int kLeastExponent = -24 * 48;  // below that of the last bit of any double
-
-  struct Digits {
-    int first;
-    std::int64_t digit[4];
-  };
-
-  static Digits digits_of(double x) {
-    int exponent;
-    const double fraction = std::frexp(x, &exponent);  // 53 bits, in three or four digits
-    const int place = exponent - kLeastExponent;
-    double rest = std::ldexp(fraction, place % 24);
-    Digits d = {place / 24 - 3, {}};
-    for (int i = 4; i-- > 0; rest = std::ldexp(rest - std::trunc(rest), 24))
-      d.digit[i] = static_cast<std::int64_t>(rest);
-    return d;
-  }
-
-  std::int64_t digit_[192] = {};  // room for the largest products, and for carries
-};
-
-inline int orientation(Vec2 a, Vec2 b, Vec2 c) {
-  ExactSum sum;
-  const Vec2 p[4] = {a, b, c, a};
-  for (int i = 0; i < 3; ++i) {
-    sum.add_product(p[i].x, p[i + 1].y);
-    sum.add_product(-p[i].y, p[i + 1].x);
-  }
-  return sum.sign();
-}
-
-inline bool comes_before(Vec2 p, Vec2 q) { return p.x < q.x || (p.x == q.x && p.y < q.y); }
-
-/// An edge of a triangle or polygon `of`, from u to v.
-struct DirectedEdge {
-  int u, v, of;
-  bool operator<(const DirectedEdge& o) const { return u != o.u ? u < o.u : v < o.v; }
-};
-
-/// Sorts sides and collects those without an opposite one. Returns the polygon of a side that
-/// occurs twice in one direction, or -1.
-inline int match_edges(Array<DirectedEdge>& sides, Array<DirectedEdge>& single) {
-  std::sort(sides.begin(), sides.end());
-  for (int i = 0; i + 1 < sides.size(); ++i)
-    if (!(sides[i] < sides[i + 1])) return sides[i + 1].of;
-  for (const DirectedEdge& side : sides)
-    if (!std::binary_search(sides.begin(), sides.end(), DirectedEdge{side.v, side.u, -1}))
-      single.push_back(side);
-  return -1;
-}
-
-/// Sweeps over the boundary of an embedding, from left to right.
-class BoundarySweep {
- public:
-  BoundarySweep(const Points2& x, const Array<DirectedEdge>& boundary) : x_(x) {
-    for (const DirectedEdge& side : boundary) {
-      const bool runs_right = comes_before(at(side.u), at(side.v));
-      segments_.push_back(runs_right ? Segment{side.u, side.v, true}
-                                     : Segment{side.v, side.u, false});
-    }
-  }
-
-  /// True if the boundary is simple and winds around each point at most once; else fault() is a
-  /// vertex of the violation.
-  bool run() {
-    // Ends of segments, 2 i is the left one of segment i.
-    Array<int> order = numbers_below(2 * segments_.size());
-    std::sort(order.begin(), order.end(), [&](int i, int j) {
-      const Vec2 p = at(end(i)), q = at(end(j));
-      return p == q ? end(i) < end(j) : comes_before(p, q);
-    });
-    std::set<int, Below> alive(Below{this});
-    Array<std::set<int, Below>::iterator> place(segments_.size(), alive.end());
-    for (int i = 0; i < order.size(); i += 2) {
-      const int v = fault_ = end(order[i]);
-      const bool has_two = end(order[i + 1]) == v;
-      if (!has_two || (i + 2 < order.size() && at(end(order[i + 2])) == at(v))) return false;
-      auto above = alive.end();
-      for (int e : {order[i], order[i + 1]})
-        if (e % 2 == 1) above = alive.erase(place[e / 2]);
-      for (int e : {order[i], order[i + 1]}) {
-        if (e % 2 == 1) continue;
-        const auto added = alive.insert(e / 2);
-        if (!added.second) return false;  // overlaps another segment
-        place[e / 2] = added.first;
-      }
-      for (int e : {order[i], order[i + 1]}) {
-        if (e % 2 == 1) continue;
-        const auto after = std::next(place[e / 2]);
-        if (!may_be_neighbours(alive, place[e / 2]) || !may_be_neighbours(alive, after))
-          return false;
-        above = after;
-      }
-      if (!may_be_neighbours(alive, above)) return false;
-    }
-    return true;
-  }
-
-  int fault() const { return fault_; }
-
- private:
-  struct Segment {
-    int left, right;
-    bool runs_right;  // then the interior is above
-  };
-  /// Orders segments that do not cross along the sweep line.
-  struct Below {
-    const BoundarySweep* sweep;
-    bool operator()(int i, int j) const {
-      const Segment &s = sweep->segments_[i], &t = sweep->segments_[j];
-      if (i == j) return false;
-      const bool is_later = comes_before(sweep->at(t.left), sweep->at(s.left));
-      return is_later ? sweep->side(t, s) < 0 : sweep->side(s, t) > 0;
-    }
-  };
-
-  Vec2 at(int v) const { return row2(x_, v); }
-  int end(int i) const { return i % 2 == 0 ? segments_[i / 2].left : segments_[i / 2].right; }
-
-  /// Returns whether t, which begins later, lies above s (1), below (-1), or on it (0).
-  int side(const Segment& s, const Segment& t) const {
-    const int at_left = orientation(at(s.left), at(s.right), at(t.left));
-    return at_left != 0 ? at_left : orientation(at(s.left), at(s.right), at(t.right));
-  }
-
-  /// True if the segments at `upper` and just below it do not meet and agree on the side of the
-  /// interior: it is above a segment that runs right and below the next one.
-  bool may_be_neighbours(const std::set<int, Below>& alive,
-                         std::set<int, Below>::iterator upper) const {
-    const bool has_lower = upper != alive.begin(), has_upper = upper != alive.end();
-    const Segment* high = has_upper ? &segments_[*upper] : nullptr;
-    const Segment* low = has_lower ? &segments_[*std::prev(upper)] : nullptr;
-    const bool is_inside = low && low->runs_right;
-    return (high && !high->runs_right) == is_inside && !(low && high && meet(*low, *high));
-  }
-
-  /// True if two segments have a common point that is not an end of both.
-  bool meet(const Segment& s, const Segment& t) const {
-    if (s.left == t.left || s.right == t.right || s.left == t.right || s.right == t.left)
-      return false;  // run() has found overlaps
-    const Vec2 a = at(s.left), b = at(s.right), c = at(t.left), d = at(t.right);
-    const int of_c = orientation(a, b, c), of_d = orientation(a, b, d);
-    const int of_a = orientation(c, d, a), of_b = orientation(c, d, b);
-    if (of_c == 0 && of_d == 0) return !comes_before(b, c) && !comes_before(d, a);
-    return of_c * of_d <= 0 && of_a * of_b <= 0;
-  }
-
-  const Points2& x_;
-  Array<Segment> segments_;
-  int fault_ = -1;
-};
-
-/// Verifies one embedding; `boundary` receives the sides of triangles without an opposite one.
-inline bool verify_embedding(const TriangleMesh& mesh, const Points2& x, Side side,
-                             Array<DirectedEdge>& boundary, Outcome& outcome) {
-  const auto refuse = [&](const char* what, int id, const char* how, Element element) {
-    return fail(outcome, Status::kNumericalFailure, {what, id, " of ", letter(side), how},
-                {{side, element, id}});
-  };
-  for (int v = 0; v < rows_of(x); ++v)
-    if (!std::isfinite(x(v, 0)) || !std::isfinite(x(v, 1)))
-      return refuse("vertex ", v, " has no planar position", Element::kVertex);
-  Array<DirectedEdge> sides;
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    const int* v = mesh.triangles.data() + 3 * static_cast<std::ptrdiff_t>(f);
-    if (orientation(row2(x, v[0]), row2(x, v[1]), row2(x, v[2])) <= 0)
-      return refuse("triangle ", f, " is not positive in the plane", Element::kFace);
-    for (int k = 0; k < 3; ++k) sides.push_back({v[k], v[(k + 1) % 3], f});
-  }
-  if (const int twice = match_edges(sides, boundary); twice >= 0)
-    return refuse("triangle ", twice, " has a side that another one has, too", Element::kFace);
-  BoundarySweep sweep(x, boundary);
-  return sweep.run() ||
-         refuse("at vertex ", sweep.fault(), " the boundary meets itself, or winds the wrong way",
-                Element::kVertex);
-}
-
-/// Verifies that an injective embedding of a surface that is cut open covers a pillow once: motions
-/// take the two sides of the cut to each other, and its area is that of the pillow.
-inline bool verify_pillow(const TriangleMesh& mesh, const Points2& x, Side side, double period,
-                          const Array<DirectedEdge>& boundary, Outcome& outcome) {
-  const auto refuse = [&](int v, const char* how) {
-    return fail(outcome, Status::kNumericalFailure,
-                {"at vertex ", v, " of ", letter(side), " the two sides of the cut ", how},
-                {{side, Element::kVertex, v}});
-  };
-  // The least of the places to which motions take a point, exactly: all lie on one grid.
-  const auto canonical = [&](Vec2 p) {
-    const auto reduced = [&](double c) {
-      const double rest = std::fmod(c, period);
-      return rest < 0 ? rest + period : rest + 0.0;
-    };
-    const Vec2 q = {reduced(p.x), reduced(p.y)}, r = {reduced(-p.x), reduced(-p.y)};
-    return comes_before(q, r) ? q : r;
-  };
-  for (int v = 0; v < rows_of(x); ++v)
-    for (int c = 0; c < 2; ++c)
-      if (std::fmod(x(v, c), 0x1p-51 * period / kPillowSide) != 0 ||
-          !(std::abs(x(v, c)) < 4 * period))
-        return refuse(v, "may be moved with rounding");
-  Array<int> vertices, number(rows_of(x), 0);
-  for (const DirectedEdge& e : boundary) vertices.push_back(e.u);
-  std::sort(vertices.begin(), vertices.end(), [&](int u, int v) {
-    return comes_before(canonical(row2(x, u)), canonical(row2(x, v)));
-  });
-  for (int i = 1; i < vertices.size(); ++i) {
-    const int u = vertices[i - 1], v = vertices[i];
-    const bool is_same = canonical(row2(x, u)) == canonical(row2(x, v));
-    number[v] = number[u] + !is_same;
-    if (is_same && mesh.vertices.row(u) != mesh.vertices.row(v))
-      return refuse(v, "lie at different places of the surface");
-  }
-  Array<DirectedEdge> sides, single;
-  for (const DirectedEdge& e : boundary) sides.push_back({number[e.u], number[e.v], e.u});
-  const int twice = match_edges(sides, single);
-  if (twice >= 0) return refuse(twice, "meet another one");
-  if (!single.empty()) return refuse(single[0].of, "do not fit");
-  double area = 0;
-  for (int f = 0; f < mesh.triangles.rows(); ++f) {
-    const Vec2 p = row2(x, mesh.triangles(f, 0));
-    area += 0.5 * cross(row2(x, mesh.triangles(f, 1)) - p, row2(x, mesh.triangles(f, 2)) - p);
-  }
-  const double pillow = 0.5 * period * period;  // covered a whole number of times
-  return std::abs(area / pillow - 1) < 0.5 || refuse(0, "are those of several pillows");
-}
-
-/// Verifies the meta mesh of injective embeddings.
-class MetaMeshVerifier {
- public:
-  /// `period`: of the motions of a closed map, or 0.
-  MetaMeshVerifier(MetaMesh meta, const Points2& f, const Points2& g, double period,
-                   Outcome& outcome)
-      : meta_(std::move(meta)),
-        a_{*meta_.a, f, meta_.face_a, meta_.corner_a, meta_.on_a},
-        b_{*meta_.b, g, meta_.face_b, meta_.corner_b, meta_.on_b},
-        size_f_(f.cwiseAbs().maxCoeff()),
-        period_(period),
-        outcome_(outcome) {}
-
-  bool run(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
-    for (int p = 0; p < meta_.n_polygons(); ++p)
-      if (!verify_polygon(p)) return false;
-    return verify_pairs() && verify_sides(boundary_a, boundary_b);
-  }
-
- private:
-  /// The polygons on one surface.
-  struct Half {
-    const TriangleMesh& mesh;
-    const Points2& plane;
-    const std::vector<int>& face;     // per polygon
-    const Points3 &weights, &places;  // per corner and per vertex of polygons
-    double size = mesh.vertices.cwiseAbs().maxCoeff();
-
-    /// Returns where a corner of a polygon lies, in the plane or in space.
-    template <class Positions>
-    Vec3 at(const Positions& x, int polygon, int corner) const {
-      Vec3 sum;
-      for (int k = 0; k < 3; ++k)
-        for (int c = 0; c < x.cols(); ++c)
-          sum[c] += weights(corner, k) * x(mesh.triangles(face.data()[polygon], k), c);
-      return sum;
-    }
-  };
-
-  bool refuse(int polygon, const char* how) {
-    const int a = a_.face.data()[polygon], b = b_.face.data()[polygon];
-    return fail(outcome_, Status::kNumericalFailure,
-                {"the polygon of triangle ", a, " of A and triangle ", b, " of B ", how},
-                {{Side::kA, Element::kFace, a}, {Side::kB, Element::kFace, b}});
-  }
-
-  int begin(int polygon) const { return meta_.offsets.data()[polygon]; }
-  int end(int polygon) const { return meta_.offsets.data()[polygon + 1]; }
-  int vertex(int corner) const { return meta_.corners.data()[corner]; }
-
-  /// Checks that a polygon lies in its triangles and its corners agree in the planes and in space.
-  bool verify_polygon(int p) {
-    if (end(p) - begin(p) < 3) return refuse(p, "has less than three corners");
-    if (!find_motion(p)) return refuse(p, "has a corner at two places");
-    for (int i = begin(p); i < end(p); ++i) {
-      if (!are_weights(row3(a_.weights, i)) || !are_weights(row3(b_.weights, i)))
-        return refuse(p, "has a corner outside");
-      for (const Half* h : {&a_, &b_})
-        if (!are_close(h->at(h->mesh.vertices, p, i), row3(h->places, vertex(i)), h->size))
-          return refuse(p, "has a corner at two places");
-    }
-    return true;
-  }
-
-  /// Finds the motion of a polygon from g's plane to f's: none, or one of the pillow.
-  bool find_motion(int p) {
-    for (double sign : {1.0, -1.0}) {
-      Motion motion = {sign, {}};
-      const Vec3 way = a_.at(a_.plane, p, begin(p)) + -sign * b_.at(b_.plane, p, begin(p));
-      if (period_ > 0)
-        motion.shift = {period_ * std::round(way.x / period_),
-                        period_ * std::round(way.y / period_)};
-      bool fits = sign > 0 || period_ > 0;
-      for (int i = begin(p); i < end(p); ++i) {
-        const Vec3 at = b_.at(b_.plane, p, i);
-        const Vec2 moved = motion * Vec2{at.x, at.y};
-        fits = fits && are_close(a_.at(a_.plane, p, i), {moved.x, moved.y, 0}, size_f_);
-      }
-      if (!fits) continue;
-      motions_.push_back(motion);
-      return true;
-    }
-    return false;
-  }
-
-  static bool are_weights(const Vec3& w) {
-    return (std::min)({w.x, w.y, w.z}) >= -kTolerance &&
-           std::abs(w.x + w.y + w.z - 1) <= kTolerance;
-  }
-
-  static bool are_close(const Vec3& p, const Vec3& q, double largest) {
-    const Vec3 d = p - q;
-    return (std::max)({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kTolerance * largest;
-  }
-
-  /// Checks that two triangles have at most one polygon, or one per motion: overlaps are convex.
-  bool verify_pairs() {
-    Array<DirectedEdge> pairs;
-    for (int p = 0; p < meta_.n_polygons(); ++p)
-      pairs.push_back({a_.face.data()[p], b_.face.data()[p], p});
-    std::sort(pairs.begin(), pairs.end());
-    for (int i = 0; i < pairs.size(); ++i)
-      for (int j = i + 1; j < pairs.size() && !(pairs[i] < pairs[j]); ++j)
-        if (motions_[pairs[i].of] == motions_[pairs[j].of])
-          return refuse(pairs[j].of, "is there twice");
-    return true;
-  }
-
-  /// Checks that each side of a polygon has a neighbour or lies on a boundary of A or B. The
-  /// polygons of a closed map have no boundary, so they cover both surfaces.
-  bool verify_sides(const Array<DirectedEdge>& boundary_a, const Array<DirectedEdge>& boundary_b) {
-    Array<DirectedEdge> sides, single;
-    for (int p = 0; p < meta_.n_polygons(); ++p)
-      for (int i = begin(p); i < end(p); ++i)
-        sides.push_back({vertex(i), vertex(i + 1 < end(p) ? i + 1 : begin(p)), p});
-    const int twice = match_edges(sides, single);
-    if (twice >= 0) return refuse(twice, "has a side of another one");
-    for (const DirectedEdge& side : single)
-      if (period_ > 0 || !(ends_there(side, a_, boundary_a) || ends_there(side, b_, boundary_b)))
-        return refuse(side.of, "has no neighbour at one side, where both surfaces go on");
-    return true;
-  }
-
-  /// True if a side of a polygon lies on a boundary edge of its triangle.
-  bool ends_there(const DirectedEdge& side, const Half& half,
-                  const Array<DirectedEdge>& boundary) const {
-    int i = begin(side.of);
-    while (vertex(i) != side.u) ++i;
-    const int j = i + 1 < end(side.of) ? i + 1 : begin(side.of), f = half.face.data()[side.of];
-    for (int k = 0; k < 3; ++k) {
-      const DirectedEdge edge = {half.mesh.triangles(f, (k + 1) % 3),
-                                 half.mesh.triangles(f, (k + 2) % 3), f};
-      if (half.weights(i, k) == 0 && half.weights(j, k) == 0 &&
-          std::binary_search(boundary.begin(), boundary.end(), edge))
-        return true;
-    }
-    return false;
-  }
-
-  static constexpr double kTolerance = 1e-9;
-
-  const MetaMesh meta_;
-  const Half a_, b_;
-  const double size_f_, period_;
-  Outcome& outcome_;
-  Array<Motion> motions_;  // per polygon
-};
-
-}  // namespace detail
-
-Outcome verify(const SurfaceMap& map) {
-  Outcome outcome;
-  if (!detail::check_arithmetic(outcome)) return outcome;
-  if (map.status() != Status::kDone)
-    return detail::fail(outcome, map.status(), {map.message()}), outcome;
-  const Points2 f = map.planar_positions(Side::kA), g = map.planar_positions(Side::kB);
-  detail::Array<detail::DirectedEdge> boundary_a, boundary_b;
-  const TriangleMesh &a = map.mesh(Side::kA, Ids::kEmbedded),
-                     &b = map.mesh(Side::kB, Ids::kEmbedded);
-  if (detail::verify_embedding(a, f, Side::kA, boundary_a, outcome) &&
-      detail::verify_embedding(b, g, Side::kB, boundary_b, outcome) &&
-      (!map.is_closed() ||
-       (detail::verify_pillow(a, f, Side::kA, map.period(), boundary_a, outcome) &&
-        detail::verify_pillow(b, g, Side::kB, map.period(), boundary_b, outcome))))
-    detail::MetaMeshVerifier(detail::MetaMeshBuilder(*map.data_)
-                                 .build(Ids::kEmbedded, map.data_->pair.overlay.polygons.size()),
-                             f, g, map.period(), outcome)
-        .run(boundary_a, boundary_b);
-  return outcome;
-}
-
-namespace detail {
-
-// ==== [21] THREADS AND PROGRESS ==================================================================
+// ==== [20] THREADS AND PROGRESS ==================================================================
 //
 // Purpose:    the services of part [4]: parallel tasks, on threads of the library or by the
 //             caller's job system, and reports.
@@ -11952,7 +11507,7 @@ inline void Executor::tick() const {
   tell_again();
 }
 
-// ==== [22] ENTRY POINTS ==========================================================================
+// ==== [21] ENTRY POINTS ==========================================================================
 //
 // Purpose:    checks the input, runs the parts above in order, and words the outcome.
 // Invariants: nothing is computed on input that fails a check.
@@ -13677,7 +13232,7 @@ SurfaceMap::SurfaceMap(const MeshView& a, const MeshView& b, const Points2& f, c
 //
 // 1.0.0  Algorithm 1 with its constraints, held and sliding boundaries and measures; beyond the
 //        paper: coverage, coarse to fine, quasi-Newton steps, gaps that stay open, exact landmarks;
-//        closed surfaces and surfaces with openings; prepare(), Solver, Transfer, verify().
+//        closed surfaces and surfaces with openings; prepare(), Solver, Transfer; a verifier.
 //
 // ==== LICENSE ====================================================================================
 //

@@ -5,6 +5,7 @@
 
 #include "closed.hpp"
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
 
@@ -364,7 +365,7 @@ TEST_CASE("nearly all vertices of closed surfaces can be exact landmarks") {
     CAPTURE(start.message);
     REQUIRE(start.status == Status::kDone);
     CHECK(start.landmark_distance < 1e-12);
-    CHECK(ism::verify(SurfaceMap(start)).status == Status::kDone);
+    CHECK(ism::verify_map(SurfaceMap(start)).status == Status::kDone);
   }
 }
 
@@ -377,13 +378,13 @@ TEST_CASE("maps of closed surfaces are closed from the first one on") {
       const SurfaceMap map(solver.result());
       REQUIRE(map.status() == Status::kDone);
       CHECK(map.is_closed());
-      CHECK(ism::verify(map).message == "");
+      CHECK(ism::verify_map(map).message == "");
     }
   }
   const SurfaceMap start(ism::initial_embedding(a, b, landmarks_of(a, b, 5), on_one_thread()));
   REQUIRE(start.status() == Status::kDone);
   CHECK(start.is_closed());
-  CHECK(ism::verify(start).status == Status::kDone);
+  CHECK(ism::verify_map(start).status == Status::kDone);
 }
 
 TEST_CASE("pins of closed surfaces stay where the start puts them, on coarse surfaces, too") {
@@ -458,7 +459,7 @@ TEST_CASE("closed maps are verified in any unit, and a result without its positi
     TriangleMesh scaled = a;
     scaled.vertices *= unit;
     const Result r = ism::compute_map(scaled, b, {}, options);
-    CHECK(ism::verify(SurfaceMap(r)).status == Status::kDone);
+    CHECK(ism::verify_map(SurfaceMap(r)).status == Status::kDone);
   }
   Result r = ism::compute_map(a, b, {}, options);
   REQUIRE(ism::is_usable(r.status));
@@ -521,7 +522,7 @@ TEST_CASE(
         octahedron, other, {{in(f), in(4 * f)}, {in(g), in(4 * g)}, {in(h), in(4 * h)}}, options);
     CAPTURE(result.message);
     REQUIRE(ism::is_usable(result.status));
-    CHECK(ism::verify(SurfaceMap(result)).status == Status::kDone);
+    CHECK(ism::verify_map(SurfaceMap(result)).status == Status::kDone);
     together += result.start.landmark_distance < 1e-12;
   }
   CHECK(together == 8);

@@ -4,6 +4,7 @@
 #define ISM_TESTS_PART_COARSE_HPP
 
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
 
@@ -358,7 +359,7 @@ TEST_CASE("a coarse surface gets the vertices that the map needs") {
     REQUIRE(ism::is_usable(r.status));
     CHECK(r.final_state().mean_distortion < 2.25);  // closed ones have 64 vertices at least
     const ism::SurfaceMap map(r);
-    CHECK(ism::verify(map).status == ism::Status::kDone);
+    CHECK(ism::verify_map(map).status == ism::Status::kDone);
     CHECK(map.mesh(Side::kA).vertices == octahedron.vertices);
     for (int v = 0; v < octahedron.vertices.rows(); ++v) CHECK(map.forward_vertex(v).exists());
     const ism::SurfacePoint p = {5, {0.1, 0.3, 0.6}};  // of the triangles given

@@ -6,6 +6,7 @@
 #define ISM_TESTS_PART_SIZES_HPP
 
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "large.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
@@ -315,7 +316,7 @@ TEST_CASE("all entry points take near-linear time") {
       [](const Inputs& in) {
         ism::compute_map(in.a.mesh, in.b.mesh, {{0, 0}, {40, 40}}, few_iterations());
       },
-      [](const Inputs& in) { ism::verify(ism::SurfaceMap(in.result)); },
+      [](const Inputs& in) { ism::verify_map(ism::SurfaceMap(in.result)); },
       [](const Inputs& in) {
         const ism::SurfaceMap map(in.result);
         map.forward_vertices();

@@ -5,6 +5,7 @@
 #define ISM_TESTS_PART_STARTS_HPP
 
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "runs.hpp"
 #include "sanitized.hpp"
 #include "shapes.hpp"
@@ -274,7 +275,7 @@ TEST_CASE("long tubes are mapped as if their ends were closed; what closes them 
   CHECK(r.final_state().mean_distortion < 2.1);
   CHECK(r.warnings.size() == 2);
   const ism::SurfaceMap map(r);
-  CHECK(ism::verify(map).status == ism::Status::kDone);
+  CHECK(ism::verify_map(map).status == ism::Status::kDone);
   CHECK(map.mesh(ism::Side::kA).vertices == a.vertices);
   CHECK(map.mesh(ism::Side::kB).triangles == b.triangles);
   CHECK(r.start.a->triangles.rows() == a.triangles.rows() + 16);
@@ -389,7 +390,7 @@ TEST_CASE("surfaces with small openings are mapped as closed ones, wherever the 
     REQUIRE(ism::is_usable(r.status));
     const ism::SurfaceMap map(r);
     CHECK(map.is_closed());
-    CHECK(ism::verify(map).status == ism::Status::kDone);
+    CHECK(ism::verify_map(map).status == ism::Status::kDone);
     CHECK(ism::summarize(map.distortion()).mean < 2.05);
     const std::vector<ism::SurfacePoint> images = map.forward_vertices();
     CHECK(std::count_if(images.begin(), images.end(), [](const ism::SurfacePoint& p) {

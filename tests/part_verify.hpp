@@ -1,9 +1,10 @@
-// verify(): what it proves, and that it finds what is wrong.
+// ism_verify.hpp: what it proves, and that it finds what is wrong.
 
 #ifndef ISM_TESTS_PART_VERIFY_HPP
 #define ISM_TESTS_PART_VERIFY_HPP
 
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
 
@@ -23,16 +24,18 @@ using ism::Points2;
 using ism::Side;
 using ism::Status;
 using ism::SurfaceMap;
-using ism::detail::DirectedEdge;
 using ism::detail::Vec2;
+using ism::verification::DirectedEdge;
 using shapes::Disk;
 using shapes::Rng;
 
-using Sides = ism::detail::Array<DirectedEdge>;
+using Sides = std::vector<DirectedEdge>;
+
+Eigen::Vector2d point(Vec2 p) { return {p.x, p.y}; }
 
 bool is_embedding(const ism::TriangleMesh& mesh, const Points2& x, Outcome& outcome) {
   Sides boundary;
-  return ism::detail::verify_embedding(mesh, x, Side::kA, boundary, outcome);
+  return ism::verification::verify_embedding(mesh, x, Side::kA, boundary, outcome);
 }
 
 bool says(const Outcome& outcome, const std::string& words) {
@@ -52,17 +55,18 @@ struct Spoilt {
       : map(m),
         f(m.planar_positions(Side::kA)),
         g(m.planar_positions(Side::kB)),
-        meta(m.meta_mesh(ism::Ids::kEmbedded)) {
+        meta(m.meta_mesh(ism::Ids::kWhole)) {
     Outcome outcome;
     const ism::TriangleMesh& a = map.mesh(Side::kA, ism::Ids::kEmbedded);
     const ism::TriangleMesh& b = map.mesh(Side::kB, ism::Ids::kEmbedded);
-    REQUIRE(ism::detail::verify_embedding(a, f, Side::kA, boundary_a, outcome));
-    REQUIRE(ism::detail::verify_embedding(b, g, Side::kB, boundary_b, outcome));
+    REQUIRE(ism::verification::verify_embedding(a, f, Side::kA, boundary_a, outcome));
+    REQUIRE(ism::verification::verify_embedding(b, g, Side::kB, boundary_b, outcome));
   }
 
   Outcome outcome() const {
     Outcome outcome;
-    ism::detail::MetaMeshVerifier(meta, f, g, map.period(), outcome).run(boundary_a, boundary_b);
+    ism::verification::MetaMeshVerifier(meta, f, g, map.period(), outcome)
+        .run(boundary_a, boundary_b);
     return outcome;
   }
 
@@ -93,7 +97,7 @@ int verified_steps(ism::Solver& solver) {
     has_more = solver.step();
     const SurfaceMap map(solver.result());
     if (!ism::is_usable(solver.result().status)) continue;
-    const Outcome outcome = ism::verify(map);
+    const Outcome outcome = ism::verify_map(map);
     CAPTURE(outcome.message);
     CHECK(outcome.status == Status::kDone);
     ++verified;
@@ -113,7 +117,8 @@ TEST_CASE("areas of triangles in integers have the sign of the predicate") {
     if (i % 2 == 1) p[2] = p[0] + rng.uniform(0.1, 3) * (p[1] - p[0]);
     const double expected = ism::detail::orient2d(p[0], p[1], p[2]);
     zeros += expected == 0;
-    different += ism::detail::orientation(p[0], p[1], p[2]) != (expected > 0) - (expected < 0);
+    const int found = ism::verification::orientation(point(p[0]), point(p[1]), point(p[2]));
+    different += found != (expected > 0) - (expected < 0);
   }
   CHECK(different == 0);
   CHECK(zeros > 10000);
@@ -123,7 +128,7 @@ TEST_CASE("the integers hold products of any doubles") {
   const double tiny = 0x1p-1074, huge = 0x1.fffffffffffffp1023;
   for (double x : {tiny, 3 * tiny, 0x1p-1022, 1.0, 1.5, huge})
     for (double y : {tiny, 7 * tiny, 0x1p-1000, 2.5, huge}) {
-      ism::detail::ExactSum sum;
+      ism::verification::ExactSum sum;
       for (int i = 0; i < 3; ++i) sum.add_product(x, y);
       CHECK(sum.sign() == 1);
       for (int i = 0; i < 3; ++i) sum.add_product(-x, y);
@@ -140,14 +145,14 @@ TEST_CASE("every disk and every surface with openings is verified") {
     const bool is_verified = is_embedding(disk.mesh, disk.plane, outcome);
     CAPTURE(outcome.message);
     CHECK(is_verified);
-    CHECK(ism::verify(shapes::map_of(disk, disk)).status == Status::kDone);
+    CHECK(ism::verify_map(shapes::map_of(disk, disk)).status == Status::kDone);
   }
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Rng rng(seed);
     const Disk a = shapes::with_openings(9, 7, rng);
     Disk b = shapes::with_openings(8, 9, rng);
     b.plane = shapes::moved(b.plane, shapes::rotation(0.3), {0.4, -0.2});
-    const Outcome outcome = ism::verify(runs::good_map(a, b));
+    const Outcome outcome = ism::verify_map(runs::good_map(a, b));
     CAPTURE(outcome.message);
     CHECK(outcome.status == Status::kDone);
   }
@@ -206,17 +211,17 @@ TEST_CASE("edges that are nearly parallel cross at one place") {
       mesh.vertices.leftCols<2>() = f;
       ism::TriangleMesh b = mesh;
       b.vertices.leftCols<2>() = g;
-      const Outcome outcome = ism::verify(SurfaceMap(mesh, b, f, g));
+      const Outcome outcome = ism::verify_map(SurfaceMap(mesh, b, f, g));
       CAPTURE(outcome.message);
       CHECK(outcome.status == Status::kDone);
     }
 }
 
 TEST_CASE("a map that is none is not verified") {
-  CHECK(ism::verify(SurfaceMap()).status == Status::kNoMapYet);
+  CHECK(ism::verify_map(SurfaceMap()).status == Status::kNoMapYet);
   Disk a = shapes::grid(3, 3);
   std::swap(a.plane(5, 0), a.plane(6, 0));
-  CHECK(ism::verify(shapes::map_of(a, a)).status == Status::kInvalidPositions);
+  CHECK(ism::verify_map(shapes::map_of(a, a)).status == Status::kInvalidPositions);
 }
 
 TEST_CASE("embeddings that are not injective are found") {
@@ -232,7 +237,7 @@ TEST_CASE("embeddings that are not injective are found") {
   SUBCASE("a triangle without area") {
     Disk disk = shapes::single_triangle();
     disk.plane << 0.1, 0.1, 0.2, 0.2, 0.3, 0.3;  // not in doubles
-    const int sign = ism::detail::orientation({0.1, 0.1}, {0.2, 0.2}, {0.3, 0.3});
+    const int sign = ism::verification::orientation({0.1, 0.1}, {0.2, 0.2}, {0.3, 0.3});
     CHECK(sign == 0);
     CHECK_FALSE(is_embedding(disk.mesh, disk.plane, outcome));
   }
@@ -278,11 +283,11 @@ TEST_CASE("embeddings that are not injective are found") {
       boundary.push_back({i, (i + 1) % 4, 0});
       boundary.push_back({4 + i, 4 + (i + 1) % 4, 0});
     }
-    CHECK_FALSE(ism::detail::BoundarySweep(x, boundary).run());  // clockwise, around nothing
+    CHECK_FALSE(ism::verification::BoundarySweep(x, boundary).run());  // clockwise, around nothing
     x.bottomRows<4>().col(0).array() -= 5;
-    CHECK(ism::detail::BoundarySweep(x, boundary).run());  // clockwise, inside: an opening
+    CHECK(ism::verification::BoundarySweep(x, boundary).run());  // clockwise, inside: an opening
     for (DirectedEdge& side : boundary) std::swap(side.u, side.v);
-    CHECK_FALSE(ism::detail::BoundarySweep(x, boundary).run());
+    CHECK_FALSE(ism::verification::BoundarySweep(x, boundary).run());
   }
 }
 
@@ -314,7 +319,7 @@ TEST_CASE("the sweep finds what all pairs of segments say") {
     expected = expected && area > 0;
     ++(expected ? simple : tangled);
     CAPTURE(seed);
-    CHECK(ism::detail::BoundarySweep(x, boundary).run() == expected);
+    CHECK(ism::verification::BoundarySweep(x, boundary).run() == expected);
   }
   CHECK(simple > 200);
   CHECK(tangled > 200);
@@ -376,9 +381,9 @@ TEST_CASE("the two sides of a cut have to fit, without rounding") {
   const ism::TriangleMesh& mesh = map.mesh(Side::kA, ism::Ids::kEmbedded);
   const auto verdict = [&](const Points2& x) {
     ism::Outcome outcome;
-    ism::detail::Array<ism::detail::DirectedEdge> boundary;
-    if (ism::detail::verify_embedding(mesh, x, Side::kA, boundary, outcome))
-      ism::detail::verify_pillow(mesh, x, Side::kA, map.period(), boundary, outcome);
+    Sides boundary;
+    if (ism::verification::verify_embedding(mesh, x, Side::kA, boundary, outcome))
+      ism::verification::verify_pillow(mesh, x, Side::kA, map.period(), boundary, outcome);
     return outcome;
   };
   const Points2 f = map.planar_positions(Side::kA);

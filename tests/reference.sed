@@ -15,7 +15,7 @@ Distortion-minimizing injective maps between surfaces.\
 | see what is wrong with a mesh      | ism::validate(), ism::prepare() |\
 | know how a call ended              | ism::Status, ism::Outcome, ism::is_usable() |\
 | carry attributes, remesh, morph    | ism::transfer(), ism::remesh(), ism::MetaMesh |\
-| have a map proved                  | ism::verify() |\
+| have a map proved                  | ism::verify_map() |\
 \
 All functions and types are in the namespace ism. This is how the header begins:\
 \\verbatim

@@ -67,13 +67,15 @@ by_hand() {
 
 # What users compile has no warnings, whatever they ask their compilers for.
 warnings() {
-  local other
+  local other source
   for other in "$compiler" g++ clang++; do
     command -v "$other" > /dev/null || continue
-    "$other" -std=c++17 -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion \
-      -Wfloat-conversion -Wold-style-cast -Werror "${eigen[@]}" -I "$project" -O2 \
-      -c "$consumers/main.cpp" -o "$work/warnings.o" > "$work/warnings.log" 2>&1 ||
-      fail warnings "of $other"
+    for source in "$consumers/main.cpp" "$project/examples/ism_verify.hpp"; do
+      "$other" -std=c++17 -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion \
+        -Wfloat-conversion -Wold-style-cast -Werror "${eigen[@]}" -I "$project" -O2 \
+        -x c++ -c "$source" -o "$work/warnings.o" > "$work/warnings.log" 2>&1 ||
+        fail warnings "of $other"
+    done
   done
   echo "warnings: none"
 }

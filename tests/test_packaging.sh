@@ -51,6 +51,7 @@ vcpkg_port() {
   (cd "$work/installed" && find . -type f | sort) > "$work/files"
   diff "$work/files" - <<'FILES' || fail "the port installs something else"
 ./include/ism.hpp
+./include/ism_verify.hpp
 ./share/ism-hpp/copyright
 ./share/ism/ismConfig.cmake
 ./share/ism/ismConfigVersion.cmake
@@ -73,6 +74,7 @@ conan_recipe() {
   (cd "$work/conan_work/package" && find . -type f | sort) > "$work/files"
   diff "$work/files" - <<'FILES' || fail "the recipe packages something else"
 ./include/ism.hpp
+./include/ism_verify.hpp
 ./lib/libism.a
 ./licenses/LICENSE
 FILES

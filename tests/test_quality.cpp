@@ -3,6 +3,7 @@
 // clang 14) and meshes moved by 1e-13 of their size need, and little more.
 
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "mesh_io.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
@@ -75,7 +76,7 @@ void check(const Measured& measured, Result r) {
 void check_proved(const Measured& measured, const Result& r) {
   check(measured, r);
   CHECK(r.status == Status::kConverged);
-  const ism::Outcome proof = ism::verify(ism::SurfaceMap(r));
+  const ism::Outcome proof = ism::verify_map(ism::SurfaceMap(r));
   CAPTURE(proof.message);
   CHECK(proof.status == Status::kDone);
 }

@@ -6,6 +6,7 @@
 
 #define ISM_IMPLEMENTATION
 #include "ism.hpp"
+#include "ism_verify.hpp"
 
 #include "mesh_io.hpp"
 #include "runs.hpp"
@@ -928,12 +929,12 @@ struct Tally {
   }
 
  private:
-  /// The predicates of the construction, and that of verify(), in every order of the points.
+  /// The predicates of the construction, and that of ism_verify.hpp, in every order of the points.
   static bool agrees(const Triple& t, int sign) {
     const auto [a, b, c] = t;
     return sign_of(orient2d(a, b, c)) == sign && sign_of(orient2d(b, c, a)) == sign &&
            sign_of(orient2d(b, a, c)) == -sign && sign_of(orient2d(c, b, a)) == -sign &&
-           ism::detail::orientation(a, b, c) == sign;
+           ism::verification::orientation({a.x, a.y}, {b.x, b.y}, {c.x, c.y}) == sign;
   }
 
   /// With ties broken: the same sign where there is no tie; cyclic, and never the same after a

@@ -3,6 +3,7 @@
 
 #include "hostile.hpp"
 #include "ism.hpp"
+#include "ism_verify.hpp"
 #include "runs.hpp"
 #include "shapes.hpp"
 
@@ -38,7 +39,7 @@ ism::Status run(const ism::TriangleMesh& a, const ism::TriangleMesh& b,
   CHECK(fegetexcept() == (FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW));  // still
   if (!ism::is_usable(result.status)) return result.status;
   const ism::SurfaceMap map(result);
-  const ism::Status verified = ism::verify(map).status;
+  const ism::Status verified = ism::verify_map(map).status;
   const std::vector<ism::SurfacePoint> images = map.forward_vertices();
   const ism::MetaMesh meta = map.meta_mesh();
   const ism::TriangleMesh moved = ism::remesh(map, ism::Side::kA);

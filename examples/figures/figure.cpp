@@ -1,6 +1,7 @@
 // figure.cpp: see figure.hpp.
 
 #include "figure.hpp"
+#include "ism_verify.hpp"
 #include "mesh_io.hpp"
 #include "system.hpp"
 
@@ -146,7 +147,7 @@ int finish(const Arguments& args, const render::Canvas& canvas, const std::vecto
 
 double excess(const ism::SurfaceMap& map) { return ism::summarize(map.distortion()).mean - 2; }
 
-bool is_proved(const ism::SurfaceMap& map) { return ism::verify(map).status == ism::Status::kDone; }
+bool is_proved(const ism::SurfaceMap& map) { return ism::verify_map(map).status == ism::Status::kDone; }
 
 double apart(const ism::SurfaceMap& x, const ism::SurfaceMap& y) {
   const std::vector<ism::SurfacePoint> by_x = x.forward_vertices(), by_y = y.forward_vertices();

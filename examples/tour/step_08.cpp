@@ -1,5 +1,6 @@
 // Step 8 of tour.md: the step bound, the line search, and why every iterate is injective.
 
+#include "ism_verify.hpp"
 #include "tour.hpp"
 
 #include <algorithm>
@@ -45,7 +46,7 @@ int prove_all(ism::Solver& solver) {
     const ism::Result& now = solver.result();
     if (!ism::is_usable(now.status)) continue;  // there is no map yet
     const bool falls = now.final_state().energy <= energy;
-    if (!falls || ism::verify(ism::SurfaceMap(now)).status != ism::Status::kDone) return -1;
+    if (!falls || ism::verify_map(ism::SurfaceMap(now)).status != ism::Status::kDone) return -1;
     energy = now.final_state().energy;
     ++proved;
   }

@@ -1,5 +1,6 @@
 // Step 10 of tour.md: uses of a map.
 
+#include "ism_verify.hpp"
 #include "tour.hpp"
 
 #include <algorithm>
@@ -23,7 +24,7 @@ Uses use(const ism::SurfaceMap& map, const ism::Values& uv_of_a) {
   uses.uv_of_b = uses.to_b.apply(uv_of_a);
   uses.halfway = ism::linear_morph(meta, 0.5);
   uses.a_on_b = ism::remesh(map, ism::Side::kA);
-  uses.proof = ism::verify(map);
+  uses.proof = ism::verify_map(map);
   return uses;
 }
 

@@ -3,6 +3,7 @@
 // of emscripten's file system in memory, so reading and writing them is that of all examples; those
 // of the module are arrays, which engine.mjs and ism.mjs have checked.
 
+#include "../ism_verify.hpp"
 #include "../map_picture.hpp"
 #include "../mesh_io.hpp"
 #include "ism.hpp"
@@ -395,7 +396,7 @@ class Session {
   }
 
   /// Proves that the map is injective, by other means than those it was made with.
-  val verify() { return outcome_of(ism::verify(ism::SurfaceMap(solver_->result()))); }
+  val verify() { return outcome_of(ism::verify_map(ism::SurfaceMap(solver_->result()))); }
 
   /// Writes the map to files: {ok, message}.
   val save() {

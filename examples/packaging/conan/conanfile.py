@@ -27,7 +27,7 @@ class Ism(ConanFile):
         self.version = ".".join(parts)
 
     def export_sources(self):
-        for name in ("ism.hpp", "CMakeLists.txt", "LICENSE"):
+        for name in ("ism.hpp", "examples/ism_verify.hpp", "CMakeLists.txt", "LICENSE"):
             copy(self, name, self._project(), self.export_sources_folder)
 
     def requirements(self):
@@ -55,7 +55,9 @@ class Ism(ConanFile):
 
     def package(self):
         copy(self, "LICENSE", self.source_folder, os.path.join(self.package_folder, "licenses"))
-        copy(self, "ism.hpp", self.source_folder, os.path.join(self.package_folder, "include"))
+        include = os.path.join(self.package_folder, "include")
+        copy(self, "ism.hpp", self.source_folder, include)
+        copy(self, "ism_verify.hpp", os.path.join(self.source_folder, "examples"), include)
         for pattern in ("*.a", "*.lib"):
             library = os.path.join(self.package_folder, "lib")
             copy(self, pattern, self.build_folder, library, keep_path=False)
