@@ -9235,20 +9235,50 @@ inline std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, int f, double un
   return {corner(0), corner(1), corner(2)};
 }
 
-/// Places the triangles and vertices of a prepared, cut and refined mesh in the given mesh.
-struct Origin : Pieces {
-  SharedMesh given = std::make_shared<TriangleMesh>();
-  Triangles triangles;    // of the prepared mesh, by given vertices, or -1
-  Array<int> vertex;      // per given vertex, its embedded one, or -1
-  Array<int> original;    // per embedded vertex, itself or, across a cut, the one it is a copy of
-  Array<int> next_copy;   // per embedded vertex, another one of the same given one, or -1
-  std::vector<int> same;  // see MetaMesh::same_a
-  Array<EdgeUse> edges;   // of the given triangles
+using SharedPrepared = std::shared_ptr<const Prepared>;
 
-  void index() {
-    Pieces::index(static_cast<int>(given->triangles.rows()));
-    edges = sorted_edges(given->triangles);
-  }
+/// Returns a mesh as prepare() does if it needs no repair.
+inline Prepared as_given(const SharedMesh& mesh) {
+  const auto identity = [](Eigen::Index n) { return numbers_below(static_cast<int>(n)); };
+  Prepared result;
+  result.given = result.mesh = mesh;
+  result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
+  result.given_corner = identity(mesh->triangles.size());
+  result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
+  return result;
+}
+
+/// Returns the place of a prepared corner in its given triangle: at a corner, or on the side that
+/// was split for a degenerate neighbour.
+inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
+  const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
+  if (f < 0) return unit3(corner % 3);
+  if (given / 3 == f) return unit3(given % 3);
+  const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
+  return closest_on_sides(at, corners_of(*p.given, f, unit));
+}
+
+/// Places the triangles of a prepared mesh in the given one.
+inline Pieces pieces_of(const Prepared& p) {
+  Pieces pieces;
+  const double unit = unit_scale(p.mesh->vertices);
+  pieces.face = p.given_triangle;
+  for (int i = 0; i < 3 * pieces.face.size(); ++i)
+    pieces.corner_weights.push_back(weights_in_given(p, unit, i));
+  pieces.index(static_cast<int>(p.given->triangles.rows()));
+  return pieces;
+}
+
+/// Places the triangles of an embedded mesh in the given one: a prepared mesh with added vertices.
+struct Origin : Pieces {
+  SharedPrepared prepared;
+  Array<int> original;   // per embedded vertex, itself or, across a cut, the one it is a copy of
+  Array<int> next_copy;  // per embedded vertex, another one of the same given one, or -1
+  Array<EdgeUse> edges;  // of the given triangles
+
+  explicit Origin(SharedPrepared p = std::make_shared<const Prepared>())
+      : Pieces(pieces_of(*p)), prepared(std::move(p)), edges(sorted_edges(given().triangles)) {}
+  const TriangleMesh& given() const { return *prepared->given; }
 
   /// Returns the half-edges along the given edge from u to v in order, if any; ~h: from v to u.
   Array<int> along(int u, int v) const {
@@ -9258,7 +9288,7 @@ struct Origin : Pieces {
     while (use != edges.end() && use->same_edge(edge) && is_dropped(use->half_edge / 3)) ++use;
     if (use == edges.end() || !use->same_edge(edge)) return {};
     const int f = use->half_edge / 3, k = use->half_edge % 3, opposite = (k + 2) % 3;
-    const int to = given->triangles(f, k) == u ? (k + 1) % 3 : k;
+    const int to = given().triangles(f, k) == u ? (k + 1) % 3 : k;
     Array<int> along, ordered;
     Array<double> start;
     by_triangle.for_each_in(f, [&](int i) {
@@ -9284,68 +9314,31 @@ inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
   return original;
 }
 
-inline Origin same_origin(const SharedMesh& mesh, const std::vector<AddedVertex>& added) {
-  Origin o;
-  const int n_vertices = static_cast<int>(mesh->vertices.rows());
-  o.given = mesh;
-  o.triangles = mesh->triangles;
-  o.vertex = numbers_below(n_vertices);
-  o.original = originals(n_vertices, added);
-  o.next_copy.assign(n_vertices, -1);
-  o.face = numbers_below(static_cast<int>(mesh->triangles.rows()));
-  for (int h = 0; h < mesh->triangles.size(); ++h) o.corner_weights.push_back(unit3(h % 3));
-  o.index();
-  return o;
-}
-
-/// Returns the place of a prepared corner in its given triangle: at a corner, or on the side that
-/// was split for a degenerate neighbour.
-inline Vec3 weights_in_given(const Prepared& p, double unit, int corner) {
-  const int given = p.given_corner.data()[corner], f = p.given_triangle.data()[corner / 3];
-  if (f < 0) return unit3(corner % 3);
-  if (given / 3 == f) return unit3(given % 3);
-  const Vec3 at = unit * row3(p.given->vertices, p.given->triangles.data()[given]);
-  return closest_on_sides(at, corners_of(*p.given, f, unit));
-}
-
-/// Continues to an embedded mesh, a prepared one with added vertices; false if it is another mesh.
-inline bool refine(const Prepared& prepared, const std::vector<AddedVertex>& added,
-                   const TriangleMesh& embedded, Origin& o) {
-  const int n = static_cast<int>(prepared.mesh->vertices.rows());
+/// Continues to an embedded mesh, with these vertices added; false if it is another mesh.
+inline bool refine(const std::vector<AddedVertex>& added, const TriangleMesh& embedded, Origin& o) {
+  const TriangleMesh& mesh = *o.prepared->mesh;
+  const int n = static_cast<int>(mesh.vertices.rows());
   Pieces pieces;
   if (embedded.vertices.rows() != n + static_cast<int>(added.size()) ||
-      !find_pieces(build_half_edges(n, prepared.mesh->triangles), added, embedded.triangles,
-                   pieces))
+      !find_pieces(build_half_edges(n, mesh.triangles), added, embedded.triangles, pieces))
     return false;
   for (int h = 0; h < pieces.corner_weights.size(); ++h) {
     Vec3& weights = pieces.corner_weights[h];
     weights = vec3(o.to_mesh(surface_point(pieces.face[h / 3], weights)).barycentric);
   }
   for (int& f : pieces.face) f = o.face[f];
+  pieces.index(static_cast<int>(o.given().triangles.rows()));
   static_cast<Pieces&>(o) = std::move(pieces);
   return true;
 }
 
 /// Returns the origin of a prepared mesh with vertices added; any other mesh counts as given.
-inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added,
+inline Origin origin_of(const SharedPrepared& prepared, const std::vector<AddedVertex>& added,
                         const SharedMesh& embedded) {
-  if (!p.problems.empty()) return same_origin(embedded, added);
-  Origin o;
-  o.given = p.given;
-  o.triangles.resize(p.mesh->triangles.rows(), 3);
-  const double unit = unit_scale(p.mesh->vertices);
-  for (int i = 0; i < o.triangles.size(); ++i) {
-    const int given = p.given_corner.data()[i];
-    o.triangles.data()[i] = given < 0 ? -1 : p.given->triangles.data()[given];
-    o.corner_weights.push_back(weights_in_given(p, unit, i));
-  }
-  for (int f : p.given_triangle) o.face.push_back(f);
-  for (int v : p.new_vertex) {
-    o.vertex.push_back(v);
-    o.same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
-  }
-  if ((!added.empty() || embedded != p.mesh) && !refine(p, added, *embedded, o))
-    return same_origin(embedded, added);
+  Origin o(prepared);
+  if ((!added.empty() || embedded != prepared->mesh) && !refine(added, *embedded, o))
+    o = Origin(std::make_shared<const Prepared>(as_given(embedded)));
+  const Prepared& p = *o.prepared;
   const int n = static_cast<int>(embedded->vertices.rows()),
             n_prepared = static_cast<int>(p.given_vertex.size());
   o.original = originals(n, added);
@@ -9357,7 +9350,6 @@ inline Origin origin_of(const Prepared& p, const std::vector<AddedVertex>& added
     o.next_copy[v] = o.next_copy[first];
     o.next_copy[first] = v;
   }
-  o.index();
   return o;
 }
 
@@ -9395,25 +9387,27 @@ struct MapData : Outcome {                                 // kDone if the pair 
   }
 
   SurfacePoint map_vertex(int given, Side from) const {
-    const Array<int>& vertex = origin(from).vertex;
-    int v = ok() && given >= 0 && given < vertex.size() ? vertex[given] : -1;
+    const Origin& o = origin(from);
+    const bool exists = ok() && given >= 0 && given < o.given().vertices.rows();
+    int v = exists ? o.prepared->new_vertex.data()[given] : -1;
+    if (v >= 0 && pair.is_closed()) v = o.original[v];
     SurfacePoint image;
     while (v >= 0 && !image.exists()) {
       image = pair.image(pair.face_over(from == Side::kA ? v : pair.s.n_a + v));
-      v = pair.is_closed() ? -1 : origin(from).next_copy[v];
+      v = pair.is_closed() ? -1 : o.next_copy[v];
     }
     return own(image);
   }
 
   std::vector<SurfacePoint> map_vertices(Side from) const {
     std::vector<SurfacePoint> images;
-    for (int v = 0; v < origin(from).given->vertices.rows(); ++v)
+    for (int v = 0; v < origin(from).given().vertices.rows(); ++v)
       images.push_back(map_vertex(v, from));
     return images;
   }
 
   Eigen::Vector3d position_of_given(const SurfacePoint& p, Side side) const {
-    const TriangleMesh& m = *origin(side).given;
+    const TriangleMesh& m = origin(side).given();
     if (!ok() || p.face < 0 || p.face >= m.triangles.rows())
       return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
     const Vec3 x = position_in_space(m, p);
@@ -9551,8 +9545,8 @@ class MetaMeshBuilder {
       mesh.corner_b.row(i) = (are_given ? b.to_mesh(c.on_b) : c.on_b).barycentric;
     }
     if (!are_given) return mesh;
-    mesh.a = a.given, mesh.b = b.given;
-    mesh.same_a = a.same, mesh.same_b = b.same;
+    mesh.a = a.prepared->given, mesh.b = b.prepared->given;
+    mesh.same_a = same_vertices(*a.prepared), mesh.same_b = same_vertices(*b.prepared);
     for (int& f : mesh.face_a) f = a.face[f];
     for (int& f : mesh.face_b) f = b.face[f];
     return mesh;
@@ -9563,6 +9557,13 @@ class MetaMeshBuilder {
     CornerKey key;
     SurfacePoint on_a, on_b;  // in ids of the embedded meshes
   };
+
+  /// Returns, per given vertex, the first one of those that were welded to it, or -1.
+  static std::vector<int> same_vertices(const Prepared& p) {
+    std::vector<int> same;
+    for (int v : p.new_vertex) same.push_back(v < 0 ? -1 : p.given_vertex.data()[v]);
+    return same;
+  }
 
   /// Makes one vertex of all corners with the same key, at the first of them.
   void set_vertices(MetaMesh& mesh) const {
@@ -9706,7 +9707,7 @@ inline PolygonDistortion polygon_distortion(const EmbeddedPair& pair, const Over
 Status SurfaceMap::status() const { return data_->status; }
 const std::string& SurfaceMap::message() const { return data_->message; }
 const TriangleMesh& SurfaceMap::mesh(Side side, Ids ids) const {
-  if (ids == Ids::kGiven) return *data_->origin(side).given;
+  if (ids == Ids::kGiven) return data_->origin(side).given();
   return side == Side::kA ? *data_->a : *data_->b;
 }
 Points2 SurfaceMap::planar_positions(Side side) const {
@@ -10581,18 +10582,6 @@ class Preparer {
   Array<int> repeated_, over_, cut_;  // given triangles dropped or turned, vertices cut
 };
 
-/// Returns a mesh unchanged, with its problems; if there are none, m is its connectivity.
-inline Prepared as_given(const SharedMesh& mesh, HalfEdgeMesh& m) {
-  const auto identity = [](Eigen::Index n) { return numbers_below(static_cast<int>(n)); };
-  Prepared result;
-  result.given = result.mesh = mesh;
-  result.given_vertex = result.new_vertex = identity(mesh->vertices.rows());
-  result.given_corner = identity(mesh->triangles.size());
-  result.given_triangle = result.new_triangle = identity(mesh->triangles.rows());
-  result.problems = find_problems(*mesh, m);
-  return result;
-}
-
 /// Returns true if all ids are in range and all vertices in use are finite.
 inline bool is_readable(const TriangleMesh& mesh, const std::vector<Problem>& problems) {
   for (const Problem& p : problems)
@@ -10607,8 +10596,8 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
                          bool welds) {
   const NoTraps no_traps;
   HalfEdgeMesh m;
-  const Prepared before = as_given(given, m);
-  const std::vector<Problem>& problems = before.problems;
+  Prepared before = as_given(given);
+  const std::vector<Problem>& problems = before.problems = find_problems(*given, m);
   const bool is_clean =
       problems.empty() ? !is_inside_out(*given, m) : problems[0].kind == Kind::kHandles;
   if (is_clean || !is_readable(*given, problems)) return before;
@@ -10620,8 +10609,6 @@ inline Prepared prepared(const SharedMesh& given, const std::vector<LandmarkPoin
   const bool is_whole = not_welded.mesh->triangles.rows() >= welded.mesh->triangles.rows();
   return !welds || (not_welded.problems.empty() && is_whole) ? not_welded : welded;
 }
-
-using SharedPrepared = std::shared_ptr<const Prepared>;
 
 // ---- small openings ----
 
@@ -11122,7 +11109,7 @@ Transfer transfer(const MetaMesh& meta, Side from, Element element, Element targ
 
 TriangleMesh remesh(const SurfaceMap& map, Side side) {
   const detail::MapData& data = *map.data_;
-  const Triangles& triangles = data.origin(side).triangles;
+  const Prepared& prepared = *data.origin(side).prepared;
   const std::vector<SurfacePoint> images = data.map_vertices(side);
   const int n = static_cast<int>(images.size());
   const auto exists = [&](int v) { return images.data()[v].exists(); };
@@ -11134,10 +11121,13 @@ TriangleMesh remesh(const SurfaceMap& map, Side side) {
     result.vertices.row(v) =
         data.position_of_given(images.data()[exists(v) ? v : first], detail::other(side));
   detail::Array<int> corners;
-  for (int i = 0; i < triangles.size(); i += 3)
-    if (const int* const corner = triangles.data() + i;
-        corner[0] >= 0 && std::all_of(corner, corner + 3, exists))
-      corners.append(corner, 3);
+  for (int f = 0; f < prepared.mesh->triangles.rows(); ++f) {
+    if (prepared.given_triangle.data()[f] < 0) continue;
+    int corner[3];
+    for (int k = 0; k < 3; ++k)
+      corner[k] = prepared.given->triangles.data()[prepared.given_corner.data()[3 * f + k]];
+    if (std::all_of(corner, corner + 3, exists)) corners.append(corner, 3);
+  }
   result.triangles = detail::triangles_from(corners);
   return result;
 }
@@ -11565,8 +11555,8 @@ class LandmarkPlacer {
   bool find(const LandmarkPoint& p, Place& place) {
     SurfacePoint point;
     if (is_point(p)) {
-      if (origin_.face.empty()) origin_ = origin_of(prepared_, {}, prepared_.mesh);
-      point = origin_.from_mesh(p.point);
+      if (pieces_.face.empty()) pieces_ = pieces_of(prepared_);
+      point = pieces_.from_mesh(p.point);
     } else if (prepared_.new_vertex.data()[p.vertex] >= 0) {
       return place = copy_of(prepared_.new_vertex.data()[p.vertex]), true;
     }
@@ -11607,7 +11597,7 @@ class LandmarkPlacer {
   const Prepared& prepared_;
   const Side side_;
   const bool are_exact_;
-  Origin origin_;                   // set for the first point in a triangle
+  Pieces pieces_;                   // set for the first point in a triangle
   std::vector<AddedVertex> added_;  // as if all landmarks became vertices
   Array<char> used_;
 };
@@ -13101,8 +13091,8 @@ inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Emb
   auto data = std::make_shared<MapData>();
   if (!is_usable(outcome.status))
     return fail(*data, outcome.status, {outcome.message}, outcome.ids), data;
-  data->origin_a = origin_of(*e.prepared_a, e.added_a, e.a);
-  data->origin_b = origin_of(*e.prepared_b, e.added_b, e.b);
+  data->origin_a = origin_of(e.prepared_a, e.added_a, e.a);
+  data->origin_b = origin_of(e.prepared_b, e.added_b, e.b);
   HalfEdgeMesh m, n;
   if (!check_problems(find_problems(*e.a, m), Side::kA, *data)) return data;
   data->a = e.a;
@@ -13114,8 +13104,6 @@ inline std::shared_ptr<const MapData> map_data(const Outcome& outcome, const Emb
   if (sew(data->a->triangles, f, data->origin_a.original, sewn_a) &&
       sew(data->b->triangles, g, data->origin_b.original, sewn_b)) {
     m = std::move(sewn_a), n = std::move(sewn_b);
-    for (Origin* o : {&data->origin_a, &data->origin_b})
-      for (int& v : o->vertex) v = v < 0 ? v : o->original[v];
   }
   const Points3 vertices_a = data->a->vertices.topRows(m.n_vertices);
   const Points3 vertices_b = data->b->vertices.topRows(n.n_vertices);

@@ -169,9 +169,8 @@ TriangleMesh with_midpoints(const TriangleMesh& mesh, const std::vector<ism::Add
 SurfaceMap refined_map(const TriangleMesh& a, const std::vector<ism::AddedVertex>& added,
                        const TriangleMesh& fine, const Points2& f, const Disk& b) {
   ism::Embedding e;
-  ism::detail::HalfEdgeMesh m;
   const auto given = [&](const TriangleMesh& mesh) {
-    return std::make_shared<ism::Prepared>(ism::detail::as_given(ism::detail::shared(mesh), m));
+    return std::make_shared<ism::Prepared>(ism::detail::as_given(ism::detail::shared(mesh)));
   };
   e.prepared_a = given(a);
   e.prepared_b = given(b.mesh);
