@@ -11957,10 +11957,7 @@ inline double plane_scale(const JointSurface& s, const Points2& x) {
   for (int h : s.mesh.boundary)
     area[h < 3 * s.faces_a] += 0.5 * cross(row2(x, s.mesh.tail[h]), row2(x, s.mesh.tip(h)));
   const double ratio = s.total_area / (std::abs(area[0]) + std::abs(area[1]));
-  if (!std::isfinite(ratio) || ratio <= 0) return 1;
-  int exponent;
-  std::frexp(ratio, &exponent);
-  return std::ldexp(1.0, (exponent - (exponent % 2 != 0)) / 2);
+  return std::isfinite(ratio) && ratio > 0 ? std::ldexp(1.0, std::ilogb(std::sqrt(2 * ratio))) : 1;
 }
 
 /// The id, side and name ("5 of A") of a vertex of A ⊔ B in its own mesh.
@@ -12154,6 +12151,7 @@ class Run {
     if (result_.status == Status::kCancelled || result_.status == Status::kTimeLimit)
       result_.status = Status::kUnfinished;
     Timer timer;
+    const std::size_t iterations_before = result_.log.size();
     if (is_embedding())
       embed();
     else if (pull_)
@@ -12164,7 +12162,9 @@ class Run {
       result_.message = words_of(result_.status).sentence;
       stall(result_);
     }
-    tell_iteration();
+    if (result_.log.size() > iterations_before)
+      executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"},
+                     &result_.log.back());
     const bool is_stopped = executor_.is_stopped();
     if (is_embedding()) wait();
     if (optimizer_) hand_over();
@@ -12506,7 +12506,6 @@ class Run {
     optimizer_.reset();
     followers_.clear();
     result_.log.clear();
-    told_ = 0;
     Points2 x = start_;
     if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
     x *= scale_;
@@ -12522,13 +12521,6 @@ class Run {
     optimizer_->start(x, result_);
     optimizer_->lower_omega(omega_before_);
     if (!is_usable(result_.status)) result_.message = words_of(result_.status).sentence;
-  }
-
-  void tell_iteration() {
-    const std::vector<IterationLog>& log = result_.log;
-    if (told_ == log.size()) return;
-    told_ = log.size();
-    executor_.tell(false, optimizer_->fraction(result_), {"optimising the map"}, &log.back());
   }
 
   /// Sets status, message and positions as if the call ended here.
@@ -12643,7 +12635,6 @@ class Run {
   double scale_ = 0;  // of the planes, relative to given positions; 0 until known
   Array<Follower> followers_;
   std::unique_ptr<Optimizer> optimizer_;
-  std::size_t told_ = 0;             // entries of the log that were reported
   bool is_changed_ = false;          // continues from the map of another run,
   double omega_before_ = kInfinity;  // with this ω_L
   Array<int> pulled_;                // to be pulled together if apart
