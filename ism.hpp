@@ -10657,7 +10657,7 @@ struct SurfaceSample {
   SurfacePoint on;
 };
 
-/// Samples evenly by area: along the triangles in order, in each by an additive recurrence.
+/// Takes n samples evenly by area: along the triangles in order, in each by an additive recurrence.
 inline Array<SurfaceSample> sampled(const Surface& s, int n) {
   Array<SurfaceSample> samples;
   const HalfEdgeMesh& m = s.mesh;
@@ -10798,7 +10798,7 @@ inline int closest(const SurfaceSample& p, const Array<SurfaceSample>& among, in
 /// Samples of two surfaces, followed by those at the ends of landmarks.
 struct SamplePair {
   Array<SurfaceSample> a, b;
-  int sampled_a = 0, sampled_b = 0;
+  int n = 0;  // of samples, on either
 };
 
 /// An affine map of samples of A close to samples of B.
@@ -10834,7 +10834,7 @@ class Alignment {
   Array<std::array<int, 2>> mutual_pairs() const {
     constexpr double kBack = 0.05, kAgree = 0.5;
     Array<std::array<int, 2>> pairs;
-    for (int i = 0; i < pair_->sampled_a; ++i) {
+    for (int i = 0; i < pair_->n; ++i) {
       const int j = to_b_[i], back = to_a_[j];
       const SurfaceSample &p = moved_[i], &q = pair_->b[j];
       if (norm(pair_->a[back].point - pair_->a[i].point) < kBack &&
@@ -10851,15 +10851,13 @@ class Alignment {
     double sum_a = 0, sum_b = 0;
     moved_.clear(), to_b_.clear(), to_a_.clear();
     for (const SurfaceSample& s : pair_->a) moved_.push_back(map_(s));
-    for (int i = 0; i < pair_->sampled_a; ++i) {
-      to_b_.push_back(closest(moved_[i], b, pair_->sampled_b));
+    for (int i = 0; i < pair_->n; ++i) {
+      to_b_.push_back(closest(moved_[i], b, pair_->n));
+      to_a_.push_back(closest(b[i], moved_, pair_->n));
       sum_a += distance2(moved_[i], b[to_b_.back()]);
+      sum_b += distance2(b[i], moved_[to_a_.back()]);
     }
-    for (int j = 0; j < pair_->sampled_b; ++j) {
-      to_a_.push_back(closest(b[j], moved_, pair_->sampled_a));
-      sum_b += distance2(b[j], moved_[to_a_.back()]);
-    }
-    residual_ = 0.5 * (sum_a / to_b_.size() + sum_b / to_a_.size());
+    residual_ = 0.5 * (sum_a / pair_->n + sum_b / pair_->n);
   }
 
   /// Calls visit(sample of A, where it should go, weight).
@@ -10868,8 +10866,7 @@ class Alignment {
     constexpr double kLandmark = 10;  // as much as so many samples
     for (int i = 0; i < to_b_.size(); ++i) visit(i, pair_->b[to_b_[i]].point, 1);
     for (int j = 0; j < to_a_.size(); ++j) visit(to_a_[j], pair_->b[j].point, 1);
-    for (int i = pair_->sampled_a, j = pair_->sampled_b; i < pair_->a.size(); ++i, ++j)
-      visit(i, pair_->b[j].point, kLandmark);
+    for (int i = pair_->n; i < pair_->a.size(); ++i) visit(i, pair_->b[i].point, kLandmark);
   }
 
   /// Fits the similarity, or an affine map held close to it, with least squared distances.
@@ -10919,8 +10916,7 @@ class Alignment {
 };
 
 inline SamplePair sampled(const SurfacePair& pair, const Array<VertexPair>& landmarks, int n) {
-  SamplePair samples = {sampled(pair.a, n), sampled(pair.b, n)};
-  samples.sampled_a = samples.a.size(), samples.sampled_b = samples.b.size();
+  SamplePair samples = {sampled(pair.a, n), sampled(pair.b, n), n};
   for (const VertexPair& l : landmarks) {
     samples.a.push_back({row3(pair.a.vertices, l.a), unit3(0), {}});
     samples.b.push_back({row3(pair.b.vertices, l.b), unit3(0), {}});
@@ -10964,7 +10960,7 @@ inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair&
   first = best_of(improved(first, kFirst, 0), kKept);
   for (const Alignment& alignment : first) next.push_back(Alignment(many, alignment.map()));
   Array<Alignment> best = best_of(improved(next, kNext, kLast), most);
-  if (many.a.size() - many.sampled_a < kEnough) return best;
+  if (many.a.size() - many.n < kEnough) return best;
   best.push_back(Alignment(many));
   for (int i = 0; i + 1 < best.size(); ++i)
     if (best.back().is_like(best[i])) return best.pop_back(), best;
@@ -12683,24 +12679,21 @@ class StartFinder {
               const Options& options, const Executor& executor)
       : whole_(whole),
         landmarks_(landmarks),
-        options_(options),
         landmark_weight_(options.exact_landmarks ? 100 : 1),
         coarsest_(options.coarsest > 0 ? options.coarsest : Options().coarsest),
         executor_(executor) {
-    options_.keep_scale = true;
-    options_.progress = nullptr;
-    options_.stop = nullptr;
+    options_.measure = options.measure;
+    options_.coverage_weight = options.coverage_weight;
+    options_.history_length = options.history_length;
+    options_.omega_start = options.omega_start;
+    options_.as_published = options.as_published;
     options_.parallel_for = [&executor](int n, const Executor::Task& task) {
       executor.run(n, task);  // on one thread where candidates run side by side
     };
     options_.max_iterations = 200;
     options_.tolerance = 1e-3;
-    options_.max_seconds = kInfinity;
-    options_.pins_a = options_.pins_b = options_.fixed_a = options_.fixed_b = {};
-    options_.exact_landmarks = options_.candidates = options_.weld = false;
-    options_.curves.clear();
-    options_.boundary = Boundary::kFree;
-    options_.outer_a = options_.outer_b = -1;
+    options_.keep_scale = true;
+    options_.candidates = options_.weld = false;
     options_.coarsest = 0;
     options_.refine = 0;
   }
