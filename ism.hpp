@@ -11141,7 +11141,7 @@ Points3 linear_morph(const MetaMesh& meta, double t) {
 //             finds tips and distances for several parts.
 // Method:     A closed surface is cut along a small cross of edges; nothing is removed. Pairs of
 //             closed surfaces are not cut: see pillows, part [14].
-// Fails:      where all vertices are bound by constraints.
+// Fails:      never.
 
 namespace detail {
 
@@ -11218,14 +11218,15 @@ struct OpeningPair {
 
 inline constexpr double kArm = 0.03;  // the length of a cross, in roots of the area
 
-/// Returns the vertex at which to open a closed surface; -1 if all are bound. No point is far from
-/// it, so the surface unfolds with little strain. If this surface is larger, the vertex is in the
-/// middle of the part that the other one leaves free: as far from the landmarks as the boundary of
-/// the other one, plus the radius of a disk of that area. `bound`: vertices that have to stay.
-inline int find_opening(const Surface& s, const Array<Place>& landmarks, const Array<int>& bound,
-                        const Surface& other, const Array<Place>& on_other) {
+/// Returns the vertex at which to open a closed surface. No point is far from it, so the surface
+/// unfolds with little strain. If this surface is larger, the vertex is in the middle of the part
+/// that the other one leaves free: as far from the landmarks as the boundary of the other one, plus
+/// the radius of a disk of that area.
+inline int find_opening(const Surface& s, const Array<Place>& landmarks, const Surface& other,
+                        const Array<Place>& on_other) {
   constexpr int kMost = 64, kLeast = 8, kVisits = 2000000, kMostLandmarks = 16;
-  constexpr double kWeight = 10;  // of the distances to landmarks
+  constexpr double kWeight = 10;                            // of the distances to landmarks
+  constexpr double kNearLandmark = 1e6, kAtLandmark = 1e9;  // costs of opening there
   const double unit = 1 / std::sqrt(s.total_area);
   const double radius = std::sqrt((std::max)(0.0, s.total_area - other.total_area) / kPi);
   const int n = s.mesh.n_vertices;
@@ -11252,14 +11253,10 @@ inline int find_opening(const Surface& s, const Array<Place>& landmarks, const A
       to_landmarks[v] = (std::min)(to_landmarks[v], unit * d[v]);
     }
   }
-  for (int v : bound) cost[v] = kInfinity;
-  for (const double least : {3 * kArm, -1.0}) {  // clear of landmarks, if that is possible
-    int best = -1;
-    for (int v = 0; v < n; ++v)
-      if (to_landmarks[v] > least && cost[v] < (best < 0 ? kInfinity : cost[best])) best = v;
-    if (best >= 0) return best;
-  }
-  return -1;
+  for (const Place& l : landmarks) to_landmarks[l.corners[0]] = 0;
+  for (int v = 0; v < n; ++v)
+    if (!(to_landmarks[v] > 3 * kArm)) cost[v] += to_landmarks[v] > 0 ? kNearLandmark : kAtLandmark;
+  return static_cast<int>(std::min_element(cost.begin(), cost.end()) - cost.begin());
 }
 
 /// Returns four paths of edges from a vertex of a closed surface, or fewer if it has fewer edges:
@@ -12366,7 +12363,7 @@ class Run {
   /// `guides`: pairs found on whole_. `mapped`: a coarse map, or null.
   void begin_embedding(const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped) {
     constexpr int kFewest = 300;
-    if (!find_opening()) return;
+    find_opening();
     open();
     const int most = (std::max)(pair_.a.mesh.n_vertices, pair_.b.mesh.n_vertices);
     // Small surfaces have one coarse level, too.
@@ -12375,39 +12372,16 @@ class Run {
                                            options_, executor_);
   }
 
-  bool find_opening() {
+  void find_opening() {
     const bool is_found = opening_.a >= 0 || opening_.b >= 0;
-    if (is_found || is_closed(whole_.a) == is_closed(whole_.b)) return true;
+    if (is_found || is_closed(whole_.a) == is_closed(whole_.b)) return;
     executor_.tell(true, 0, {"looking where to open the closed surface"}, nullptr);
     Array<Place> a, b;
     for (const PlacedLandmark& l : placed_) a.push_back(l.a), b.push_back(l.b);
     if (is_closed(whole_.a))
-      opening_.a = detail::find_opening(whole_.a, a, bound_vertices(Side::kA), whole_.b, b);
+      opening_.a = detail::find_opening(whole_.a, a, whole_.b, b);
     else
-      opening_.b = detail::find_opening(whole_.b, b, bound_vertices(Side::kB), whole_.a, a);
-    if (opening_.a >= 0 || opening_.b >= 0) return true;
-    fail(result_, Status::kInvalidLandmarks,
-         {"all vertices of a closed surface are exact landmarks or pins, and it cannot be opened ",
-          "at one: refine it, or leave one of them out"});
-    is_embedding_ = false;
-    static_cast<Outcome&>(result_.start) = result_;
-    return false;
-  }
-
-  static bool contains(const std::vector<int>& ids, int v) {
-    return std::find(ids.begin(), ids.end(), v) != ids.end();
-  }
-
-  /// Returns the vertices of constrained landmarks.
-  Array<int> bound_vertices(Side side) const {
-    Array<int> bound;
-    for (const PlacedLandmark& l : placed_) {
-      const int a = vertex_at(l.a), b = vertex_at(l.b), v = side == Side::kA ? a : b;
-      if (v >= 0 && (options_.exact_landmarks || contains(options_.pins_a, a) ||
-                     contains(options_.pins_b, b)))
-        bound.push_back(v);
-    }
-    return bound;
+      opening_.b = detail::find_opening(whole_.b, b, whole_.a, a);
   }
 
   void open() {
@@ -13058,9 +13032,7 @@ inline void Run::find_start() {
   result_.start.seconds += timer.lap();
   if (has_more) return;
   result_.candidates = finder_->candidates();
-  const OpeningPair found = finder_->opening();
-  if (!contains(bound_vertices(Side::kA), found.a) && !contains(bound_vertices(Side::kB), found.b))
-    opening_ = found;
+  opening_ = finder_->opening();
   begin_embedding(finder_->guides(), finder_->take_level());
   finder_.reset();
 }
