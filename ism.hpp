@@ -10762,20 +10762,13 @@ inline Vec3 mean(const Array<SurfaceSample>& samples) {
 }
 
 /// Returns the axes of the second moments of samples, the longest first, as columns of a rotation.
-/// Along the first two, third moments are positive.
+/// Their signs do not matter: half-turns about them are among the rotations of the icosahedron.
 inline AffineMap principal_axes(const Array<SurfaceSample>& samples) {
   const Vec3 center = mean(samples);
   AffineMap moments = {{{}, {}, {}}, {}};
   for (const SurfaceSample& s : samples)
     for (int c = 0; c < 3; ++c) moments.column[c] += (s.point - center)[c] * (s.point - center);
-  AffineMap axes = eigenvectors(moments);
-  for (int i = 0; i < 2; ++i) {
-    double third = 0;
-    for (const SurfaceSample& s : samples) third += power(dot(s.point - center, axes.column[i]), 3);
-    if (third < 0) axes.column[i] = -1 * axes.column[i];
-  }
-  axes.column[2] = cross(axes.column[0], axes.column[1]);
-  return axes;
+  return eigenvectors(moments);
 }
 
 /// Squared distance in position and normal, at total area 1.
