@@ -9304,16 +9304,6 @@ struct Origin : Pieces {
   }
 };
 
-/// Returns, per vertex of an embedded mesh, itself or the vertex that it copies.
-inline Array<int> originals(int n, const std::vector<AddedVertex>& added) {
-  Array<int> original = numbers_below(n);
-  const int first = n - static_cast<int>(added.size());
-  for (int v = (std::max)(0, first); v < n; ++v)
-    if (const AddedVertex& p = added.data()[v - first]; vertex_at(p) >= 0)
-      original[v] = p.corners[0];
-  return original;
-}
-
 /// Continues to an embedded mesh, with these vertices added; false if it is another mesh.
 inline bool refine(const std::vector<AddedVertex>& added, const TriangleMesh& embedded, Origin& o) {
   const TriangleMesh& mesh = *o.prepared->mesh;
@@ -9341,7 +9331,12 @@ inline Origin origin_of(const SharedPrepared& prepared, const std::vector<AddedV
   const Prepared& p = *o.prepared;
   const int n = static_cast<int>(embedded->vertices.rows()),
             n_prepared = static_cast<int>(p.given_vertex.size());
-  o.original = originals(n, added);
+  o.original = numbers_below(n);
+  int id = n - static_cast<int>(added.size());
+  for (const AddedVertex& vertex : added) {
+    if (id >= 0 && vertex_at(vertex) >= 0) o.original[id] = vertex_at(vertex);
+    ++id;
+  }
   o.next_copy.assign(n, -1);
   for (int v = n - 1; v >= 0; --v) {  // prepare() makes copies, too
     const int given = v < n_prepared ? p.given_vertex.data()[v] : -1;
@@ -11380,8 +11375,9 @@ class Crew {
   bool is_over_ = false;
 };
 
-/// Returns the number of processors available to this thread; in a container, within its quota.
-inline int processor_count() {
+/// Returns the number of threads of a call without a job system, including the caller's. Processors
+/// count if this thread may use them; in a container, within its quota.
+inline int thread_count(const Options& options) {
   int n = static_cast<int>(std::thread::hardware_concurrency());
 #ifdef __linux__
   cpu_set_t allowed;
@@ -11393,13 +11389,8 @@ inline int processor_count() {
     std::fclose(file);
   }
 #endif
-  return (std::max)(1, n);
-}
-
-/// Returns the number of threads of a call without a job system, including the caller's.
-inline int thread_count(const Options& options) {
-  const int processors = processor_count();
-  return options.threads <= 0 ? processors : (std::min)(options.threads, 4 * processors);
+  n = (std::max)(1, n);
+  return options.threads <= 0 ? n : (std::min)(options.threads, 4 * n);
 }
 #endif
 
@@ -11663,13 +11654,6 @@ inline std::string decimal(double x) {
          digits.substr(1);
 }
 
-/// Returns "1 unit of A is 89.39 units of B", where lengths on B are `ratio` times those on A.
-inline std::string units_sentence(double ratio) {
-  const bool is_more = ratio >= 1;
-  return sentence({"1 unit of ", is_more ? "A" : "B", " is ", decimal(is_more ? ratio : 1 / ratio),
-                   " units of ", is_more ? "B" : "A"});
-}
-
 inline void rescale(double factor, Surface& s) {
   s.vertices *= factor;
   s.scale *= factor;
@@ -11682,7 +11666,10 @@ inline void fit_sizes(const Array<PlacedLandmark>& landmarks, const RunOptions& 
   constexpr double kFar = 100;
   const double size = relative_size(pair, landmarks);
   const double areas = pair.a.total_area / pair.b.total_area;
-  const std::string units = units_sentence(pair.a.scale / pair.b.scale / size);
+  const double ratio = pair.a.scale / pair.b.scale / size;  // of lengths on B to those on A
+  const std::string units =
+      sentence({"1 unit of ", ratio >= 1 ? "A" : "B", " is ", decimal((std::max)(ratio, 1 / ratio)),
+                " units of ", ratio >= 1 ? "B" : "A"});
   std::string warning;
   if (!options.keep_scale && size != 1 && !are_closed(pair) &&
       options.boundary == Boundary::kFree) {
