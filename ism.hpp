@@ -9289,18 +9289,18 @@ struct Origin : Pieces {
     if (use == edges.end() || !use->same_edge(edge)) return {};
     const int f = use->half_edge / 3, k = use->half_edge % 3, opposite = (k + 2) % 3;
     const int to = given().triangles(f, k) == u ? (k + 1) % 3 : k;
-    Array<int> along, ordered;
-    Array<double> start;
+    Array<std::pair<double, int>> found;  // its start, and the half-edge
     by_triangle.for_each_in(f, [&](int i) {
       for (int h = 3 * i; h < 3 * i + 3; ++h) {
         const Vec3 &tail = corner_weights[h], &tip = corner_weights[next(h)];
         if (tail[opposite] != 0 || tip[opposite] != 0) continue;
-        along.push_back(tail[to] < tip[to] ? h : ~h);
-        start.push_back((std::min)(tail[to], tip[to]));
+        found.push_back({(std::min)(tail[to], tip[to]), tail[to] < tip[to] ? h : ~h});
       }
     });
-    for (int i : sorted_by(start)) ordered.push_back(along[i]);
-    return ordered;
+    std::sort(found.begin(), found.end());
+    Array<int> along;
+    for (const auto& [start, h] : found) along.push_back(h);
+    return along;
   }
 };
 
@@ -9417,12 +9417,14 @@ struct SegmentPart {
   double s = 0, t = 1;
   int face = -1;
   Motion motion;  // takes the plane of the segment to that of the face
-  bool operator<(const SegmentPart& o) const { return s != o.s ? s < o.s : face < o.face; }
+  bool operator<(const SegmentPart& o) const {
+    return s != o.s ? s < o.s : t != o.t ? t > o.t : face < o.face;
+  }
 };
 
 /// Maps a path along edges. The triangles over both faces beside an edge clip its segment in the
-/// plane; the parts that reach farthest cover it. Triangles are enlarged a little, so that neither
-/// rounding nor a path along an edge leaves gaps.
+/// plane; each part continues where the one before ends. Triangles are enlarged a little, so that
+/// neither rounding nor a path along an edge leaves gaps.
 class PathMapper {
  public:
   explicit PathMapper(const MapData& data) : data_(data), pair_(data.pair), m_(data.pair.s.mesh) {}
@@ -9478,18 +9480,11 @@ class PathMapper {
 
   void add_segment(Vec2 p, Vec2 q, const Array<SegmentPart>& parts) {
     double at = 0;
-    for (int next = 0; next < parts.size();) {
-      SegmentPart best;
-      best.t = at;
-      for (; next < parts.size() && parts[next].s <= at + kTouch; ++next)
-        if (parts[next].t > best.t) best = parts[next];
-      if (best.t > at + kTouch) {
-        append(best.motion * p, best.motion * q, best.face, at, best.t);
-        at = best.t;
-      } else if (next < parts.size()) {
-        is_open_ = false;
-        at = parts[next].s;
-      }
+    for (const SegmentPart& part : parts) {
+      if (part.t <= at + kTouch) continue;
+      if (part.s > at + kTouch) is_open_ = false;
+      append(part.motion * p, part.motion * q, part.face, (std::max)(at, part.s), part.t);
+      at = part.t;
     }
     if (at < 1 - kTouch) is_open_ = false;
   }
