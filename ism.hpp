@@ -3267,6 +3267,7 @@ struct RunOptions : Options {
     tuning.omega_least = (std::min)(tuning.omega_least, omega_start);
     if (as_published || omega_start == 0) tuning.quasi_newton_steps = 0;
   }
+  bool has_positions() const { return initial_f.size() > 0 || initial_g.size() > 0; }
 };
 
 /// The weights of the objective that Options determine.
@@ -8986,8 +8987,9 @@ inline bool sew(const Triangles& cut, const Points2& x, const Array<int>& origin
   return !pillow.is_cone(-1);
 }
 
-/// Cuts a surface on a pillow open, so that every vertex has one place.
+/// Cuts a surface on a pillow open, so that every vertex has one place. Others stay as they are.
 inline Surface cut_pillow(Surface s) {
+  if (s.mesh.pillow.is_empty()) return s;
   const Array<int> edges = numbers_where(
       s.mesh.tail.size(), [&](int h) { return !(motion_across(s.mesh, h) == Motion()); });
   s.mesh.pillow = Pillow();
@@ -8995,11 +8997,12 @@ inline Surface cut_pillow(Surface s) {
   return s;
 }
 
-/// Returns the positions of a surface that cut_pillow() has cut.
-inline Points2 cut_positions(const HalfEdgeMesh& on_pillow, const HalfEdgeMesh& cut,
+/// Returns the positions of a surface in the vertices of a mesh of the same triangles, cut open.
+inline Points2 cut_positions(const HalfEdgeMesh& on_pillow, const TriangleMesh& cut,
                              const Points2& x) {
-  Points2 places(cut.n_vertices, 2);
-  for (int h = 0; h < cut.tail.size(); ++h) set_row(places, cut.tail[h], place_of(on_pillow, x, h));
+  Points2 places(cut.vertices.rows(), 2);
+  for (int h = 0; h < cut.triangles.size(); ++h)
+    set_row(places, cut.triangles.data()[h], place_of(on_pillow, x, h));
   return places;
 }
 
@@ -11719,8 +11722,7 @@ inline void refine(const RunOptions& options, SurfacePair& pair, Array<PlacedLan
   const auto mean_area = [](const Surface& s) { return s.total_area / s.mesh.n_faces; };
   const double mean = (std::min)(mean_area(pair.a), mean_area(pair.b));  // of the finer surface
   const double edge = std::sqrt(4 / std::sqrt(3.0) * mean);
-  const bool is_off = options.refine == 0 || options.as_published || options.initial_f.size() > 0 ||
-                      options.initial_g.size() > 0;
+  const bool is_off = options.refine == 0 || options.as_published || options.has_positions();
   for (Side side : {Side::kA, Side::kB}) {
     const Surface& s = side == Side::kA ? pair.a : pair.b;
     if (are_closed(pair)) refine(1e-9 * edge, 0, kLeast - s.mesh.n_vertices, side, pair, landmarks);
@@ -11835,10 +11837,10 @@ inline Surface surface_of(const Prepared& prepared, bool keep_scale) {
 }
 
 /// Closes surfaces with small openings, unless an option concerns boundaries.
-inline void close_openings(const Options& o, SharedPrepared& a, SharedPrepared& b) {
+inline void close_openings(const RunOptions& o, SharedPrepared& a, SharedPrepared& b) {
   const bool has_wish = o.boundary != Boundary::kFree || o.outer_a != -1 || o.outer_b != -1 ||
-                        !o.fixed_a.empty() || !o.fixed_b.empty() || o.initial_f.size() > 0 ||
-                        o.initial_g.size() > 0 || o.as_published;
+                        !o.fixed_a.empty() || !o.fixed_b.empty() || o.has_positions() ||
+                        o.as_published;
   if (has_wish || !a->problems.empty() || !b->problems.empty()) return;
   const SharedPrepared p = with_openings_closed(a), q = with_openings_closed(b);
   if (p && q) a = p, b = q;
@@ -12296,12 +12298,8 @@ class Run {
 
   // ---- the embedding, and the start of the loop ----
 
-  bool has_positions() const {
-    return options_.initial_f.size() > 0 || options_.initial_g.size() > 0;
-  }
-
   void embed() {
-    if (has_positions()) return take_positions();
+    if (options_.has_positions()) return take_positions();
     if (!embedder_) return finds_start() ? find_start() : begin_embedding({}, nullptr);
     if (embedder_->step()) return;
     Embedding& start = result_.start;
@@ -12393,11 +12391,11 @@ class Run {
   void return_start() {
     Embedding& start = result_.start;
     start_ = stacked(start.f, start.g);
-    cut_ = is_on_pillow() ? SurfacePair{cut_pillow(pair_.a), cut_pillow(pair_.b)} : pair_;
-    start.a = with_added_vertices(a_->mesh, cut_.a);
-    start.b = with_added_vertices(b_->mesh, cut_.b);
-    start.added_a = cut_.a.added;
-    start.added_b = cut_.b.added;
+    const Surface a = cut_pillow(pair_.a), b = cut_pillow(pair_.b);
+    start.a = with_added_vertices(a_->mesh, a);
+    start.b = with_added_vertices(b_->mesh, b);
+    start.added_a = a.added;
+    start.added_b = b.added;
     if (start.status == Status::kDone) return_positions(start_, start.f, start.g);
   }
 
@@ -12452,7 +12450,7 @@ class Run {
     followers_.clear();
     result_.log.clear();
     Points2 x = start_;
-    if (scale_ == 0) scale_ = has_positions() ? plane_scale(s_, x) : 1;
+    if (scale_ == 0) scale_ = options_.has_positions() ? plane_scale(s_, x) : 1;
     x *= scale_;
     result_.status = Status::kUnfinished;
     if (!find_followers(s_, x, together, options_, followers_, result_)) return;
@@ -12476,16 +12474,11 @@ class Run {
     result_.f = result_.g = Points2();
   }
 
-  bool is_on_pillow() const { return !pair_.a.mesh.pillow.is_empty(); }
-
   /// Splits positions of pair_ into those of the embedded meshes, which are cut open.
   void return_positions(const Points2& x, Points2& f, Points2& g) const {
     const int n_a = pair_.a.mesh.n_vertices;
-    f = rows_between(x, 0, n_a);
-    g = rows_between(x, n_a, rows_of(x));
-    if (!is_on_pillow()) return;
-    f = cut_positions(pair_.a.mesh, cut_.a.mesh, f);
-    g = cut_positions(pair_.b.mesh, cut_.b.mesh, g);
+    f = cut_positions(pair_.a.mesh, *result_.start.a, rows_between(x, 0, n_a));
+    g = cut_positions(pair_.b.mesh, *result_.start.b, rows_between(x, n_a, rows_of(x)));
   }
 
   /// Names the worst places, and warns of a map that is too distorted to be useful.
@@ -12567,8 +12560,7 @@ class Run {
   const Goal goal_;
   Executor executor_;
   SurfacePair whole_;             // the prepared surfaces
-  SurfacePair pair_;              // the surfaces being optimised, on a pillow if both are closed,
-  SurfacePair cut_;               // and then cut open
+  SurfacePair pair_;              // the surfaces being optimised, on a pillow if both are closed
   Array<PlacedLandmark> placed_;  // the landmarks on whole_,
   Array<PlacedLandmark> opened_;  // and after opening
   std::shared_ptr<StartFinder> finder_;
