@@ -1215,7 +1215,6 @@ class Executor {
   bool is_caller() const { return !hook_; }
 #endif
   ParallelFor hook_;                                  // none for a single thread
-  bool is_own_ = false;                               // not the caller's
   mutable std::atomic<bool> is_side_by_side_{false};  // tasks are running
   std::function<bool(const Progress&)> tell_;
   const std::atomic<bool>* stop_;
@@ -11403,7 +11402,6 @@ inline Executor::Executor(const Options& options)
   hook_ = [crew = std::make_shared<Crew>(threads - 1)](int n, const Task& task) {
     crew->run(n, task);
   };
-  is_own_ = true;
 #endif
 }
 
@@ -11450,14 +11448,12 @@ inline void Executor::tell(bool is_embedding, double fraction, Words what,
   progress_.iteration = nullptr;
 }
 
-/// Runs tasks by parallel_for or the crew; false within such a run, e.g. for nested calls.
+/// Runs tasks by parallel_for or the crew; false for one task, and within such a run.
 inline bool Executor::run_side_by_side(int n, const Task& task) const {
-  if (!hook_ || (is_own_ && n < 2) || is_side_by_side_.exchange(true)) return false;
-  const struct Release {
-    std::atomic<bool>& flag;
-    ~Release() { flag = false; }
-  } release = {is_side_by_side_};
-  return hook_(n, task), true;
+  if (!hook_ || n < 2 || is_side_by_side_.exchange(true)) return false;
+  hook_(n, task);  // if it throws, so does the call
+  is_side_by_side_ = false;
+  return true;
 }
 
 inline void Executor::tell_again() const {
@@ -12529,15 +12525,14 @@ class Run {
     }
     if (n_far == 0) return;
     const Array<int> order = sorted_by(distance);
+    Array<VertexPair> named;
+    for (int i = 0; i < (std::min)(n_far, int{kMostNamed}); ++i)
+      named.push_back({-1, -1, placed_[order[i]].given});
     Warning warning;
+    const std::string names = names_of(named, warning.ids);
     warning.message = sentence(
         {n_far, " of ", placed_.size(), " landmarks may be wrong: the map takes ", "them up to ",
-         decimal(-distance[order[0]]), " of the diagonal of B from where they should be:"});
-    for (int i = 0; i < (std::min)(n_far, int{kMostNamed}); ++i) {
-      const Landmark& l = placed_[order[i]].given;
-      warning.message += sentence({" ", name_of(l.a), "-", name_of(l.b)});
-      for (const ElementId& id : ids_of(l)) warning.ids.push_back(id);
-    }
+         decimal(-distance[order[0]]), " of the diagonal of B from where they should be:", names});
     r.warnings.push_back(std::move(warning));
   }
 
