@@ -9067,12 +9067,6 @@ struct EmbeddedPair {
     return best.face < 0 ? SurfacePoint() : closest_in_face(s.mesh, x, best.face, best.place);
   }
 
-  SurfacePoint map(const SurfacePoint& point) const {
-    DeepestFace best;
-    consider_face(point.face, planar_position(point), best);
-    return image(best);
-  }
-
   DeepestFace face_over(int v) const {
     DeepestFace best;
     s.mesh.for_each_outgoing(v, [&](int h) {
@@ -9380,7 +9374,9 @@ struct MapData : Outcome {                                 // kDone if the pair 
     SurfacePoint p = ok() ? origin(from).from_mesh(point) : SurfacePoint();
     if (!p.exists()) return p;
     p.face += first_face(from);
-    return own(pair.map(p));
+    DeepestFace best;
+    pair.consider_face(p.face, pair.planar_position(p), best);
+    return own(pair.image(best));
   }
 
   SurfacePoint map_vertex(int given, Side from) const {
