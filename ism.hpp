@@ -9481,20 +9481,18 @@ class PathMapper {
     for (const SegmentPart& part : parts) {
       if (part.t <= at + kTouch) continue;
       if (part.s > at + kTouch) is_open_ = false;
-      append(part.motion * p, part.motion * q, part.face, (std::max)(at, part.s), part.t);
+      if (is_open_)
+        polylines_.back().pop_back();  // its last point is the first of this part
+      else
+        polylines_.emplace_back();
+      const Vec2 begin = part.motion * p, way = part.motion * q - begin;
+      for (double t : {(std::max)(at, part.s), part.t})
+        polylines_.back().push_back(
+            data_.own(closest_in_face(m_, pair_.x, part.face, begin + t * way)));
+      is_open_ = true;
       at = part.t;
     }
     if (at < 1 - kTouch) is_open_ = false;
-  }
-
-  void append(Vec2 p, Vec2 q, int face, double s, double t) {
-    if (is_open_)
-      polylines_.back().pop_back();  // its last point is the first of this part
-    else
-      polylines_.emplace_back();
-    for (double r : {s, t})
-      polylines_.back().push_back(data_.own(closest_in_face(m_, pair_.x, face, p + r * (q - p))));
-    is_open_ = true;
   }
 
   const MapData& data_;
