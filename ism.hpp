@@ -9667,15 +9667,12 @@ inline PolygonDistortion polygon_distortion(const EmbeddedPair& pair, const Over
   const JointSurface& s = pair.s;
   const double scale_a = keep_scale ? s.scale_a : 1, scale_b = keep_scale ? s.scale_b : 1;
   const SixPoints x = six_points(s.mesh, pair.x, p);
-  const auto determinant = [&](int f, double scale) {
-    const double twice_area =
-        accurate_area(corner_place(s.mesh, pair.x, f, 0), corner_place(s.mesh, pair.x, f, 1),
-                      corner_place(s.mesh, pair.x, f, 2));
-    return scale * scale * twice_area / (2 * s.area[f]);
+  const auto determinant = [&](int f, int k, double scale) {
+    return scale * scale * accurate_area(x[k], x[k + 1], x[k + 2]) / (2 * s.area[f]);
   };
   const Mat2 f = scale_a * triangle_jacobian(s, pair.x, p.ta);
   const Mat2 g = scale_b * triangle_jacobian(s, pair.x, p.tb);
-  const double det_f = determinant(p.ta, scale_a), det_g = determinant(p.tb, scale_b);
+  const double det_f = determinant(p.ta, 0, scale_a), det_g = determinant(p.tb, 3, scale_b);
   const double area = (std::max)(0.0, polygon_area(polygon_shape(p, x), x));
   const double stretch = det_f / det_g;  // of areas
   PolygonDistortion d;
