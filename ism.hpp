@@ -10631,7 +10631,7 @@ inline SharedPrepared with_openings_closed(const SharedPrepared& open) {
 //             position in space.
 // Method:     iterative closest points in position and normal [Besl and McKay 1992], from the 60
 //             rotations of the icosahedron between their principal axes; every rotation is within
-//             45 degrees of one. The best ones continue with more points.
+//             45 degrees of one. The best ones continue with more points, at last by affine maps.
 // Fails:      never; where shapes or poses differ, the pairs are wrong, and so is a map by them.
 
 /// A point of a surface with its normal.
@@ -10667,11 +10667,15 @@ struct AffineMap {
   Vec3 shift = {};
 
   Vec3 linear(const Vec3& p) const { return p.x * column[0] + p.y * column[1] + p.z * column[2]; }
-  /// Moves a sample by a similarity.
   SurfaceSample operator()(SurfaceSample s) const {
     s.point = linear(s.point) + shift;
-    s.normal = normalized(linear(s.normal));
+    s.normal = normalized(cofactors().linear(s.normal));
     return s;
+  }
+  /// det(L) L⁻ᵀ, which maps normals.
+  AffineMap cofactors() const {
+    return {
+        {cross(column[1], column[2]), cross(column[2], column[0]), cross(column[0], column[1])}};
   }
   double determinant() const { return dot(column[0], cross(column[1], column[2])); }
 };
@@ -10773,21 +10777,22 @@ struct SamplePair {
   int n = 0;  // of samples, on either
 };
 
-/// A similarity that takes samples of A close to samples of B.
+/// An affine map of samples of A close to samples of B.
 class Alignment {
  public:
   Alignment(const SamplePair& pair, const AffineMap& map) : pair_(&pair), map_(map) { move(); }
 
-  /// Fits the map to the landmarks.
-  explicit Alignment(const SamplePair& pair) : pair_(&pair) { improve(); }
+  /// Fits a similarity to the landmarks.
+  explicit Alignment(const SamplePair& pair) : pair_(&pair) { improve(false); }
 
   /// Improves the map by a round of closest points; nothing changes once they stay the same.
-  void improve() {
-    if (is_settled_) return;
+  void improve(bool is_affine) {
+    if (is_settled_ && is_affine == was_affine_) return;
     const Array<int> to_b = to_b_, to_a = to_a_;
-    fit();
+    fit(is_affine);
     move();
     is_settled_ = to_b == to_b_ && to_a == to_a_;
+    was_affine_ = is_affine;
   }
 
   const AffineMap& map() const { return map_; }
@@ -10840,27 +10845,40 @@ class Alignment {
     for (int i = pair_->n; i < pair_->a.size(); ++i) visit(i, pair_->b[i].point, kLandmark);
   }
 
-  /// Fits the map with least squared distances.
-  void fit() {
+  /// Fits the similarity, or an affine map held close to it, with least squared distances.
+  void fit(bool is_affine) {
+    constexpr double kRigid = 0.1;
     Vec3 p0, q0;
-    double total = 0, spread = 0;
+    double total = 0;
     for_each_pair([&](int i, const Vec3& q, double weight) {
       p0 += weight * pair_->a[i].point, q0 += weight * q;
       total += weight;
     });
     p0 = 1 / total * p0, q0 = 1 / total * q0;
-    AffineMap M = {{{}, {}, {}}, {}};  // Σ q pᵀ about the means
+    AffineMap M = {{{}, {}, {}}, {}}, P = M;  // Σ q pᵀ and Σ p pᵀ about the means
     for_each_pair([&](int i, const Vec3& q, double weight) {
       const Vec3 p = weight / total * (pair_->a[i].point - p0);
-      for (int c = 0; c < 3; ++c) M.column[c] += p[c] * (q - q0);
-      spread += dot(p, pair_->a[i].point - p0);
+      for (int c = 0; c < 3; ++c) {
+        M.column[c] += p[c] * (q - q0);
+        P.column[c] += p[c] * (pair_->a[i].point - p0);
+      }
     });
     AffineMap L = nearest_rotation(M);
+    const double spread = P.column[0].x + P.column[1].y + P.column[2].z;
     double scale = 0;
     for (int c = 0; c < 3; ++c) scale += dot(L.column[c], M.column[c]) / spread;
     if (!(scale > 0.2 && scale < 5)) return;
     if (!(M.determinant() > -1e-6 * power(spread, 3))) return;  // a mirror image
     for (Vec3& column : L.column) column = scale * column;
+    if (is_affine) {
+      for (int c = 0; c < 3; ++c) {
+        M.column[c] += kRigid * spread * L.column[c];
+        P.column[c] += kRigid * spread * unit3(c);
+      }
+      const AffineMap inverse = transposed(P.cofactors());
+      for (int c = 0; c < 3; ++c) L.column[c] = 1 / P.determinant() * M.linear(inverse.column[c]);
+      if (!(L.determinant() > 0.1 * scale * scale * scale)) return;
+    }
     map_ = L;
     map_.shift = q0 - L.linear(p0);
   }
@@ -10870,7 +10888,7 @@ class Alignment {
   Array<SurfaceSample> moved_;  // of A
   Array<int> to_b_, to_a_;
   double residual_ = kInfinity;
-  bool is_settled_ = false;
+  bool is_settled_ = false, was_affine_ = false;
 };
 
 inline SamplePair sampled(const SurfacePair& pair, const Array<VertexPair>& landmarks, int n) {
@@ -10900,10 +10918,11 @@ inline Array<Alignment> best_of(const Array<Alignment>& all, int most) {
 /// which alone define how a part lies in a whole.
 inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair& many, int most,
                                         const Executor& executor) {
-  constexpr int kFirst = 8, kLast = 40, kKept = 6, kEnough = 3;
-  const auto improved = [&](Array<Alignment> all, int rounds) {
+  constexpr int kFirst = 8, kNext = 15, kLast = 25, kKept = 6, kEnough = 3;
+  const auto improved = [&](Array<Alignment> all, int similar, int affine) {
     executor.run(all.size(), [&](int i) {
-      for (int k = 0; k < rounds && !executor.is_stopped(); ++k) all[i].improve();
+      for (int k = 0; k < similar + affine && !executor.is_stopped(); ++k)
+        all[i].improve(k >= similar);
     });
     return all;
   };
@@ -10914,9 +10933,9 @@ inline Array<Alignment> find_alignments(const SamplePair& few, const SamplePair&
     map.shift = mean(many.b) - map.linear(mean(many.a));
     first.push_back(Alignment(few, map));
   }
-  first = best_of(improved(first, kFirst), kKept);
+  first = best_of(improved(first, kFirst, 0), kKept);
   for (const Alignment& alignment : first) next.push_back(Alignment(many, alignment.map()));
-  Array<Alignment> best = best_of(improved(next, kLast), most);
+  Array<Alignment> best = best_of(improved(next, kNext, kLast), most);
   if (many.a.size() - many.n < kEnough) return best;
   best.push_back(Alignment(many));
   for (int i = 0; i + 1 < best.size(); ++i)
