@@ -11157,6 +11157,61 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
+/// Returns the tips at ends of limbs: there is less area around them than on a plane.
+inline Tips ends_of_limbs(const Surface& s, const Tips& tips) {
+  constexpr double kAround = 0.3, kMost = 0.6 * kPi * kAround * kAround;
+  const Array<double> mass = vertex_areas(s);
+  Tips ends;
+  for (int i = 0; i < tips.vertex.size(); ++i) {
+    double area = 0;
+    for (int v = 0; v < mass.size(); ++v)
+      if (tips.distance[i][v] < kAround) area += mass[v];
+    if (area > kMost * s.total_area) continue;
+    ends.vertex.push_back(tips.vertex[i]);
+    ends.distance.push_back(tips.distance[i]);
+  }
+  return ends;
+}
+
+/// Returns up to `most` matchings of tips of A with tips of B, the ones first whose distances to
+/// each other and to the landmarks agree best. Symmetric limbs have several that agree as well.
+inline Array<Array<VertexPair>> match_by_distances(const Tips& a, const Tips& b,
+                                                   const Array<VertexPair>& landmarks, int most) {
+  constexpr int kTips = 6, kMore = 2;  // tips of A, and of B beyond as many
+  constexpr int kKept = 500;           // matchings of less tips
+  struct Matching {
+    double misfit = 0;
+    Array<VertexPair> pairs;
+  };
+  Array<Matching> found(1, Matching{0, landmarks});
+  const int n = (std::min)({int{kTips}, a.vertex.size(), b.vertex.size()});
+  for (int i = 0; i < n; ++i) {
+    Array<Matching> longer;
+    for (const Matching& m : found)
+      for (int j = 0; j < (std::min)(n + kMore, b.vertex.size()); ++j) {
+        Matching next = m;
+        for (const VertexPair& p : m.pairs) {
+          const double on_a = a.distance[i][p.a], on_b = b.distance[j][p.b];
+          const bool are_apart = on_a > 0 && on_b > 0;  // else a vertex would be used twice
+          next.misfit += are_apart ? power((on_a - on_b) / (on_a + on_b), 2) : kInfinity;
+        }
+        next.pairs.push_back({a.vertex[i], b.vertex[j], {}});
+        if (next.misfit < kInfinity) longer.push_back(next);
+      }
+    if (longer.empty()) continue;  // a landmark
+    std::stable_sort(longer.begin(), longer.end(),
+                     [](const Matching& x, const Matching& y) { return x.misfit < y.misfit; });
+    longer.resize((std::min)(longer.size(), int{kKept}));
+    found = std::move(longer);
+  }
+  Array<Array<VertexPair>> matchings;
+  for (int i = 0; i < (std::min)(most, found.size()); ++i) {
+    const auto first = found[i].pairs.begin() + landmarks.size(), last = found[i].pairs.end();
+    if (first != last) matchings.push_back(std::vector<VertexPair>(first, last));
+  }
+  return matchings;
+}
+
 /// Returns at most `most` pairs, spread over A, of the half whose distances to each other agree
 /// best on both surfaces. Up to half of the given pairs may be wrong.
 inline Array<VertexPair> consistent(const SurfacePair& surfaces, const Array<VertexPair>& pairs,
@@ -12575,8 +12630,8 @@ class Run {
 //
 // Purpose:    finds the right start if the given landmarks do not define it.
 // Method:     Surfaces of a few hundred vertices are mapped from several starts: the landmarks
-//             alone, and with pairs of points from alignments in space. Their number varies, as
-//             chance decides which limb gets in the way of which. Algorithm 1 takes a few
+//             alone, with pairs of points from alignments in space, and with ends of limbs that
+//             have the same distances along the surfaces, for other poses. Algorithm 1 takes a few
 //             iterations from each. If the first two lead to one map that is not poor, or one has
 //             little distortion, the others are not tried; else the best starts of different maps
 //             continue. The map with the least distortion for its coverage wins. If it takes the
@@ -12672,7 +12727,6 @@ class StartFinder {
  private:
   struct Candidate {  // pairs on the decimated surfaces, and the map they lead to
     std::string name;
-    int alignment = -1;  // -1: the landmarks alone
     std::unique_ptr<Run> run;
     SurfaceMap map = {};
     double value = kInfinity;
@@ -12698,7 +12752,7 @@ class StartFinder {
   }
 
   void find_candidates() {
-    constexpr int kAlignments = 3, kPairs = 24;
+    constexpr int kAlignments = 3, kPairs = 24, kMatchings = 6;
     coarse_a_ = {a_->surface.vertices, triangles_from(a_->surface.mesh.tail)};
     coarse_b_ = {b_->surface.vertices, triangles_from(b_->surface.mesh.tail)};
     tips_a_ = find_tips(a_->surface);
@@ -12710,15 +12764,24 @@ class StartFinder {
     const Array<Alignment> alignments =
         find_alignments(sampled(pair, leading_, kFew), samples_, kAlignments, executor_);
     if (executor_.is_stopped()) return;
-    if (leading_.size() > 1 || alignments.empty())
-      candidates_.push_back(begun("landmarks", -1, {}));
+    if (leading_.size() > 1 || alignments.empty()) candidates_.push_back(begun(kLandmarks, {}));
     for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
     int cones = 2;  // other ones, too
-    for (int n : {12, 16, 32, 48})
+    for (int n : {32, 48})
       if (!alignments.empty()) {
         add_candidate(alignments, 0, n);
         candidates_.back().run->begin_with_cones(++cones);
       }
+    constexpr int kEnough = 8;  // landmarks tell limbs apart
+    if (leading_.size() < kEnough) {
+      int which = 0;
+      const Tips ends_a = ends_of_limbs(pair.a, tips_a_), ends_b = ends_of_limbs(pair.b, tips_b_);
+      for (const auto& pairs : match_by_distances(ends_a, ends_b, leading_, kMatchings)) {
+        Array<Landmark> guides;
+        for (const VertexPair& p : pairs) guides.push_back({p.a, p.b, 0});
+        candidates_.push_back(begun(sentence({"tips ", ++which}), guides));
+      }
+    }
     running_ = (std::min)(candidates_.size(), int{kFirst});
   }
 
@@ -12754,15 +12817,14 @@ class StartFinder {
     for (int i : farthest_items(most, nearest, distance))
       guides.push_back({samples_.a[pairs[i][0]].on, samples_.b[pairs[i][1]].on, 0});
     const std::string name = sentence({"alignment ", which + 1, ", ", most, " pairs"});
-    candidates_.push_back(begun(name, which, guides));
+    candidates_.push_back(begun(name, guides));
   }
 
-  Candidate begun(const std::string& name, int alignment, const Array<Landmark>& guides) const {
+  Candidate begun(const std::string& name, const Array<Landmark>& guides) const {
     std::vector<Landmark> all;
     for (const VertexPair& l : leading_) all.push_back({l.a, l.b, landmark_weight_});
     all.insert(all.end(), guides.begin(), guides.end());
-    return {name, alignment,
-            std::make_unique<Run>(coarse_a_, coarse_b_, all, options_, Goal::kCandidate)};
+    return {name, std::make_unique<Run>(coarse_a_, coarse_b_, all, options_, Goal::kCandidate)};
   }
 
   /// Takes a step, up to a number of iterations.
@@ -12810,11 +12872,13 @@ class StartFinder {
                      [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
     int n = 0;
     for (int i = 0; i < running_; ++i)
-      if (is_different(candidates_[i], n)) std::swap(candidates_[n++], candidates_[i]);
+      if ((candidates_[i].name == kLandmarks && round_ < kWithTips) ||
+          is_different(candidates_[i], n))
+        std::swap(candidates_[n++], candidates_[i]);
     running_ = (std::min)(n, round_ == 0 ? 5 : 3);
     if (round_ >= kWithTips) return;
     const auto other = std::find_if(first + running_, first + n,
-                                    [](const Candidate& c) { return c.alignment < 0; });
+                                    [](const Candidate& c) { return c.name == kLandmarks; });
     if (other != first + n) std::iter_swap(first + running_ - 1, other);
   }
 
@@ -12855,7 +12919,7 @@ class StartFinder {
       for (const TipPair& tip : tips) guides.push_back({tip.a, tip.b, 0});
       for (const Landmark& l : spread_over(candidate, tips)) guides.push_back(l);
       const std::string name = sentence({candidate.name, ", ", tips.size(), " tips"});
-      next.push_back(begun(name, candidate.alignment, guides));
+      next.push_back(begun(name, guides));
     }
     const bool has_more = !next.empty();
     next.push_back(std::move(candidates_[0]));
@@ -12943,8 +13007,7 @@ class StartFinder {
       }
       level_->log = best.final_state();
       for (const Candidate& c : candidates_)
-        if (c.alignment < 0 && c.name == "landmarks")
-          level_->warnings = c.run->result().start.warnings;
+        if (c.name == kLandmarks) level_->warnings = c.run->result().start.warnings;
     }
     if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
     if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
@@ -12967,8 +13030,9 @@ class StartFinder {
   Array<VertexPair> leading_;  // landmarks
   Tips tips_a_, tips_b_;
   SamplePair samples_;
-  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
-  static constexpr int kFirst = 2;                   // of two that lead to one map, it is taken
+  static constexpr const char* kLandmarks = "landmarks";  // the candidate of the landmarks alone
+  static constexpr int kGuides = 24, kWithTips = 3;       // the first round that tries tips
+  static constexpr int kFirst = 2;   // of two that lead to one map, it is taken
   static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
   Array<Candidate> candidates_;
   int running_ = 0;  // the first ones

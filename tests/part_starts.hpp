@@ -31,6 +31,10 @@ using ism::Result;
 using ism::TriangleMesh;
 using runs::on_one_thread;
 
+Eigen::Matrix3d turn(double angle, const Vector3d& axis) {
+  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
+}
+
 /// Four limbs, no two of one length or at one angle to the others, about a body: the image of the
 /// unit sphere.
 Vector3d body(const Vector3d& direction) {
@@ -44,11 +48,20 @@ Vector3d body(const Vector3d& direction) {
 }
 
 /// The body on a mesh that is turned by R before it is bent, and turned by S in space.
-TriangleMesh body_mesh(const Eigen::Matrix3d& R, const Eigen::Matrix3d& S) {
-  TriangleMesh mesh = shapes::sphere(4);
+TriangleMesh body_mesh(const Eigen::Matrix3d& R, const Eigen::Matrix3d& S, int level = 4) {
+  TriangleMesh mesh = shapes::sphere(level);
   for (int v = 0; v < mesh.vertices.rows(); ++v) {
     const Vector3d direction = R * mesh.vertices.row(v).transpose();
     mesh.vertices.row(v) = (S * body(direction)).transpose();
+  }
+  return mesh;
+}
+
+/// A mesh in another pose: limbs bend about an axis, the more the farther out.
+TriangleMesh posed(TriangleMesh mesh, double angle, const Vector3d& axis) {
+  for (int v = 0; v < mesh.vertices.rows(); ++v) {
+    const Vector3d p = mesh.vertices.row(v);
+    mesh.vertices.row(v) = (turn(angle * (p.norm() - 1), axis) * p).transpose();
   }
   return mesh;
 }
@@ -61,10 +74,6 @@ std::pair<shapes::Disk, shapes::Disk> bent_squares(std::uint64_t seed) {
   shapes::bend(a, 0.5);
   shapes::bend(b, -0.5);
   return {a, b};
-}
-
-Eigen::Matrix3d turn(double angle, const Vector3d& axis) {
-  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
 }
 
 /// Mean distance of the images from where they should be, in roots of the area of B.
@@ -155,6 +164,36 @@ TEST_CASE("the tips of a star are the ends of its arms") {
   }
 }
 
+TEST_CASE("tips are matched by their distances to each other, whatever the pose") {
+  const Eigen::Matrix3d S = turn(2.1, {1, 2, -1});
+  const TriangleMesh mesh = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity(), 3);
+  const Surface a = build_surface(mesh, false);
+  const Surface b =
+      build_surface(posed(body_mesh(turn(0.7, {0, 1, 3}), S, 3), 0.4, {0, 0, 1}), false);
+  const Tips of_a = ends_of_limbs(a, find_tips(a)), of_b = ends_of_limbs(b, find_tips(b));
+  REQUIRE(of_a.vertex.size() == 4);  // find_tips() finds two on the trunk, too
+  REQUIRE(of_b.vertex.size() == 4);
+  TriangleMesh there = mesh;
+  there.vertices = mesh.vertices * S.transpose();
+  there = posed(there, 0.4, {0, 0, 1});
+  int right = 0;  // one of several whose distances agree about as well
+  const auto matchings = match_by_distances(of_a, of_b, {}, 6);
+  for (const auto& pairs : matchings) {
+    CHECK(pairs.size() == 4);
+    right += std::all_of(pairs.begin(), pairs.end(), [&](const VertexPair& p) {
+      const Eigen::RowVector3d at = b.vertices.row(p.b) / b.scale;
+      return (at - there.vertices.row(p.a)).norm() < 0.6;  // limbs are 2 apart
+    });
+  }
+  CHECK(matchings.size() == 6);
+  CHECK(right == 1);
+  const Array<VertexPair> landmarks(1, VertexPair{of_a.vertex[0], of_b.vertex[1], {}});
+  for (const auto& pairs : match_by_distances(of_a, of_b, landmarks, 3)) {
+    CHECK(pairs.size() == 3);
+    for (const VertexPair& p : pairs) CHECK((p.a != of_a.vertex[0] && p.b != of_b.vertex[1]));
+  }
+}
+
 TEST_CASE("without landmarks, a surface is mapped onto itself turned, on another mesh") {
   const Eigen::Matrix3d S = turn(2.1, {1, 2, -1});
   const TriangleMesh a = body_mesh(Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity());
@@ -169,7 +208,8 @@ TEST_CASE("without landmarks, a surface is mapped onto itself turned, on another
     const ism::StartCandidate& c = r.candidates[i];
     CHECK(c.iterations >= 0);
     CHECK(r.candidates[0].distortion <= c.distortion);
-    CHECK((c.name.find("landmarks") == 0 || c.name.find("alignment ") == 0));
+    CHECK((c.name.find("landmarks") == 0 || c.name.find("alignment ") == 0 ||
+           c.name.find("tips ") == 0));
   }
   CHECK(r.candidates[0].name.find("alignment 1, ") == 0);
 }
