@@ -516,9 +516,10 @@ struct Options {
   /// suit a start that is good already.
   double omega_start = 1e4;
   /// true: maps surfaces of at most `coarsest` vertices (0: 400) from several starts: the landmarks
-  /// alone, with alignments in space, and with ends of limbs brought together. Continues from the
-  /// map of least distortion for its coverage, see Result::candidates. Costs a few seconds. false:
-  /// the landmarks alone, e.g. if there are many; also for as_published and given positions.
+  /// alone, with alignments in space, and, for other poses, with ends of limbs whose distances
+  /// along the surfaces agree; then brings ends of limbs together. Continues from the map of least
+  /// distortion for its coverage, see Result::candidates. Costs a few seconds. false: the landmarks
+  /// alone, e.g. if there are many; also for as_published and given positions.
   bool candidates = true;
   /// The paper's constants in place of the library's, for comparison; see paper().
   bool as_published = false;
@@ -562,7 +563,7 @@ struct Embedding : Outcome {
 
 /// A start that was tried on decimated surfaces, see Options::candidates.
 struct StartCandidate {
-  std::string name;  // "landmarks", or its alignment: "alignment 1, 24 pairs"
+  std::string name;  // "landmarks", "alignment 1, 24 pairs", or "tips 1", ends of limbs
   /// The mean, divided by coverage (relative to the largest possible one: areas may differ), and up
   /// to twice as much if the map misses the landmarks.
   double distortion = std::numeric_limits<double>::infinity();
@@ -12767,7 +12768,7 @@ class StartFinder {
     if (leading_.size() > 1 || alignments.empty()) candidates_.push_back(begun(kLandmarks, {}));
     for (int i = 0; i < alignments.size(); ++i) add_candidate(alignments, i, kPairs);
     int cones = 2;  // other ones, too
-    for (int n : {32, 48})
+    for (int n : {12, 16, 32, 48})
       if (!alignments.empty()) {
         add_candidate(alignments, 0, n);
         candidates_.back().run->begin_with_cones(++cones);
@@ -12779,7 +12780,7 @@ class StartFinder {
       for (const auto& pairs : match_by_distances(ends_a, ends_b, leading_, kMatchings)) {
         Array<Landmark> guides;
         for (const VertexPair& p : pairs) guides.push_back({p.a, p.b, 0});
-        candidates_.push_back(begun(sentence({"tips ", ++which}), guides));
+        candidates_.push_back(begun(sentence({kEnds, ++which}), guides));
       }
     }
     running_ = (std::min)(candidates_.size(), int{kFirst});
@@ -12864,22 +12865,24 @@ class StartFinder {
     return sum / leading_.size();
   }
 
-  /// Keeps the best starts of different maps and, until tips were tried, that of the landmarks
-  /// alone, which may lead to another map.
+  /// Keeps the best starts of different maps: of those from ends of limbs, which begin lower than
+  /// others and may end higher, and of the others. Keeps that of the landmarks alone until tips
+  /// were tried, which may lead to another map.
   void drop_worst() {
     const auto first = candidates_.begin(), last = first + running_;
     std::stable_sort(first, last,
                      [](const Candidate& u, const Candidate& v) { return u.value < v.value; });
-    int n = 0;
-    for (int i = 0; i < running_; ++i)
-      if ((candidates_[i].name == kLandmarks && round_ < kWithTips) ||
-          is_different(candidates_[i], n))
-        std::swap(candidates_[n++], candidates_[i]);
-    running_ = (std::min)(n, round_ == 0 ? 5 : 3);
-    if (round_ >= kWithTips) return;
-    const auto other = std::find_if(first + running_, first + n,
-                                    [](const Candidate& c) { return c.name == kLandmarks; });
-    if (other != first + n) std::iter_swap(first + running_ - 1, other);
+    const bool is_first = round_ == 0;
+    int n = 0, room_for_ends = is_first ? 2 : 1, room = is_first ? 5 : 3;
+    for (int i = 0; i < running_; ++i) {
+      const Candidate& c = candidates_[i];
+      const bool stays = c.name == kLandmarks && round_ < kWithTips;
+      int& left = c.name.compare(0, kEnds.size(), kEnds) == 0 ? room_for_ends : room;
+      if (!stays && (left == 0 || !is_different(c, n))) continue;
+      if (left > 0) --left;
+      std::swap(candidates_[n++], candidates_[i]);
+    }
+    running_ = n;
   }
 
   /// True if the map of a candidate differs from those of the first n.
@@ -13030,9 +13033,10 @@ class StartFinder {
   Array<VertexPair> leading_;  // landmarks
   Tips tips_a_, tips_b_;
   SamplePair samples_;
-  static constexpr const char* kLandmarks = "landmarks";  // the candidate of the landmarks alone
-  static constexpr int kGuides = 24, kWithTips = 3;       // the first round that tries tips
-  static constexpr int kFirst = 2;   // of two that lead to one map, it is taken
+  const std::string kLandmarks = "landmarks";        // the candidate of the landmarks alone
+  const std::string kEnds = "tips ";                 // begins those from ends of limbs
+  static constexpr int kGuides = 24, kWithTips = 3;  // the first round that tries tips
+  static constexpr int kFirst = 2;                   // of two that lead to one map, it is taken
   static constexpr int kAtOnce = 4;  // candidates; a step is short on one thread, too
   Array<Candidate> candidates_;
   int running_ = 0;  // the first ones
