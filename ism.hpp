@@ -11158,7 +11158,8 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
-/// Returns the tips at ends of limbs: there is less area around them than on a plane.
+/// Returns the tips at ends of limbs: there is less area around them than on a plane. Corners of a
+/// boundary are none.
 inline Tips ends_of_limbs(const Surface& s, const Tips& tips) {
   constexpr double kAround = 0.3, kMost = 0.6 * kPi * kAround * kAround;
   const Array<double> mass = vertex_areas(s);
@@ -11167,7 +11168,7 @@ inline Tips ends_of_limbs(const Surface& s, const Tips& tips) {
     double area = 0;
     for (int v = 0; v < mass.size(); ++v)
       if (tips.distance[i][v] < kAround) area += mass[v];
-    if (area > kMost * s.total_area) continue;
+    if (area > kMost * s.total_area || s.mesh.on_boundary(tips.vertex[i])) continue;
     ends.vertex.push_back(tips.vertex[i]);
     ends.distance.push_back(tips.distance[i]);
   }
