@@ -1189,6 +1189,7 @@ class Executor {
   void resume() {
     clock_.lap();
     stop_status_ = Status::kUnfinished;
+    is_side_by_side_ = false;  // it stays set if a job system throws
 #ifndef ISM_NO_THREADS
     caller_ = std::this_thread::get_id();
 #endif
@@ -11158,8 +11159,7 @@ inline Tips find_tips(const Surface& s) {
   return tips;
 }
 
-/// Returns the tips at ends of limbs: there is less area around them than on a plane. Corners of a
-/// boundary are none.
+/// Returns the tips at ends of limbs: inner ones with less area around them than on a plane.
 inline Tips ends_of_limbs(const Surface& s, const Tips& tips) {
   constexpr double kAround = 0.3, kMost = 0.6 * kPi * kAround * kAround;
   const Array<double> mass = vertex_areas(s);
@@ -11175,12 +11175,12 @@ inline Tips ends_of_limbs(const Surface& s, const Tips& tips) {
   return ends;
 }
 
-/// Returns up to `most` matchings of tips of A with tips of B, the ones first whose distances to
-/// each other and to the landmarks agree best. Symmetric limbs have several that agree as well.
+/// Returns the best `most` matchings of tips of A with tips of B: distances of matched tips to each
+/// other and to the landmarks agree. If limbs are alike, several matchings agree equally well.
 inline Array<Array<VertexPair>> match_by_distances(const Tips& a, const Tips& b,
                                                    const Array<VertexPair>& landmarks, int most) {
   constexpr int kTips = 6, kMore = 2;  // tips of A, and of B beyond as many
-  constexpr int kKept = 500;           // matchings of less tips
+  constexpr int kKept = 500;           // partial matchings
   struct Matching {
     double misfit = 0;
     Array<VertexPair> pairs;
@@ -12866,9 +12866,9 @@ class StartFinder {
     return sum / leading_.size();
   }
 
-  /// Keeps the best starts of different maps: of those from ends of limbs, which begin lower than
-  /// others and may end higher, and of the others. Keeps that of the landmarks alone until tips
-  /// were tried, which may lead to another map.
+  /// Keeps the best starts of different maps. Those from ends of limbs have places of their own:
+  /// they begin lower than others and may end higher. The start of the landmarks alone stays until
+  /// tips were tried, since it may then lead to another map.
   void drop_worst() {
     const auto first = candidates_.begin(), last = first + running_;
     std::stable_sort(first, last,
