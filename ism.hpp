@@ -2022,52 +2022,50 @@ inline LabelledTriangle labelled(const HalfEdgeMesh& m, const Points2& x, int f,
   return t;
 }
 
-/// left[i][k]: corner i of one triangle lies left of edge k of the other.
+/// Which corners of one triangle lie left of which edges of the other: bit 3 i + k is set if corner
+/// i lies left of edge k.
 struct Sides {
-  bool left[3][3];
-  bool inside(int i) const { return left[i][0] && left[i][1] && left[i][2]; }
+  std::uint32_t bits = 0;
+
+  bool left(int i, int k) const { return ((bits >> (3 * i + k)) & 1u) != 0; }
+  void set(int i, int k, bool left) {
+    const std::uint32_t bit = 1u << (3 * i + k);
+    bits = left ? bits | bit : bits & ~bit;
+  }
+  /// Returns the bits of one corner.
+  std::uint32_t of(int i) const { return (bits >> (3 * i)) & 7u; }
+  /// Puts the bits of the next corner in place of each one's.
+  Sides of_next() const { return {(bits >> 3) | ((bits & 7u) << 6)}; }
+  /// Exchanges corners and edges.
+  Sides transposed() const {
+    return {(bits & 0421u) | ((bits & 042u) << 2) | ((bits & 4u) << 4) | ((bits & 0210u) >> 2) |
+            ((bits & 0100u) >> 4)};
+  }
 };
 
-/// Evaluates oriented() for all corners and edges; the three edges share coordinate differences.
-inline Sides sides(const LabelledTriangle& corners, const LabelledTriangle& edges) {
-  Sides side;
-  for (int i = 0; i < 3; ++i) {
-    const Vec2 d[3] = {edges[0].p - corners[i].p, edges[1].p - corners[i].p,
-                       edges[2].p - corners[i].p};
+/// Evaluates oriented() for all corners of a and edges of b, and for those of b and a. The 18 areas
+/// share nine differences and one bound of their rounding errors; below it, each decides alone.
+inline void compare_sides(const LabelledTriangle& a, const LabelledTriangle& b, Sides& a_side,
+                          Sides& b_side) {
+  Vec2 d[3][3], most;
+  for (int i = 0; i < 3; ++i)
     for (int k = 0; k < 3; ++k) {
-      const int l = k == 2 ? 0 : k + 1;
-      const double left = d[k].x * d[l].y, right = d[k].y * d[l].x, det = left - right;
-      const bool is_certain = std::abs(det) > kErrorBound * (std::abs(left) + std::abs(right));
-      side.left[i][k] = is_certain ? det > 0 : oriented(edges[k], edges[l], corners[i]);
+      d[i][k] = b[k].p - a[i].p;
+      most = upper(most, {std::abs(d[i][k].x), std::abs(d[i][k].y)});
     }
-  }
-  return side;
-}
-
-/// The part of an edge inside the other triangle; leaves_through is -1 if it ends at its vertex.
-struct EdgePiece {
-  bool exists = false;
-  int leaves_through = -1;
-};
-
-/// Clips edge i of a triangle by another triangle. `own`: sides of its corners against the other's
-/// edges; `other`: sides of the other's corners against its edges.
-inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
-  const int j = i == 2 ? 0 : i + 1;
-  EdgePiece piece;
-  bool starts = own.inside(i);
-  bool ends = own.inside(j);
-  for (int k = 0; k < 3; ++k) {
-    const bool crossed =
-        own.left[i][k] != own.left[j][k] && other.left[k][i] != other.left[k == 2 ? 0 : k + 1][i];
-    if (!crossed) continue;
-    if (own.left[j][k])
-      starts = true;
-    else
-      ends = true, piece.leaves_through = k;
-  }
-  piece.exists = starts && ends;
-  return piece;
+  const double bound = kErrorBound * (2 * (most.x * most.y));
+  std::uint32_t a_bits = 0, b_bits = 0;
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) {
+      const int j = i == 2 ? 0 : i + 1, l = k == 2 ? 0 : k + 1;
+      const double of_a = cross(d[i][k], d[i][l]), of_b = cross(d[i][k], d[j][k]);
+      const bool a_left = std::abs(of_a) > bound ? of_a > 0 : oriented(b[k], b[l], a[i]);
+      const bool b_left = std::abs(of_b) > bound ? of_b > 0 : oriented(a[i], a[j], b[k]);
+      a_bits |= std::uint32_t{a_left} << (3 * i + k);
+      b_bits |= std::uint32_t{b_left} << (3 * k + i);
+    }
+  a_side.bits = a_bits;
+  b_side.bits = b_bits;
 }
 
 /// Decides for corners i of a and j of b on one cone by their sectors: each ray on the border of
@@ -2075,42 +2073,48 @@ inline EdgePiece edge_piece(int i, const Sides& own, const Sides& other) {
 inline bool meet_at_cone(int i, int j, Sides& a_side, Sides& b_side) {
   const int i_next = (i + 1) % 3, i_prev = (i + 2) % 3, j_next = (j + 1) % 3, j_prev = (j + 2) % 3;
   // Rays of a: edge i to i_next on the right, edge i_prev to it on the left; the same for b.
-  const bool a_right_in = a_side.left[i_next][j] && a_side.left[i_next][j_prev];
-  const bool a_left_in = a_side.left[i_prev][j] && a_side.left[i_prev][j_prev];
-  const bool b_right_in = !a_side.left[i_next][j] && a_side.left[i_prev][j];
-  b_side.left[j_next][i] = !a_side.left[i_next][j];
-  b_side.left[j_prev][i] = a_side.left[i_next][j_prev];
-  b_side.left[j_next][i_prev] = a_side.left[i_prev][j];
-  b_side.left[j_prev][i_prev] = !a_side.left[i_prev][j_prev];
-  a_side.left[i][j] = a_right_in;
-  b_side.left[j][i] = !a_right_in;
-  a_side.left[i][j_prev] = a_left_in;
-  b_side.left[j][i_prev] = !a_left_in;
+  const bool a_right_in = a_side.left(i_next, j) && a_side.left(i_next, j_prev);
+  const bool a_left_in = a_side.left(i_prev, j) && a_side.left(i_prev, j_prev);
+  const bool b_right_in = !a_side.left(i_next, j) && a_side.left(i_prev, j);
+  b_side.set(j_next, i, !a_side.left(i_next, j));
+  b_side.set(j_prev, i, a_side.left(i_next, j_prev));
+  b_side.set(j_next, i_prev, a_side.left(i_prev, j));
+  b_side.set(j_prev, i_prev, !a_side.left(i_prev, j_prev));
+  a_side.set(i, j, a_right_in);
+  b_side.set(j, i, !a_right_in);
+  a_side.set(i, j_prev, a_left_in);
+  b_side.set(j, i_prev, !a_left_in);
   return a_right_in || b_right_in;
 }
 
-/// Intersects two triangles; count is 0 if they do not overlap.
+/// Intersects two triangles; count is 0 if they do not overlap. Two edges cross if the ends of each
+/// lie on different sides of the other; there, the polygon goes on along the edge that enters.
 inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangle& b) {
-  Sides a_side = sides(a, b), b_side = sides(b, a);
+  constexpr std::uint32_t kInside = 7;
+  Sides a_side, b_side;
+  compare_sides(a, b, a_side, b_side);
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      if (a[i].sign == 0 && b[j].sign == 0 && a[i].p == b[j].p &&
-          !meet_at_cone(i, j, a_side, b_side))
-        return {};
-  EdgePiece piece[6];
-  for (int i = 0; i < 3; ++i) {
-    piece[i] = edge_piece(i, a_side, b_side);
-    piece[i + 3] = edge_piece(i, b_side, a_side);
-  }
+    for (int j = 0; j < 3 && a[i].sign == 0; ++j)
+      if (b[j].sign == 0 && a[i].p == b[j].p && !meet_at_cone(i, j, a_side, b_side)) return {};
+  const Sides a_next = a_side.of_next(), b_next = b_side.of_next();
+  const Sides b_parts = Sides{b_side.bits ^ b_next.bits}.transposed();
+  const Sides crossed = {(a_side.bits ^ a_next.bits) & b_parts.bits};
+  const Sides a_enters = {crossed.bits & a_next.bits}, a_leaves = {crossed.bits & ~a_next.bits};
+  const Sides b_leaves = {crossed.transposed().bits & ~b_next.bits};
+  const auto has_part_of_a = [&](int i) {  // at cones, an edge may seem to enter or to leave only
+    return (a_side.of(i) == kInside || a_enters.of(i) != 0) &&
+           (a_next.of(i) == kInside || a_leaves.of(i) != 0);
+  };
   OverlayPolygon polygon;
-  int first = 0;
-  while (first < 6 && !piece[first].exists) ++first;
-  if (first == 6) return polygon;
-  int e = first;
+  int e = 0;
+  while (e < 3 && !has_part_of_a(e)) ++e;
+  if (e == 3 && b_side.of(0) != kInside) return polygon;
+  const int first = e;
   do {
     polygon.push(e);
-    const int through = piece[e].leaves_through, base = e < 3 ? 0 : 3;
-    e = through < 0 ? base + (e - base + 1) % 3 : (3 - base) + through;
+    const int base = e < 3 ? 0 : 3, edge = e - base;
+    const std::uint32_t through = base == 0 ? a_leaves.of(edge) : b_leaves.of(edge);
+    e = through == 0 ? base + (edge == 2 ? 0 : edge + 1) : 3 - base + static_cast<int>(through / 2);
   } while (e != first && polygon.count < 6);
   return polygon;
 }
@@ -2121,6 +2125,7 @@ inline OverlayPolygon intersect(const LabelledTriangle& a, const LabelledTriangl
 struct Overlay {
   Array<OverlayPolygon> polygons;
   bool is_too_large = false;  // some polygons are missing
+  Array<char> is_covered;     // per triangle of A: by its polygons, so no others are missing
   Array<int> newest;          // per triangle of A: its last polygon, or -1
   Array<int> older;           // per polygon: the previous one in the same triangle of A, or -1
   Array<int> mark;       // per triangle of B: the last triangle of A that it was tested against,
@@ -2142,6 +2147,7 @@ class OverlayBuilder {
     overlay_.polygons.clear();
     overlay_.older.clear();
     overlay_.seeds.clear();
+    overlay_.is_covered.assign(s_.faces_a, 0);
     overlay_.newest.assign(s_.faces_a, -1);
     overlay_.mark.assign(m_.n_faces, -1);
     overlay_.marked.resize(m_.pillow.is_empty() ? 0 : m_.n_faces);
@@ -2169,20 +2175,25 @@ class OverlayBuilder {
   /// across the edges of ta become seeds, edge by edge, so that they are taken together.
   void flood(const TrianglePair& seed) {
     const int ta = seed.ta, begin = overlay_.polygons.size();
+    if (overlay_.is_covered[ta]) return;
     if (ta != marked_) mark_known(ta);
     if (is_marked(seed)) return;
     const LabelledTriangle a = labelled(m_, x_, ta);
     add(seed, a);
+    bool is_covered = overlay_.polygons.size() > begin;
     for (int i = begin; i < overlay_.polygons.size(); ++i) {
       const OverlayPolygon p = overlay_.polygons[i];
       for (int k = 0; k < p.count; ++k) {
-        const int e = p.piece(k), h = 3 * p.tb + e - 3, twin = e < 3 ? -1 : m_.twin[h];
+        if (p.piece(k) < 3) continue;
+        const int h = 3 * p.tb + p.piece(k) - 3, twin = m_.twin[h];
+        is_covered = is_covered && twin >= 0;
         if (twin >= 0) add({ta, twin / 3, p.motion * motion_across(m_, h)}, a);
       }
     }
+    overlay_.is_covered[ta] = is_covered;
     for (int e = 0; e < 3; ++e) {
       const int twin = m_.twin[3 * ta + e];
-      if (twin < 0) continue;
+      if (twin < 0 || overlay_.is_covered[twin / 3]) continue;
       for (int i = begin; i < overlay_.polygons.size(); ++i) {
         const OverlayPolygon& p = overlay_.polygons[i];
         if (!p.has(e)) continue;
