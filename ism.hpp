@@ -2133,7 +2133,6 @@ struct Overlay {
   Array<TrianglePair> again;  // and in what other places
   Array<TrianglePair> seeds;  // known to overlap
   Array<char> is_crossed;     // per boundary loop: it crosses a loop of the other mesh
-  Array<int> start_in;        // per uncrossed loop: the triangle that contains its start, or -1
   BoxTree boundary_a, boundary_b;
 };
 
@@ -2274,35 +2273,38 @@ class OverlayBuilder {
   }
 
   /// Seeds the other components. Whole loops bound them, each inside or outside the other
-  /// embedding; one pass over all triangles locates the start of each loop.
+  /// embedding; one pass over its triangles finds the one that contains the start of a loop.
   void seed_other_loops() {
-    const Array<char>& is_crossed = overlay_.is_crossed;
-    if (std::find(is_crossed.begin(), is_crossed.end(), 0) == is_crossed.end()) return;
-    overlay_.start_in.assign(m_.loops(), -1);
-    for (int t = 0; t < m_.n_faces; ++t) locate_starts(t);
-    for (int i = 0; i < m_.loops(); ++i) {
-      const int t = overlay_.start_in[i], f = m_.boundary[m_.loop[i]] / 3;
-      if (t < 0) continue;
-      overlay_.seeds.push_back(t < s_.faces_a ? TrianglePair{t, f} : TrianglePair{f, t});
-      flood_seeds();
-    }
+    const int loops_a = loop_at(s_.boundary_a);
+    seed_loops(0, loops_a, s_.faces_a, m_.n_faces);
+    seed_loops(loops_a, m_.loops(), 0, s_.faces_a);
+    flood_seeds();
   }
 
-  /// Finds the uncrossed loops of the other mesh that start in triangle t.
-  void locate_starts(int t) {
-    const LabelledTriangle f = labelled(m_, x_, t);
-    const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
-    const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
-    const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
-    const int first = t < s_.faces_a ? s_.boundary_a : 0;
-    (t < s_.faces_a ? overlay_.boundary_b : overlay_.boundary_a).find(meets, [&](int i) {
-      const int loop = loop_at(first + i);
-      const LabelledPoint p = label(m_.tail[m_.boundary[first + i]]);
-      if (first + i == m_.loop[loop] && !overlay_.is_crossed[loop] && oriented(f[0], f[1], p) &&
-          oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
-        overlay_.start_in[loop] = t;
-      return false;
-    });
+  void seed_loops(int first_loop, int last_loop, int first_face, int last_face) {
+    Array<int> starts;  // half-edges
+    for (int i = first_loop; i < last_loop; ++i)
+      if (!overlay_.is_crossed[i]) starts.push_back(m_.boundary[m_.loop[i]]);
+    if (starts.empty()) return;
+    BoxTree tree;
+    tree.reset(starts.size());
+    for (int i = 0; i < starts.size(); ++i)
+      tree.set(i, row2(x_, m_.tail[starts[i]]), row2(x_, m_.tail[starts[i]]));
+    tree.join();
+    for (int t = first_face; t < last_face; ++t) {
+      const LabelledTriangle f = labelled(m_, x_, t);
+      const Vec2 lo = lower(lower(f[0].p, f[1].p), f[2].p);
+      const Vec2 hi = upper(upper(f[0].p, f[1].p), f[2].p);
+      const auto meets = [&](Vec2 low, Vec2 high) { return boxes_meet(lo, hi, low, high); };
+      tree.find(meets, [&](int i) {
+        const LabelledPoint p = label(m_.tail[starts[i]]);
+        const int other = starts[i] / 3;
+        if (oriented(f[0], f[1], p) && oriented(f[1], f[2], p) && oriented(f[2], f[0], p))
+          overlay_.seeds.push_back(first_loop == 0 ? TrianglePair{other, t}
+                                                   : TrianglePair{t, other});
+        return false;
+      });
+    }
   }
 
   LabelledPoint label(int v) const { return {row2(x_, v), v}; }
