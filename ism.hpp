@@ -8841,9 +8841,12 @@ class Embedder {
 
   Stage begin(Stage stage, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
-    const bool are_many = all.size() > kMostLeading && !options_.exact_landmarks;
-    if (are_many && !mapped_ && !guides_.empty()) all.clear();  // guides are of those that agree
-    for (const PlacedLandmark& guide : located(guides_, pair_)) all.push_back(guide);
+    const bool must_hold =
+        options_.exact_landmarks || (outline_builder_ && outline_builder_->has_landmarks());
+    const bool guides_lead = !guides_.empty() && !mapped_ && !must_hold;
+    if (guides_lead) all.clear();  // they contain those that agree
+    for (const PlacedLandmark& guide : located(guides_, pair_))
+      if (guide.weight < 1 || guides_lead) all.push_back(guide);
     Cones cones;
     if (is_on_pillow() && !mapped_) cones = cones_[next_cones_++];
     embedder_ = std::make_unique<PairEmbedder>(pair_, all, options_, executor_, outlines, cones,
@@ -13028,11 +13031,27 @@ class StartFinder {
     }
     if (best.start.opening_a >= 0) opening_.a = a_->vertex[best.start.opening_a];
     if (best.start.opening_b >= 0) opening_.b = b_->vertex[best.start.opening_b];
+    for (const PlacedLandmark& l : landmarks_)
+      if (landmarks_.size() <= kMostLeading && agrees(l)) guides_.push_back(l);
     for (const Landmark& l : spread_over(candidates_[0], {})) {
       const Vec3 on_b = vec3(candidates_[0].map.position_on_b(l.b.point));
       guides_.push_back(
           {copy_of(a_->vertex[l.a.vertex]), nearest_place(whole_.b, on_b), {}, kWeight});
     }
+  }
+
+  /// Returns false if the best map takes a landmark far from where it should be.
+  bool agrees(PlacedLandmark l) const {
+    constexpr double kFar = 0.2;  // in roots of the area
+    if (!move_to_level(*a_, 0, l.a)) return true;
+    const SurfaceMap& map = candidates_[0].map;
+    Vec3 at;
+    for (int k = 0; k < 3 && l.a.corners[k] >= 0; ++k) {
+      const SurfacePoint image = map.forward_vertex(l.a.corners[k]);
+      if (!image.exists()) return true;
+      at += l.a.weights[k] * vec3(map.position_on_b(image));
+    }
+    return norm(at - mean(l.b, whole_.b.vertices)) < kFar * std::sqrt(whole_.b.total_area);
   }
 
   const SurfacePair& whole_;

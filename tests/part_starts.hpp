@@ -500,6 +500,25 @@ TEST_CASE("landmarks that the map contradicts are named") {
   for (const ism::ElementId& id : warning.ids) CHECK((id.id == 100 || id.id == 200));
 }
 
+TEST_CASE("held boundaries: landmarks that the best start contradicts do not pull at the start") {
+  shapes::Rng rng(8);
+  shapes::Disk a = shapes::perturbed_grid(24, 24, 0.2, rng);
+  shapes::bend(a, 0.6);
+  std::vector<ism::Landmark> landmarks;  // vertex 25 i + j is in row i and column j
+  for (int v : {5 * 25 + 5, 5 * 25 + 19, 19 * 25 + 5, 19 * 25 + 19, 12 * 25 + 12, 8 * 25 + 16})
+    landmarks.push_back({v, v});
+  std::swap(landmarks[1].b, landmarks[2].b);
+  std::swap(landmarks[3].b, landmarks[4].b);
+  ism::Options options = on_one_thread();
+  options.boundary = ism::Boundary::kFixed;
+  const Result r = ism::compute_map(a.mesh, a.mesh, landmarks, options);
+  REQUIRE(ism::is_usable(r.status));
+  CHECK(r.final_state().mean_distortion < 2.05);
+  const std::string n_wrong = r.warnings.empty() ? "" : r.warnings.back().message;
+  CAPTURE(n_wrong);
+  CHECK(n_wrong.find("4 of 6 landmarks may be wrong") == 0);
+}
+
 // ---- many landmarks ----
 
 TEST_CASE("of pairs of which a third is wrong, right ones are kept, spread over the surface") {
