@@ -8841,9 +8841,10 @@ class Embedder {
 
   Stage begin(Stage stage, const OutlinePair* outlines) {
     Array<PlacedLandmark> all = landmarks();
-    const bool must_hold =
-        options_.exact_landmarks || (outline_builder_ && outline_builder_->has_landmarks());
-    const bool guides_lead = !guides_.empty() && !mapped_ && !must_hold;
+    const bool are_many = all.size() > kMostLeading;
+    const bool on_outline = outline_builder_ && outline_builder_->has_landmarks() && !are_many;
+    const bool guides_lead =
+        !guides_.empty() && !mapped_ && !options_.exact_landmarks && !on_outline;
     if (guides_lead) all.clear();  // they contain those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_))
       if (guide.weight < 1 || guides_lead) all.push_back(guide);
