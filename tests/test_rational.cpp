@@ -1041,20 +1041,21 @@ TEST_CASE("sides of triangles that touch are what integer arithmetic says") {
     const Triple b = {near_edge(a, rng), near_edge(a, rng), near_edge(a, rng)};
     const LabelledTriangle of_a = {{{a[0], 0}, {a[1], 1}, {a[2], 2}}};
     const LabelledTriangle of_b = {{{b[0], 3}, {b[1], 4}, {b[2], 5}}};
+    ism::detail::Sides a_side, b_side;
+    ism::detail::compare_sides(of_a, of_b, a_side, b_side);
     const auto compare = [&](const Triple& edges, const LabelledTriangle& e, const Triple& corners,
-                             const LabelledTriangle& c) {
-      const ism::detail::Sides sides = ism::detail::sides(c, e);
+                             const LabelledTriangle& c, const ism::detail::Sides& sides) {
       for (int j = 0; j < 3; ++j)
         for (int k = 0; k < 3; ++k) {
           const int l = (k + 1) % 3,
                     sign = exact_sign({edges[at(k)], edges[at(l)], corners[at(j)]});
           ++signs;
           ties += sign == 0;
-          wrong += sides.left[j][k] != (sign != 0 ? sign > 0 : oriented(e[k], e[l], c[j]));
+          wrong += sides.left(j, k) != (sign != 0 ? sign > 0 : oriented(e[k], e[l], c[j]));
         }
     };
-    compare(a, of_a, b, of_b);
-    compare(b, of_b, a, of_a);
+    compare(a, of_a, b, of_b, b_side);
+    compare(b, of_b, a, of_a, a_side);
   }
   CHECK(wrong == 0);
   CHECK(signs == 360000);
