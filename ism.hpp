@@ -8695,9 +8695,8 @@ inline double strain(const SurfacePair& pair, const Embedding& e) {
 /// one with other cones. May add vertices to the meshes of the pair.
 class Embedder {
  public:
-  /// `landmarks`: their places on the surfaces of the given pair. `guides`: pairs of the best
-  /// start, never exact; and, with weight 1, landmarks that agree with it. `mapped`: a coarse map,
-  /// or null.
+  /// `landmarks`: their places on the surfaces of the given pair. `guides`: more pairs, which are
+  /// never exact. `mapped`: a coarse map of the pair, or null.
   Embedder(SurfacePair& pair, const Array<PlacedLandmark>& landmarks,
            const Array<PlacedLandmark>& guides, std::unique_ptr<MappedLevel> mapped,
            const RunOptions& options, const Executor& executor)
@@ -8825,8 +8824,7 @@ class Embedder {
     Array<PlacedLandmark> given, found;
     for (const PlacedLandmark& l : landmarks())
       (l.given.weight > 0 || options_.exact_landmarks ? given : found).push_back(l);
-    for (const PlacedLandmark& guide : located(guides_, pair_))
-      if (guide.weight < 1) found.push_back(guide);
+    for (const PlacedLandmark& guide : located(guides_, pair_)) found.push_back(guide);
     if (!options_.exact_landmarks && given.size() > kByHand && found.size() >= 4) given.clear();
     Array<VertexPair> pairs;
     const auto add = [&](const PlacedLandmark& l) {
@@ -8847,7 +8845,7 @@ class Embedder {
     const bool on_outline = outline_builder_ && outline_builder_->has_landmarks() && !are_many;
     const bool guides_lead =
         !guides_.empty() && !mapped_ && !options_.exact_landmarks && !on_outline;
-    if (guides_lead) all.clear();  // the guides contain those that the best start agrees with
+    if (guides_lead) all.clear();  // they contain those that agree
     for (const PlacedLandmark& guide : located(guides_, pair_))
       if (guide.weight < 1 || guides_lead) all.push_back(guide);
     Cones cones;

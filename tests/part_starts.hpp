@@ -514,9 +514,9 @@ TEST_CASE("held boundaries: landmarks that the best start contradicts do not pul
   const Result r = ism::compute_map(a.mesh, a.mesh, landmarks, options);
   REQUIRE(ism::is_usable(r.status));
   CHECK(r.final_state().mean_distortion < 2.05);
-  const std::string warning = r.warnings.empty() ? "" : r.warnings.back().message;
-  CAPTURE(warning);
-  CHECK(warning.find("4 of 6 landmarks may be wrong") == 0);
+  const std::string n_wrong = r.warnings.empty() ? "" : r.warnings.back().message;
+  CAPTURE(n_wrong);
+  CHECK(n_wrong.find("4 of 6 landmarks may be wrong") == 0);
 }
 
 // ---- many landmarks ----
